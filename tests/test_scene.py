@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.io import VideoWriter, srgb_to_linear, write_picture
+from flurries.io import srgb_to_linear, write_picture
 
 Keys, Snow, Scene, Camera = fl.Keys, fl.TentSnow, fl.Scene, fl.camera.Camera
 W, H = 90, 70
@@ -212,33 +212,6 @@ def twin_encode(light: np.ndarray) -> np.ndarray:
 
 
 # Backgrounds and bad arguments -------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("kind", ["sequence", "video"])
-def test_a_film_behind_shows_its_frames(kind: str, tmp_path: Path):
-    frames = [np.full((48, 64, 3), level, np.uint8) for level in (10, 90, 170)]
-    if kind == "sequence":
-        for number, frame in enumerate(frames, 101):
-            write_picture(tmp_path / f"plate.{number}.png", frame)
-        spec = tmp_path / "plate.%d.png"
-    else:
-        spec = tmp_path / "plate.mkv"
-        with VideoWriter(spec, (64, 48), 25) as video:
-            for frame in frames:
-                video.write(frame)
-    scene, first = Scene(None, spec), 101 if kind == "sequence" else 0
-    assert scene.size == (64, 48) and scene.frames == 3 and scene.range == (first, first + 2)
-    for t, index in [(2, 2), (0, 0), (1.99, 1), (1, 1), (2.5, 2)]:
-        assert np.array_equal(scene.render(first + t), frames[index]), t
-    for t in (3, 1e6, -0.5):
-        with pytest.raises(ValueError, match=f"has {first}-{first + 2}"):
-            scene.render(first + t)
-    held = scene.replace(extend="hold")
-    for t, index in [(3, 2), (1e6, 2), (-0.5, 0)]:
-        assert np.array_equal(held.render(first + t), frames[index]), t
-    again = pickle.loads(pickle.dumps(scene))
-    assert np.array_equal(again.render(first + 1), frames[1])
-    assert Scene((32, 32), spec, effects=[Snow(**FEW)]).render(first).shape == (32, 32, 3)
 
 
 def test_times_and_regions_that_are_none_are_refused():

@@ -84,17 +84,6 @@ def test_16_7_weather_over_alpha_is_premultiplied(dtype: str, space: str):
     assert alike or np.abs(bare.astype(float) - frame[..., :3]).max() > 0.05 * wanted.max()
 
 
-@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32"])
-@pytest.mark.parametrize("space", ["display", "linear"])
-def test_16_7_without_weather_the_plate_comes_back(dtype: str, space: str):
-    background = plate(dtype)
-    frame = fl.Scene(None, background, space=space).render(0)
-    if dtype == "float32" and space == "display":
-        np.testing.assert_allclose(frame, background, atol=3e-7)
-    else:
-        assert np.array_equal(frame, background)
-
-
 def test_16_7_regions_bands_eyes_and_masks_keep_it():
     random = np.random.default_rng(3)
     background = random.integers(0, 256, (1100, 1000, 4), dtype=np.uint8)

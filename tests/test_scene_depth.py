@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.io import fit, fit_nearest, read_depth, write_layers, write_picture
+from flurries.io import fit, fit_nearest, write_layers, write_picture
 
 W, H = 60, 40
 RNG = np.random.default_rng(31)
@@ -47,22 +47,6 @@ def test_a_wall_an_array_and_files(folder: Path):
     half = FAR.astype(np.float16)
     assert np.array_equal(depth(half), half.astype(np.float32))
     assert fl.Scene((W, H)).depth_at(3.0) is None
-
-
-def test_outside_the_data_window_is_the_sky(folder: Path):
-    import OpenImageIO as oiio
-
-    specification = oiio.ImageSpec(10, 8, 1, "float")
-    specification.channelnames = ("Z",)
-    specification.x, specification.y = 5, 4
-    specification.full_width, specification.full_height = W, H
-    out = oiio.ImageOutput.create("window.exr")
-    assert out.open("window.exr", specification)
-    assert out.write_image(np.full((8, 10, 1), 3.0, np.float32))
-    out.close()
-    got = read_depth("window.exr")
-    assert got.shape == (H, W) and np.isinf(got).sum() == W * H - 80
-    assert (got[4:12, 5:15] == 3.0).all()
 
 
 def test_a_sequence_goes_with_the_frames(folder: Path):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.io import srgb_to_linear
 from flurries.output.contents import weather
 
 W, H = 40, 30
@@ -100,14 +99,6 @@ def test_names_are_unique_and_none_is_taken():
     effects = [Given(tuple(fl.Layer(name, ALPHA) for name in names))]
     got = fl.Scene(None, BYTES, effects=effects).render(0, layers=True)
     assert list(got.layers) == ["snow", "snow2", "snow3", "snow4", "rgba2", "depth2", "x.y", "x.y2"]
-
-
-def test_light_is_kept_in_linear_light():
-    glow = fl.Layer("glow", np.zeros((H, W), np.float32), rgb=np.full((H, W, 3), 0.5, np.float32))
-    got = fl.Scene(None, LIGHT, effects=[Given(glow)]).render(0)
-    assert np.abs(got - (LIGHT + 0.5)).max() < 1e-6
-    bright = srgb_to_linear(np.array(0.5))
-    assert bright < 0.5  # what a wrong light would have added
 
 
 WRONG = {

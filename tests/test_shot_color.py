@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 
 import flurries as fl
 from flurries import io
-from flurries.io.colorspace import ColorSpace
 
 H, W = 24, 36
 LIGHT = np.random.default_rng(3).random((H, W, 3)).astype(np.float32) * 0.5
@@ -70,24 +68,6 @@ def test_what_is_written_may_be_in_another_space(tmp_path: Path):
         fl.Scene((4, 4)).write(tmp_path / "a.exr", "1", colorspace="ACEScg")
 
 
-def test_chromaticities_go_only_where_they_are_true(tmp_path: Path):
-    spec = oiio.ImageSpec(W, H, 3, "half")
-    said = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
-    spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), said)
-    out = oiio.ImageOutput.create(str(tmp_path / "plate.exr"))
-    out.open(str(tmp_path / "plate.exr"), spec)
-    out.write_scanlines(0, H, 0, turned(LIGHT).astype(np.float16))
-    out.close()
-    scene = fl.Scene(None, tmp_path / "plate.exr", colorspace="ACEScg", effects=SNOW)
-    scene.write(tmp_path / "same.exr")
-    scene.write(tmp_path / "layers.exr", layers=True)
-    scene.write(tmp_path / "other.exr", colorspace="Linear Rec.2020")
-    for name, there in (("same", True), ("layers", True), ("other", False)):
-        found = oiio.ImageInput.open(str(tmp_path / f"{name}.exr")).spec()
-        assert (found.getattribute("chromaticities") is not None) is there, name
-    assert io.read_header(tmp_path / "other.exr").metadata["colorspace"] == "Linear Rec.2020"
-
-
 def test_alone_and_layers_are_in_the_space(tmp_path: Path):
     scene = fl.Scene(None, turned(LIGHT), effects=SNOW[:1], colorspace="ACEScg")
     plain = fl.Scene(None, LIGHT, effects=SNOW[:1])
@@ -96,11 +76,3 @@ def test_alone_and_layers_are_in_the_space(tmp_path: Path):
     wide, rec = (io.read_picture(tmp_path / f"{name}.exr") for name in ("wide", "plain"))
     np.testing.assert_array_equal(wide.alpha, rec.alpha)
     np.testing.assert_allclose(wide.pixels, turned(rec.pixels), atol=2e-5)
-
-
-def test_names_that_are_none_are_refused_with_the_nearest(tmp_path: Path):
-    with pytest.raises(ValueError, match=r"colorspace must be .*'ACEScg'.*got 'ACESgc'"):
-        fl.Scene((4, 4), colorspace="ACESgc")
-    with pytest.raises(TypeError, match="colorspace must be the name"):
-        fl.Scene((4, 4), colorspace=3)
-    assert ColorSpace.of("a", "acescg").name == "ACEScg"

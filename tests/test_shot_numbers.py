@@ -134,11 +134,6 @@ def test_films_take_the_numbers_of_the_plate_or_of_start(shot: Path):
     assert fl.Scene(background="matte.mkv").range == (0, 7)
 
 
-def test_a_still_takes_the_range_of_its_camera(shot: Path):
-    still = scene(background="plate.1001.png", depth=None, foreground=None)
-    assert still.write("out.%04d.png").written == list(RANGE)
-
-
 def test_scene_files_hold_the_numbers(shot: Path):
     scene(effects=(), extend="hold", start=7).save("scene.toml")
     again = fl.Scene.load("scene.toml")
@@ -209,21 +204,3 @@ def test_a_picture_with_a_depth_lies_in_the_weather():
     for layer in layers.layers.values():
         rebuilt = layer[..., :3] + (1.0 - layer[..., 3:]) * rebuilt
     np.testing.assert_allclose(rebuilt, layers.image, atol=1e-6)
-
-
-def test_several_masks_hide_what_any_of_them_hides():
-    masks = [np.zeros((16, 24), np.float32) for _ in range(2)]
-    masks[0][:, :8], masks[1][:, 4:12] = 1.0, 1.0
-    snow = [fl.Snow.preset("heavy")]
-    made = fl.Scene((24, 16), effects=snow, foreground=masks).render(0)
-    union = fl.Scene((24, 16), effects=snow, foreground=np.maximum(*masks)).render(0)
-    np.testing.assert_array_equal(made, union)
-
-
-def test_the_viewer_shows_a_plate_that_begins_at_1001(shot: Path):
-    from flurries.viewer.session import Session
-
-    session = Session(scene(camera=None, effects=(), foreground=None), size=24)
-    for t in (0.0, 3.0, 20.0):
-        head, buffers = session.answer({"t": t})
-        assert head.get("t") == t and buffers, head

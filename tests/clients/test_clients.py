@@ -80,21 +80,6 @@ def test_openexr_knows_the_attributes_by_its_own_names(shot: Path):
         assert line in said, line
 
 
-def test_the_module_of_openexr_reads_windows_and_channels(shot: Path):
-    openexr = pytest.importorskip("OpenEXR", reason="OpenEXR is missing: make test-clients")
-    with openexr.File(str(shot / "layers.exr"), separate_channels=True) as file:
-        head, channels = file.header(), file.channels()
-        low, high = (np.asarray(one).tolist() for one in head["dataWindow"])
-        assert (low, high) == ([-4, -2], [59, 45])
-        for name in ("R", "snow.depth.Z", "snow2.depth.Z", "forward.u", "backward.v"):
-            assert channels[name].pixels.shape == (H, W), name
-        ours = io.read_layers(shot / "layers.exr")
-        np.testing.assert_array_equal(channels["snow2.depth.Z"].pixels, ours["snow2.depth"])
-        lower, upper = (channels[f"snow.id{half}"].pixels for half in ("", ".hi"))
-        assert lower.dtype == upper.dtype == np.uint32 and upper.max() > 0
-        np.testing.assert_array_equal(lower + (upper.astype(np.int64) << 32), ours["snow.id"])
-
-
 def test_the_module_of_openexr_counts_deep_samples(tmp_path: Path):
     openexr = pytest.importorskip("OpenEXR", reason="OpenEXR is missing: make test-clients")
     scene = fl.Scene((72, 54), "#334455", effects=[fl.Snow.preset("heavy"), fl.Mist.preset("fog")])

@@ -20,69 +20,11 @@ def test_hundred_forks():
     assert test_gate.python(program) == ["{0}", "0", "True", "True"]
 
 
-def test_hundred_exits_while_daemon_threads_render():
-    count, ends = times(100), []
-    code = """
-import threading
-import flurries as fl
-scene = fl.Scene((300, 300), effects=[fl.TentSnow(flakes=200)])
-started = threading.Event()
-def work():
-    while True:
-        scene.render(1)
-        started.set()
-for _ in range(2):
-    threading.Thread(target=work, daemon=True).start()
-started.wait()
-"""
-    for _ in range(0, count, 4):
-        running = [test_gate.launch(code, FLURRIES_NUM_THREADS="2") for _ in range(4)]
-        ends += [(process.communicate(timeout=100), process.returncode) for process in running]
-    bad = [end for end in ends if end != (("", ""), 0)]
-    assert bad == []
-
-
 def test_memory_over_ten_thousand_frames():
     frames = times(10_000)
     # A list of 10,000 empty byte strings is 80 KiB of it.
     growth = test_gate.grown(frames, 0)
     assert growth <= 1024
-
-
-def test_a_leak_is_seen():
-    frames = times(2000, 300)
-    growth = test_gate.grown(frames, 8192)
-    assert growth > 1024
-
-
-LATENCY = """
-import os, signal, threading, time
-import numpy as np
-import flurries as fl
-sent = 0.0
-out = np.full((16384, 16384), np.nan, np.float32)
-def watch():
-    global sent
-    while np.isnan(out[::64, ::64]).all():
-        time.sleep(0.001)
-    time.sleep(0.2)
-    sent = time.perf_counter()
-    os.kill(os.getpid(), signal.SIGINT)
-for _ in range(COUNT):
-    out.fill(np.nan)
-    threading.Thread(target=watch).start()
-    try:
-        fl.spectral.field(out.shape, drift=(1, 9), seed=1, overlap=48, out=out)
-        print("finished")
-    except KeyboardInterrupt:
-        print(time.perf_counter() - sent, bool(np.isnan(out).any()))
-"""
-
-
-def test_ctrl_c_in_a_frame_of_16k():
-    got = test_gate.python(LATENCY.replace("COUNT", str(times(5))), FLURRIES_NUM_THREADS="2")
-    delays, given_up = [float(word) for word in got[::2]], got[1::2]
-    assert set(given_up) == {"True"} and max(delays) <= 0.5
 
 
 PEAK = """
