@@ -30,13 +30,12 @@ ORDERS = {"forward": [0, 1, 2, 3], "reverse": [3, 2, 1, 0], "shuffled": [2, 0, 3
 NAMES = ["snow", "rain", "mist", "cone"]
 
 
-def hashes(threads: int, render: Callable[[str, float], Any] | None = None) -> list[str]:
+def hashes(threads: int) -> list[str]:
     """Hashes of all frames of all scenes, for each order of making them."""
     fl.set_threads(threads)
-    make = render or (lambda name, t: SCENES[name].render(t))
     found = []
     for order in ORDERS.values():
-        made = {(name, i): digest(make(name, TIMES[i])) for name in NAMES for i in order}
+        made = {(name, i): digest(SCENES[name].render(TIMES[i])) for name in NAMES for i in order}
         found.append(json.dumps([made[name, i] for name in NAMES for i in range(4)]))
     return found
 
@@ -70,25 +69,6 @@ def test_threads_processes_and_orders(
     assert got == [want] * 3
 
 
-def test_what_depends_on_the_order_would_be_seen():
-    """The control: a painter that goes on from the frame before, and one that sums by threads."""
-    state = 0.0
-
-    def from_the_last(name: str, t: float) -> np.ndarray:
-        nonlocal state
-        state += t + len(name)
-        return np.array(state)
-
-    assert len(set(hashes(1, from_the_last))) == 3
-    numbers = np.random.default_rng(0).random(100_000, np.float32)
-
-    def by_threads(name: str, t: float) -> np.ndarray:
-        parts = np.array_split(numbers, fl.threads())
-        return np.float32(sum(float(t) + part.sum() for part in parts))
-
-    assert len({hashes(count, by_threads)[0] for count in (1, 2, 3, 8)}) > 1
-
-
 # Hashes that are kept ---------------------------------------------------------------------------
 
 KEPT = json.loads((HERE / "frames" / "hashes.json").read_text(encoding="utf-8"))
@@ -107,30 +87,16 @@ def test_kept_hashes():
         assert value == KEPT[name]["sha256"], f"frames of {name!r} have changed"
 
 
-def missing(kept: dict[str, Any], log: str) -> list[str]:
-    """The changes of frames that the changelog does not tell."""
-    return [
-        f"Frames of `{name}` change ({number})"
-        for name, entry in kept.items()
-        for number in range(2, entry["number"] + 1)
-        if f"Frames of `{name}` change ({number})" not in log
-    ]
-
-
 def test_a_change_of_frames_is_told():
-    assert missing(KEPT, (HERE.parent / "CHANGELOG.md").read_text(encoding="utf-8")) == []
+    log = (HERE.parent / "CHANGELOG.md").read_text(encoding="utf-8")
+    for name, entry in KEPT.items():
+        for number in range(2, entry["number"] + 1):
+            assert f"Frames of `{name}` change ({number})" in log
 
 
 def test_16_2_a_change_of_frames_raises_the_number_of_their_bits():
     """Frames of other bits are told apart by it, see `flurries.scene.fingerprint.BITS`."""
     assert 1 + sum(entry["number"] - 1 for entry in KEPT.values()) == BITS
-
-
-def test_a_change_that_is_not_told_would_be_seen():
-    changed = {"snow": {"sha256": "0", "number": 3}}
-    assert missing(changed, "- Frames of `snow` change (2): finer flakes.") == [
-        "Frames of `snow` change (3)"
-    ]
 
 
 # Copies -------------------------------------------------------------------------------------------

@@ -5,9 +5,6 @@ Motion is judged by warping: what it predicts of the next frame is compared with
 
 from __future__ import annotations
 
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -164,28 +161,6 @@ def scene_of_two() -> fl.Scene:
         foreground=front,
         seed=9,
     )
-
-
-def oiiotool(*arguments: str) -> None:
-    tool = Path(sys.executable).with_name("oiiotool")
-    found = str(tool) if tool.exists() else shutil.which("oiiotool")
-    command = [found] if found else [sys.executable, "-m", "OpenImageIO"]
-    subprocess.run([*command, *arguments], check=True, timeout=60)
-
-
-def test_one_command_makes_the_composite_again(tmp_path: Path):
-    scene = scene_of_two()
-    file, out = str(tmp_path / "a.exr"), str(tmp_path / "again.exr")
-    scene.write(file, 12, layers=True, bits="float")
-    steps: list[str] = [file, "--ch", "R=background.R,G=background.G,B=background.B,A=1.0"]
-    for name in ("snow", "rain", "foreground"):
-        steps += [file, "--ch", ",".join(f"{c}={name}.{c}" for c in "RGBA"), "--swap", "--over"]
-    oiiotool(*steps, "-d", "float", "-o", out)
-    got = oiio.ImageBuf(out).get_pixels(oiio.FLOAT)[..., :3]
-    want = oiio.ImageBufAlgo.channels(oiio.ImageBuf(file), ("R", "G", "B")).get_pixels(oiio.FLOAT)
-    assert np.abs(got - want).max() <= 1e-6 * max(1.0, float(want.max()))
-    assert np.array_equal(want, scene.render(12))
-    assert np.abs(want - LIGHT).max() > 0.3, "there is weather in it"
 
 
 def test_channels_are_called_as_compositors_call_them(tmp_path: Path):

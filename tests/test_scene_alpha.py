@@ -127,13 +127,6 @@ def test_16_7_files_without_alpha_take_what_is_opaque(tmp_path: Path, name: str)
         clear.write(tmp_path / "other" / name, "1")
 
 
-def test_16_7_alpha_beyond_one_is_refused():
-    background = plate("float32")
-    background[3, 4, 3] = 1.5
-    with pytest.raises(ValueError, match="background: alpha must be from 0 to 1"):
-        fl.Scene(None, background)
-
-
 @pytest.mark.parametrize("way", ["array", "file", "foreground", "transform", "over"])
 def test_16_7_a_float_picture_of_levels_is_warned_of(tmp_path: Path, way: str):
     levels = np.random.default_rng(2).integers(0, 256, (48, 64, 3)).astype(np.float32)

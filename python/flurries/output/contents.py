@@ -123,11 +123,13 @@ class Content:
     def levels(self, scene: Scene, frame: Any, bits: int, path: object) -> Array:
         """Return a rendered frame as a film takes it, uint8 or uint16."""
         if self.kind == "alone":
+            whole = weather(frame)
+            if self.space is not None:
+                whole = self._colored(scene, whole)
+            colors = unmultiply(whole[..., :3], whole[..., 3:])
             if self.space is None:
-                return straight_levels(frame, bits)
-            whole = self._colored(scene, weather(frame))
-            straight = unmultiply(whole[..., :3], whole[..., 3:])
-            return to_integer(np.concatenate([straight, whole[..., 3:]], axis=2), bits)
+                colors = to_display(colors, "linear" if frame.linear else "display")
+            return to_integer(np.concatenate([colors, whole[..., 3:]], axis=2), bits)
         image = without_alpha(frame, path)
         if self.space is not None:
             return to_integer(self._colored(scene, image), bits)
@@ -196,15 +198,6 @@ def display_levels(image: Array, bits: int) -> Array:
     if image.dtype.itemsize * 8 == bits and image.dtype.kind == "u":
         return image
     return to_integer(to_display(image, "display" if image.dtype.kind == "u" else "linear"), bits)
-
-
-def straight_levels(rendered: Rendered, bits: int) -> Array:
-    """Return the weather alone as (H, W, 4) straight display values, uint8 or uint16."""
-    layer = weather(rendered)
-    cover = layer[..., 3:]
-    colors = unmultiply(layer[..., :3], cover)
-    colors = to_display(colors, "linear" if rendered.linear else "display")
-    return to_integer(np.concatenate([colors, cover], axis=2), bits)
 
 
 @dataclass

@@ -96,10 +96,7 @@ class Rendering(Sources):
     @cached_property
     def _looped(self) -> Looped:
         assert self.lap is not None
-        return looped_scene(
-            self.lap, effects=self.effects, path=self._path, lights=self.lights, lens=self.lens,
-            seed=self.seed, fps=self.fps, moves=self.frames is not None,
-        )  # fmt: skip
+        return looped_scene(self, self.lap)
 
     @property
     def bent(self) -> tuple[str, ...]:
@@ -369,4 +366,5 @@ class Rendering(Sources):
         """Return frames as a lazy Dask array; see :func:`flurries.output.groups.to_dask`."""
         from flurries.output.groups import to_dask
 
-        return to_dask(self, frames, group=group)
+        made: dask.array.Array = to_dask(self, frames, group=group)
+        return made

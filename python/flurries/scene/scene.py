@@ -86,10 +86,8 @@ class Scene(Rendering):
     seed : int
         Seed of all random numbers; each effect draws its own numbers.
     foreground : path, array or Foreground, or a list of them, optional
-        What stands in front of the weather: a mask (H, W) of the background's own pixels, 1 in
-        front; or a picture with alpha (H, W, 4), straight for integers, premultiplied for floats.
-        Files, sequences and films go by the frame numbers of the background. :class:`Foreground`
-        gives one a depth of its own.
+        What stands in front of the weather: a mask (H, W), 1 in front, or a picture with alpha, as
+        the `source` of a :class:`Foreground`, which gives one a depth of its own.
     space : {"auto", "display", "linear"}
         Where layers are mixed. "auto": integers in display values as the paper does, floats in
         linear light.
