@@ -1,16 +1,26 @@
-"""Forks, exits, memory and interruptions, many times."""
+"""Forks, memory, processes and workers that are killed, many times."""
 
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+import threading
+import time
+from pathlib import Path
 from typing import Any
 
+import dask
+import numpy as np
 import pytest
 from length import times
 
 import test_gate
+from flurries.output.store import check
+from test_cluster import SLOW
+from test_nothing_wrong import contents, killed
+from workers import group, workers
 
 
 def test_hundred_forks():
@@ -31,10 +41,7 @@ PEAK = """
 import resource, sys
 import numpy as np
 import flurries as fl
-from flurries.frame import bands
 kind, size = sys.argv[1], int(sys.argv[2])
-if "without bands" in sys.argv:
-    bands.WHOLE = 1 << 40
 light = kind != "bytes in linear light"
 plate = np.full((size, size, 3), 0.2 if light else 60, np.float16 if light else np.uint8)
 snow = fl.TentSnow(flakes=500) if kind == "light snow" else fl.TentSnow.preset("heavy")
@@ -50,23 +57,50 @@ print(more // 1024 - size * size * (12 if light else 3) // 2**20)
 """
 
 
-def beyond_the_frame(kind: str, size: int, path: Any, *options: str) -> int:
-    """Return the MiB that making and writing a frame takes beyond the frame itself."""
+@pytest.mark.parametrize("size", [4096, 8192])
+@pytest.mark.parametrize("kind", ["light snow", "heavy snow", "two", "bytes in linear light"])
+def test_peak_memory_of_a_large_frame(kind: str, size: int, tmp_path: Any):
+    name = "a.png" if kind == "bytes in linear light" else "a.exr"
     done = subprocess.run(
-        [sys.executable, "-c", PEAK, kind, str(size), str(path), *options],
+        [sys.executable, "-c", PEAK, kind, str(size), str(tmp_path / name)],
         text=True, capture_output=True, timeout=600,
         # Each thread has tiles of its own, some 8 MiB at 8192 px.
         env={**os.environ, "FLURRIES_NUM_THREADS": "2"},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    return int(done.stdout)
-
-
-@pytest.mark.parametrize("size", [4096, 8192])
-@pytest.mark.parametrize("kind", ["light snow", "heavy snow", "two", "bytes in linear light"])
-def test_peak_memory_of_a_large_frame(kind: str, size: int, tmp_path: Any):
-    name = "a.png" if kind == "bytes in linear light" else "a.exr"
-    more = beyond_the_frame(kind, size, tmp_path / name)
     # A second texture's rows wait until a band asks for them, as high as a tile.
     most = 80 if kind == "two" else 64
-    assert more <= most
+    assert int(done.stdout) <= most
+
+
+@pytest.mark.parametrize("locks", ["locks", "lockless"])
+def test_16_hundred_rounds_of_four_processes(locks: str, tmp_path: Path):
+    killed(locks, times(100), tmp_path)
+
+
+def test_dask_workers_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    # Its effect takes a while, so that kills come in between.
+    count, random = times(50), np.random.default_rng(2)
+    group(4, monkeypatch)
+    SLOW.write(tmp_path / "whole" / "%04d.png", "1-32")
+    want, during = contents(tmp_path / "whole"), 0
+    for number in range(count):
+        # A cluster for each: one that has lost many workers is slow to replace them.
+        with dask.config.set({"distributed.scheduler.allowed-failures": 5}), workers(2) as client:
+            client.wait_for_workers(2, timeout=120)
+            client.run(sys.path.insert, 0, str(Path(__file__).parents[1]))
+            pids = list(client.run(os.getpid).values())
+            out, result = tmp_path / str(number), []
+
+            def work(out: Path = out, result: list[Any] = result, client: Any = client) -> None:
+                result.append(SLOW.write(out / "%04d.png", "1-32", dask=client))
+
+            thread = threading.Thread(target=work)
+            thread.start()
+            time.sleep(random.uniform(0.05, 1.0))
+            during += thread.is_alive()
+            os.kill(pids[int(random.integers(len(pids)))], signal.SIGKILL)
+            thread.join(120)
+            assert result and sorted(result[0].written + result[0].kept) == list(range(1, 33))
+            assert contents(out) == want and check(out)[1] == []
+    assert during > 0
