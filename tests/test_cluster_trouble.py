@@ -1,0 +1,153 @@
+"""Clusters that cannot work, and modes on one worker: each case named by its number in issue 16."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import distributed
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries._threads import scope
+from flurries.io import read_picture
+from flurries.output import crew, manifest
+from flurries.output.store import check
+from test_nothing_wrong import SMALL, contents, python
+from workers import group, workers
+
+
+def test_16_3_tasks_on_one_worker_keep_their_modes(tmp_path: Path, monkeypatch: Any):
+    group(2, monkeypatch)
+    # float32 light shows the last bit in some of many pixels.
+    light = np.random.default_rng(0).random((64, 96, 3), np.float32)
+    scene = fl.Scene(None, light, effects=[fl.ConeSnow(tile=64), fl.TentSnow(flakes=100)])
+    modes = (True, False)
+
+    def frames(where: Any, plain: bool) -> None:
+        with scope(threads=None, reproducible=plain):
+            scene.write(
+                tmp_path / f"{where is None}{plain}" / "%d.exr", "1-40", bits="float", dask=where
+            )
+
+    for plain in modes:
+        frames(None, plain)
+    with workers(1, 4) as client:
+        both = [threading.Thread(target=frames, args=(client, plain)) for plain in modes]
+        for thread in both:
+            thread.start()
+        for thread in both:
+            thread.join(300)
+    wrong = 0
+    for plain in modes:
+        here, there = (contents(tmp_path / f"{name}{plain}") for name in (True, False))
+        assert len(there) == 41
+        wrong += sum(there[name] != data for name, data in here.items() if name.endswith("exr"))
+    assert wrong == 0, f"{wrong} of 80 frames have the other mode's bits"
+    if "fma" in Path("/proc/cpuinfo").read_text():
+        one, other = (read_picture(tmp_path / f"True{plain}" / "7.exr").pixels for plain in modes)
+        assert not np.array_equal(one, other), "the modes do differ"
+
+
+def test_16_3_a_scope_is_its_threads_alone():
+    with scope(threads=1, reproducible=True):
+        assert (fl.threads(), fl.reproducible()) == (1, True)
+        seen: list[Any] = []
+        thread = threading.Thread(target=lambda: seen.append((fl.threads(), fl.reproducible())))
+        thread.start()
+        thread.join()
+    assert seen == [(fl.threads(), False)] and not fl.reproducible()
+
+
+@pytest.fixture
+def client() -> Iterator[Any]:
+    with workers(1) as client:
+        yield client
+
+
+def test_16_4_no_success_without_the_files(client: Any, tmp_path: Path, monkeypatch: Any):
+    # A folder of that name is there for the worker too, but it is another one.
+    for place in ("here", "there"):
+        (tmp_path / place / "out").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "here")
+    client.run(os.chdir, str(tmp_path / "there"))
+    # What is late comes within seconds, or never.
+    monkeypatch.setattr(crew, "_LATE", 0.3)
+    with pytest.raises(OSError, match=r"\.png: a worker has written it, but here it is not"):
+        SMALL.write("/proc/self/cwd/out/%d.png", "1-3", dask=client, manifest=False)
+    assert len(contents(tmp_path / "there" / "out")) == 3
+
+
+def test_16_9_without_workers_it_says_so_and_stops(tmp_path: Path):
+    with distributed.LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=50) as local:
+        started = time.monotonic()
+        with (
+            pytest.warns(UserWarning, match=r"waiting for a worker at tcp://.*, 1 s at most"),
+            pytest.raises(TimeoutError, match=r"no worker at tcp://.* for 1 s"),
+        ):
+            SMALL.write(tmp_path / "%d.png", "1-2", dask=local.scheduler_address, dask_patience=1.0)
+        assert time.monotonic() - started < 20
+    assert not list(tmp_path.iterdir())
+
+
+SCHEDULER = """
+import asyncio, sys
+from distributed import Nanny, Scheduler, Worker
+async def serve():
+    async with Scheduler(port=0, dashboard_address=None, host="127.0.0.1") as scheduler:
+        async with Worker(scheduler.address, nthreads=1):
+            print(scheduler.address, flush=True)
+            await asyncio.sleep(300)
+asyncio.run(serve())
+"""
+
+
+# The command line, which waits a second for a scheduler.
+IMPATIENT = """
+import sys
+from flurries.cli import main
+from flurries.output import cluster
+cluster._GREETING = 1.0
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_16_9_a_scheduler_that_dies_is_one_sentence(tmp_path: Path):
+    server = subprocess.Popen(
+        [sys.executable, "-c", SCHEDULER], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        text=True,
+    )  # fmt: skip
+    assert server.stdout is not None
+    words = ["#304050", "--snow", "heavy", "--size", "320x240", "--frames", "1-4000", "--quiet"]
+    command = [sys.executable, "-c", IMPATIENT, "render", *words, "-o", "out/%d.png"]
+    run = subprocess.Popen(
+        [*command, "--dask", server.stdout.readline().strip()], cwd=tmp_path, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    end = time.monotonic() + 60
+    while len(list(tmp_path.glob("out/*.png"))) < 2 and time.monotonic() < end:
+        time.sleep(0.02)
+    server.kill()
+    server.communicate()
+    out, err = run.communicate(timeout=90)
+    assert run.returncode == 2 and out == ""
+    assert [line for line in err.splitlines() if line] == [
+        "flurries: dask: the scheduler is gone; finished files stay, run again to go on"
+    ]
+    if (tmp_path / "out" / manifest.NAME).exists():
+        assert check(tmp_path / "out")[1] == []
+
+
+@pytest.mark.parametrize("where", ["tcp://127.0.0.1:9", "tcp://[::"])
+def test_16_9_an_address_that_is_none_is_one_sentence(where: str, tmp_path: Path):
+    words = ["render", "#304050", "--snow", "heavy", "--frames", "1", "-o", tmp_path / "%d.png"]
+    done = python(IMPATIENT, *words, f"--dask={where}")
+    assert done.returncode == 2 and done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1 and where in done.stderr, done.stderr
