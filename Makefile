@@ -168,7 +168,7 @@ hashes: $(VENV)/.tools
 # an hour; LENGTH=0.1 takes a tenth of it.
 LENGTH ?= 1
 soak: $(VENV)/.tools
-	FLURRIES_SOAK=$(LENGTH) $(BIN)/python tests/make_reliability.py
+	FLURRIES_SOAK=$(LENGTH) $(BIN)/python -m pytest -q -n 0 tests/soak
 
 clean:
 	rm -rf $(VENV) target build demo dist site

@@ -16,7 +16,7 @@ import twin
 sys.path.insert(0, str(Path(__file__).parents[1] / "benches"))
 
 import accuracy
-from accuracy_axes import Way, continuum, largest, lattice, rms, torus
+from accuracy_axes import continuum, lattice, torus
 
 PAGE = Path(__file__).parents[1] / "docs" / "internals" / "accuracy.md"
 
@@ -61,35 +61,3 @@ def test_the_page_has_the_errors_that_are_found(axis: str):
         assert not fl.reproducible()
     if axis == "composite":
         assert found["joined, then uint8, float32"] <= 0.5 + 1e-4 < found["uint8 each"] <= 3.0
-
-
-def test_what_nothing_beats_is_marked():
-    costs = [(1.0, 1.0), (0.1, 2.0), (0.1, 3.0), (2.0, 0.5), (0.1, 2.0)]
-    assert accuracy.unbeaten(costs) == [True, True, False, True, True]
-
-
-def test_every_way_is_called_in_turn():
-    said: list[str] = []
-    ways = [Way(name, lambda name=name: said.append(name), lambda _: 1.0) for name in "ab"]
-    points = accuracy.measure(ways, 20)
-    assert said[2:] == list("ab") * 20
-    assert all(point.fastest <= point.median for point in points)
-
-
-def test_errors_are_what_they_are_called():
-    reference = np.array([1.0, 2.0, 4.0])
-    assert largest(reference)([1.0, 2.5, 4.0]) == 0.5
-    assert rms(reference)([1.0, 2.0, 1.0]) == pytest.approx(math.sqrt(3.0))
-
-
-def test_the_bench_writes_plots_and_a_page(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
-    out, page = tmp_path / "out", tmp_path / "page.md"
-    asked = ["accuracy", "octaves", "--runs", "2", "-o", str(out), "--page", str(page)]
-    monkeypatch.setattr(sys, "argv", asked)
-    accuracy.main()
-    assert capsys.readouterr().out.count("| 4 octaves, tile 128 |") == 1
-    assert {file.name for file in out.iterdir()} == {"accuracy.png"}
-    assert page.read_text().count("| 4 octaves, tile 128 |") == 1
-    assert "(out/accuracy.png)" in page.read_text()

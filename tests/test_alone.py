@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.cli import main
 from flurries.io import read_picture
 
 LIGHT = np.random.default_rng(5).random((48, 64, 3), np.float32)
@@ -41,17 +40,6 @@ def test_what_has_no_alpha_is_refused(name: str, tmp_path: Path):
     with pytest.raises(ValueError, match="alone"):
         fl.Scene(None, LIGHT, effects=[SNOW]).write(tmp_path / name, "1", alone=True)
     assert not list(tmp_path.iterdir())
-
-
-def test_a_color_and_the_snow_alone_from_the_command_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    monkeypatch.chdir(tmp_path)
-    words = ["render", "#000000", "--snow", "light", "--size", "64x48", "--frames", "3"]
-    assert main([*words, "--alone", "--quiet", "-o", "%d.exr"]) == 0
-    assert main([*words, "--quiet", "-o", "still.png"]) == 0
-    assert read_picture("3.exr").alpha is not None
-    assert read_picture("still.png").size == (64, 48)
 
 
 def test_an_exr_is_packed_as_asked(tmp_path: Path):

@@ -18,9 +18,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.cli import main
-from flurries.io import open_background, write_picture
-from flurries.output import groups
+from flurries.io import open_background
 from flurries.output.store import check
 from workers import group, workers
 
@@ -85,15 +83,6 @@ def test_an_array_is_lazy():
     assert len(film.__dask_graph__()) <= 3 * len(film.chunks[0]) + 10
 
 
-def test_groups_have_the_pixels_of_a_task():
-    for size in ((320, 240), (1920, 1080), (8000, 8000)):
-        scene = fl.Scene(size, effects=[fl.TentSnow(), fl.TentSnow()])
-        got = groups.grouped(scene, list(range(1000)))
-        layers = 2 * size[0] * size[1]
-        assert [n for group in got for n in group] == list(range(1000))
-        assert (len(got[0]) - 1) * layers < groups.PIXELS_OF_A_TASK <= len(got[0]) * layers
-
-
 def test_a_sequence_has_the_same_bytes(client: Any, small_groups: None, tmp_path: Path):
     SCENE.write(tmp_path / "here" / "%04d.png", "1-30")
     seen: list[int] = []
@@ -114,28 +103,6 @@ def test_a_sequence_has_the_same_bytes(client: Any, small_groups: None, tmp_path
     with pytest.raises(ValueError, match="already"):
         SCENE.replace(seed=5).write(tmp_path / "there" / "%04d.png", "1-30", dask=client)
     assert contents(tmp_path / "there") == contents(tmp_path / "here")
-
-
-def test_workers_take_the_clients_mode(client: Any, small_groups: None, tmp_path: Path):
-    # float64 pixels would show the last bit; float32 light shows it in some of many.
-    plate = np.random.default_rng(0).random((64, 96, 3), np.float32)
-    scene = fl.Scene(None, plate, effects=[fl.ConeSnow(tile=64), fl.TentSnow(flakes=100)])
-    made = {}
-    for on in (True, False, True):
-        fl.set_reproducible(on)
-        try:
-            want = np.stack([scene.render(t) for t in range(6)])
-            made[on] = want.tobytes()
-            assert client.compute(scene.to_dask(range(6), group=2)).result().tobytes() == made[on]
-            scene.write(tmp_path / f"here{on}" / "%d.exr", "0-5", bits="float")
-            scene.write(tmp_path / f"there{on}" / "%d.exr", "0-5", bits="float", dask=client)
-            assert contents(tmp_path / f"here{on}") == contents(tmp_path / f"there{on}")
-            film = tmp_path / f"{on}.mkv"
-            scene.write(film, "0-5", dask=client)
-        finally:
-            fl.set_reproducible(False)
-    if "fma" in Path("/proc/cpuinfo").read_text():
-        assert made[True] != made[False]
 
 
 def test_a_worker_that_is_killed_loses_nothing(client: Any, small_groups: None, tmp_path: Path):
@@ -168,16 +135,6 @@ def test_frames_that_kill_every_worker_are_named(client: Any, small_groups: None
     assert not list(tmp_path.glob(".*"))
 
 
-def test_damaged_plates_are_skipped_and_held(client: Any, small_groups: None, tmp_path: Path):
-    for number in (0, 2, 3):
-        write_picture(tmp_path / f"plate.{number}.png", np.full((20, 30, 3), 40, np.uint8))
-    scene = fl.Scene(None, tmp_path / "plate.%d.png")
-    done = scene.write(tmp_path / "a" / "%d.png", damaged="skip", dask=client)
-    assert (done.written, done.skipped) == ([0, 2, 3], [1])
-    done = scene.write(tmp_path / "b" / "%d.png", damaged="hold", dask=client)
-    assert (done.written, done.held) == ([0, 1, 2, 3], [1])
-
-
 def test_a_film_has_the_same_bytes(client: Any, small_groups: None, tmp_path: Path):
     for name, where in (("here", None), ("there", client)):
         SCENE.write(tmp_path / f"{name}.mkv", "1-21", dask=where)
@@ -185,31 +142,15 @@ def test_a_film_has_the_same_bytes(client: Any, small_groups: None, tmp_path: Pa
     assert open_background(tmp_path / "there.mkv").count == 21
 
 
-def test_the_command_line_makes_a_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.chdir(tmp_path)
-    words = ["#304050", "--snow", "heavy", "--size", "96x64", "--frames", "1-9"]
-    command = [sys.executable, "-m", "flurries", "render", "--dask", *words, "-o", "a/%04d.png"]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert run.returncode == 0, run.stderr
-    assert run.stdout.split() == [f"a/{n:04d}.png" for n in range(1, 10)]
-    assert "9 frames rendered" in run.stderr and "Traceback" not in run.stderr
-    assert main(["render", *words, "-o", "b/%04d.png"]) == 0
-    assert contents(Path("a")) == contents(Path("b"))
-
-
-def test_no_cluster_there(tmp_path: Path):
+def test_no_cluster_there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     with pytest.raises(TypeError, match="dask"):
         SCENE.write(tmp_path / "%d.png", "1", dask=7)
-    assert not list(tmp_path.iterdir())
-
-
-def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setitem(sys.modules, "distributed", None)
     monkeypatch.setitem(sys.modules, "dask", None)
-    with pytest.raises(ImportError, match=r"flurries\[dask\]"):
-        SCENE.to_dask("1-2")
-    with pytest.raises(ImportError, match=r"flurries\[dask\]"):
-        SCENE.write(tmp_path / "%d.png", "1", dask=True)
+    for call in (SCENE.to_dask, lambda n: SCENE.write(tmp_path / "%d.png", n, dask=True)):
+        with pytest.raises(ImportError, match=r"flurries\[dask\]"):
+            call("1")
+    assert not list(tmp_path.iterdir())
 
 
 OWN = """

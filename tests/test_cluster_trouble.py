@@ -83,11 +83,6 @@ def test_16_4_no_success_without_the_files(client: Any, tmp_path: Path, monkeypa
     with pytest.raises(OSError, match=r"\.png: a worker has written it, but here it is not"):
         SMALL.write("/proc/self/cwd/out/%d.png", "1-3", dask=client, manifest=False)
     assert len(contents(tmp_path / "there" / "out")) == 3
-    # Nor with files of other bytes under the same names.
-    for number in (1, 2, 3):
-        (tmp_path / "here" / "out" / f"{number}.png").write_bytes(b"something")
-    with pytest.raises(OSError, match="but here it is not"):
-        SMALL.write("/proc/self/cwd/out/%d.png", "1-3", dask=client, manifest=False)
 
 
 def test_16_9_without_workers_it_says_so_and_stops(tmp_path: Path):
@@ -99,11 +94,6 @@ def test_16_9_without_workers_it_says_so_and_stops(tmp_path: Path):
         ):
             SMALL.write(tmp_path / "%d.png", "1-2", dask=local.scheduler_address, dask_patience=1.0)
         assert time.monotonic() - started < 20
-        with (
-            pytest.warns(UserWarning, match=r"waiting for a worker"),
-            pytest.raises(TimeoutError, match="no worker"),
-        ):
-            SMALL.write(tmp_path / "a.mkv", "1-2", dask=local.scheduler_address, dask_patience=0.5)
     assert not list(tmp_path.iterdir())
 
 
@@ -155,7 +145,7 @@ def test_16_9_a_scheduler_that_dies_is_one_sentence(tmp_path: Path):
         assert check(tmp_path / "out")[1] == []
 
 
-@pytest.mark.parametrize("where", ["tcp://127.0.0.1:9", "nonsense", "http://x", "tcp://[::"])
+@pytest.mark.parametrize("where", ["tcp://127.0.0.1:9", "tcp://[::"])
 def test_16_9_an_address_that_is_none_is_one_sentence(where: str, tmp_path: Path):
     words = ["render", "#304050", "--snow", "heavy", "--frames", "1", "-o", tmp_path / "%d.png"]
     done = python(IMPATIENT, *words, f"--dask={where}")

@@ -16,7 +16,6 @@ import pytest
 from PIL import Image
 
 import flurries as fl
-from flurries.cli import main
 from flurries.io import read_picture, read_video, remove_leftovers, write_picture
 from flurries.io.atomic import owner_of_new_files
 from flurries.output import manifest
@@ -269,7 +268,7 @@ def test_16_10_leftovers_of_other_machines_stay_for_an_hour(tmp_path: Path):
 # 11: a list that is damaged -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("left", [0, 1, 14, 200, -2])
+@pytest.mark.parametrize("left", [0, 14, -2])
 def test_16_11_a_cut_manifest_is_made_again(left: int, tmp_path: Path):
     SMALL.write(tmp_path / "%d.png", "1-3")
     SMALL.write(tmp_path / "a.%d.exr", "7")
@@ -289,9 +288,9 @@ def test_16_11_a_cut_manifest_is_made_again(left: int, tmp_path: Path):
 # 12: a full disk ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", [*KINDS, "mp4", "mkv", "webm"])
+@pytest.mark.parametrize("kind", ["png", "exr", "mp4"])
 def test_16_12_a_full_disk_says_so_with_the_frames_name(kind: str, tmp_path: Path):
-    film = kind in ("mp4", "mkv", "webm")
+    film = kind == "mp4"
     name = f"film.{kind}" if film else f"%04d.{kind}"
     words = ["#304050", "--snow", "heavy", "--size", "320x240", "--frames", "1-3", "--quiet"]
     # A disk of 4 KiB that this command alone sees.
@@ -311,8 +310,8 @@ def test_16_12_a_full_disk_says_so_with_the_frames_name(kind: str, tmp_path: Pat
 # Issue 21: one rule about files that are there already --------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["still.png", "%d.png", "film.mp4", "film.webm", "film.mkv"])
-def test_21_one_rule_about_existing_files(name: str, tmp_path: Path, capsys: Any):
+@pytest.mark.parametrize("name", ["still.png", "%d.png", "film.mp4"])
+def test_21_one_rule_about_existing_files(name: str, tmp_path: Path):
     path, frames = tmp_path / name.replace("%d", "1"), "1" if name == "still.png" else "1-3"
     assert SMALL.write(tmp_path / name, frames).written[0] == 1
     before = path.read_bytes()
@@ -321,9 +320,6 @@ def test_21_one_rule_about_existing_files(name: str, tmp_path: Path, capsys: Any
     with pytest.raises(ValueError, match=r"is there already .* overwrite=True \(--overwrite\)"):
         SMALL.replace(seed=5).write(tmp_path / name, frames)
     assert path.read_bytes() == before
-    assert main(["render", "#102030", "--snow", "light", "--frames", frames, "--quiet", "--size",
-                 "96x64", "-o", str(tmp_path / name)]) == 2  # fmt: skip
-    assert "--overwrite" in capsys.readouterr().err and path.read_bytes() == before
     SMALL.replace(seed=5).write(tmp_path / name, frames, overwrite=True)
     assert path.read_bytes() != before
     path.write_bytes(b"something else")

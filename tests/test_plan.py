@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 import time
-import tracemalloc
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,8 +14,8 @@ import pytest
 import flurries as fl
 import judges
 from flurries.camera import Camera
+from flurries.cli import main
 from flurries.frame import plan as planning
-from flurries.frame import planes
 from flurries.frame.effect import renderer_of
 from flurries.frame.needs import LeftOut, Needs, Step
 from flurries.scene.accuracy import euler
@@ -68,13 +65,12 @@ def left_out(scene: fl.Scene, frames: Any = 7) -> dict[str, str]:
 
 # What is left out: (effect, more of the scene, steps that must not run, words of the plan)
 ABSENT: dict[str, tuple[Any, dict[str, Any], set[str], str]] = {
-    "amount 0": (fl.TentSnow(amount=0.0), {}, {"texture", "flakes", "veil", "join"}, "snow"),
-    "rain amount 0": (fl.TentRain(amount=0.0), {}, {"texture", "flakes", "veil", "join"}, "rain"),
+    "amount 0": (fl.TentRain(amount=0.0), {}, {"texture", "flakes", "veil", "join"}, "rain"),
     "no texture": (fl.TentSnow(texture=0.0), {}, {"texture"}, "snow: texture"),
     "no flakes": (fl.TentSnow(flakes=0), {}, {"flakes"}, "snow: flakes"),
-    "clear flakes": (fl.TentSnow(flake_opacity=0.0), {}, {"flakes"}, "snow: flakes"),
     "no haze": (fl.TentSnow(haze=0.0), {"depth": 30.0}, {"veil"}, "snow: veil"),
     "half a step": (fl.TentSnow(amount=2e-5, flakes=0), {}, {"texture", "join"}, "snow"),
+    "no cone": (fl.ConeSnow(amount=0), {}, {"cone", "flakes", "join"}, "cone_snow"),
 }
 
 
@@ -87,7 +83,7 @@ def test_what_shows_nothing_is_not_made(case: str):
     want, full = traced(whole)
     assert np.array_equal(image, want)
     assert absent & set(full.calls), "the control runs what the plan leaves out"
-    assert words in left_out(planned)
+    assert any(what.startswith(words) for what in left_out(planned))
 
 
 @pytest.mark.parametrize("space", ["display", "linear"])
@@ -110,37 +106,6 @@ def test_less_than_half_a_step_is_left_out_and_more_is_not(space: str, dtype: An
             assert "join" not in trace.calls
 
 
-def test_floats_and_layers_show_everything():
-    effect = fl.TentSnow(texture=0.0, flakes=0, haze=1e-6, color=1.0)
-    bright = fl.Scene(None, LIGHT, effects=[effect])
-    assert "join" in traced(bright)[1].calls
-    layers = fl.Scene(None, BYTES, effects=[effect]).render(0, layers=True)
-    assert np.allclose(layers.alpha, 1e-6, rtol=0.06) and list(layers.layers) == ["snow"]
-
-
-def test_a_flake_that_is_there_is_never_left_out():
-    snow = fl.TentSnow(amount=1e-3, flakes=1500, texture=0.0, haze=0.0)
-    scene = fl.Scene(None, BYTES, effects=[snow])
-    seen = [np.abs(scene.render(t).astype(int) - BYTES).max() for t in range(0, 400, 20)]
-    listed = [len(fl.flakes(scene, t)) for t in range(0, 400, 20)]
-    assert all(bool(a) <= bool(b) for a, b in zip(seen, listed, strict=True))
-    assert max(seen) > 5 and min(listed) == 0
-
-
-def test_tiles_behind_a_matte_are_not_made():
-    matte = np.ones((H, W), np.float32)
-    matte[:40, :30] = matte[-5:, -20:] = 0.25
-    matte[60, 100] = 0.999
-    planned, whole = both(fl.TentSnow(tile=16, overlap=4), foreground=matte)
-    image, trace = traced(planned)
-    want, full = traced(whole)
-    assert np.array_equal(image, want)
-    assert 0 < trace.counts["tiles"] < 0.5 * full.counts["tiles"]
-    assert "they are behind what stands in front" in left_out(planned).values()
-    # Layers say more of their pixels, and are whole.
-    assert np.array_equal(planned.render(7, layers=True).alpha, whole.render(7, layers=True).alpha)
-
-
 def test_nothing_is_made_where_all_is_hidden():
     front = np.zeros((H, W, 4), np.uint8)
     front[..., 3] = 255
@@ -154,8 +119,9 @@ def test_nothing_is_made_where_all_is_hidden():
     assert planned.render(7, layers=True).alpha.max() > 0.0
 
 
-@pytest.mark.parametrize("kind", ["bytes", "light", "bytes in linear light"])
-@pytest.mark.parametrize("front", ["mask", "picture"])
+@pytest.mark.parametrize(
+    "kind, front", [("bytes", "mask"), ("light", "picture"), ("bytes in linear light", "picture")]
+)
 def test_only_the_part_that_is_seen_is_made(kind: str, front: str):
     cover = np.zeros((H, W), np.float32)
     cover[70:] = cover[:, :20] = 1.0
@@ -171,48 +137,6 @@ def test_only_the_part_that_is_seen_is_made(kind: str, front: str):
         want, full = traced(whole, region=part, layers=True)
         assert np.array_equal(image, want.image)
         assert trace.counts.get("tiles", 0) < full.counts["tiles"]
-
-
-def test_a_region_makes_its_own_tiles_and_flakes():
-    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(tile=16, overlap=4)])
-    image, trace = traced(scene, region=np.s_[100:110, 20:40])
-    want, full = traced(scene)
-    assert np.array_equal(image, want[100:110, 20:40])
-    assert trace.counts["tiles"] < 0.05 * full.counts["tiles"]
-
-
-def test_a_near_wall_has_no_texture_before_it():
-    planned, _ = both(fl.TentSnow(flakes=0), depth=2.0)
-    depth = np.full((H, W), 2.0, np.float32)
-    depth[:, 150:] = np.inf
-    half, whole = both(fl.TentSnow(flakes=0), depth=depth)
-    image, trace = traced(half)
-    assert np.array_equal(image, traced(whole)[0])
-    assert traced(planned)[1].counts["tiles"] == 0
-    every = traced(fl.Scene(None, BYTES, effects=[fl.TentSnow(flakes=0)]))[1].counts["tiles"]
-    assert 0 < trace.counts["tiles"] < 0.6 * every
-
-
-def test_waves_too_fast_everywhere_make_no_tiles():
-    # Tiles of odd size and a motion along no lattice direction: nothing stands still.
-    for fall, wind, made in ((4e5, 1.3e5, False), (1.0, 0.0, True)):
-        fast = {"fall": fall, "wind": (wind, 0.0, 0.0), "alias": "cut"}
-        snow = fl.TentSnow(flakes=0, tile=15, overlap=3, **fast)
-        image, trace = traced(fl.Scene((W, H), effects=[snow]))
-        assert (trace.counts["tiles"] > 0) == (image.std() > 0.0) == made
-
-
-def test_a_part_of_a_flight_has_the_flakes_of_the_whole():
-    turning = fl.Keys([(0, (0.0, 0.0, 0.0)), (40, (0.1, 0.5, 0.0))])
-    lens = Camera(180.0, aspect=1.7)
-    forward = fl.CameraPath(lens, velocity=(0.3, 0.0, 9.0), orientation=turning)
-    for effect in (
-        fl.TentSnow(texture=0.0, flakes=900, shutter=0.9, flake_size=(0.01, 0.2), seed=2),
-        fl.TentRain(texture=0.0, drops=500, shutter=1.5, seed=2),
-    ):
-        scene = fl.Scene(None, BYTES, effects=[effect], camera=forward)
-        part = np.s_[40:47, 60:99]
-        assert np.array_equal(scene.render(17.0, region=part), scene.render(17.0)[part])
 
 
 def test_one_eye_for_two_at_distance_0():
@@ -240,53 +164,23 @@ def test_what_never_moves_is_made_once(layers: bool):
         assert np.array_equal(image, want)
     once = {step.name for step in planned.plan("1-5", probe=False).steps if step.once}
     assert once == {"snow: texture", "snow: flakes"}
-    # Another eye or another window is another frame; the color may change.
+    # Another eye or another window is another frame.
     eye = Camera(100.0)
     assert np.array_equal(planned.render(3, eye=eye), whole.render(3, eye=eye))
     part = np.s_[3:50, 7:90]
     assert np.array_equal(planned.render(3, region=part), whole.render(3)[part])
-    # Kept results do not travel, and do not count as a difference.
-    import pickle
-
-    assert np.array_equal(pickle.loads(pickle.dumps(planned)).render(9), whole.render(9))
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"fall": 0.1},
-        {"wind": (0.0, 0.0, 0.1)},
-        {"wind": fl.Keys([(0, (0.0, 0.0, 0.0)), (9, (0.0, 0.0, 0.0))])},
-        {"amount": fl.Keys([(0, 1.0), (9, 0.9)])},
-        {"mean": fl.Keys([(0, 0.1), (9, 0.2)])},
-    ],
-)
-def test_what_may_move_is_made_each_time(change: dict[str, Any]):
-    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(**{**STILL, **change})])
-    with fl.trace.tracing() as trace:
-        scene.render(0), scene.render(5)
-    assert trace.calls["texture"] == 2
+def test_what_may_move_is_made_each_time():
     moving = fl.CameraPath(Camera(200.0), velocity=(1.0, 0.0, 0.0))
-    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(**STILL)], camera=moving)
-    with fl.trace.tracing() as trace:
-        scene.render(0), scene.render(5)
-    assert trace.calls["texture"] == 2
-
-
-def test_six_effects_of_amount_0_are_the_empty_scene():
-    six = fl.Scene(None, BYTES, effects=[fl.TentSnow(amount=0.0), fl.TentRain(amount=0.0)] * 3)
-    empty = fl.Scene(None, BYTES)
-    image, trace = traced(six)
-    assert np.array_equal(image, BYTES)
-    assert list(trace.calls) == list(traced(empty)[1].calls) == ["background", "composite"]
-    peaks = []
-    for scene in (six, empty):
-        scene.render(1)
-        tracemalloc.start()
-        scene.render(2)
-        peaks.append(tracemalloc.get_traced_memory()[1])
-        tracemalloc.stop()
-    assert abs(peaks[0] - peaks[1]) < 4096
+    for change, camera in (
+        ({"fall": 0.1}, None), ({"amount": fl.Keys([(0, 1.0), (9, 0.9)])}, None), ({}, moving),
+    ):  # fmt: skip
+        snow = fl.TentSnow(**{**STILL, **change})
+        scene = fl.Scene(None, BYTES, effects=[snow], camera=camera)
+        with fl.trace.tracing() as trace:
+            scene.render(0), scene.render(5)
+        assert trace.calls["texture"] == 2
 
 
 def test_an_unread_depth_is_not_read():
@@ -317,21 +211,13 @@ def test_gas_of_one_color_is_not_sorted():
     plain = fl.Scene(None, BYTES, effects=[gas])
     image, trace = traced(plain)
     assert "gas" in trace.calls and "lit gas" not in trace.calls
+    none = traced(plain.replace(effects=[replace(gas, amount=0.0)]))[1]
+    assert set(none.calls) == {"background", "composite"}
     assert left_out(plain)["mist: sort"] == "its particles have one color"
     # All light is even: with colors and a sort it is the same, within a step of rounding.
     want, full = traced(plain.replace(sun=sun))
     assert "lit gas" in full.calls
     assert np.abs(image.astype(int) - want).max() <= 1
-
-
-@pytest.mark.parametrize(
-    "effect",
-    [fl.Mist(amount=0.0), fl.Mist(count=0), fl.ConeRain(amount=0.0), fl.ConeSnow(amount=0)],
-)
-def test_no_gas_and_no_cone(effect: Any):
-    image, trace = traced(fl.Scene(None, BYTES, effects=[effect]))
-    assert set(trace.calls) == {"background", "composite"}
-    assert np.array_equal(image, BYTES)
 
 
 def test_gas_that_stands_still_is_made_once():
@@ -345,34 +231,11 @@ def test_gas_that_stands_still_is_made_once():
             assert np.array_equal(image, scene.replace(fps=30.0).render(t))
         # The background's light is the color of what is kept; the sun's light is made of it.
         grows = fl.Keys([(0, 0.5), (9, 1.0)])
-        for change, calls in (({"wind": (0.1, 0.0, 0.0)}, 2), ({"amount": grows}, 2),
-                              ({"color": "ambient"}, 2 if sun else 1)):  # fmt: skip
+        for change, calls in (({"amount": grows}, 2), ({"color": "ambient"}, 2 if sun else 1)):
             moving = scene.replace(effects=[replace(cloud, **change)])
             with fl.trace.tracing() as trace:
                 moving.render(0), moving.render(4)
             assert trace.calls[name] == calls
-
-
-def test_gas_that_is_kept_has_the_light_of_each_frame(tmp_path):
-    for number, level in enumerate((40, 200)):
-        fl.io.write_picture(tmp_path / f"{number}.png", np.full((H, W, 3), level, np.uint8))
-    cloud = fl.Mist.preset("clouds", center=(0.0, 0.0, 6.0), color="ambient")
-    scene = fl.Scene(None, str(tmp_path / "%d.png"), effects=[cloud])
-    with fl.trace.tracing() as trace:
-        dark, bright = (scene.render(t) for t in (0, 1))
-    assert trace.calls["gas"] == 1
-    alone = (scene.replace(fps=30.0).render(t, layers=True) for t in (0, 1))
-    for image, whole in zip((dark, bright), alone, strict=True):
-        assert np.abs(image - whole.image.astype(float)).max() <= 1
-    covered = whole.alpha > 0.5
-    assert dark[covered].mean() < 0.5 * bright[covered].mean()
-
-
-def test_a_cone_without_light_is_only_a_veil():
-    effect = fl.ConeSnow(gain=0.0, flakes=0)
-    image, trace = traced(fl.Scene(None, BYTES, effects=[effect]))
-    assert not {"cone", "flakes"} & set(trace.calls) and "join" in trace.calls
-    assert not np.array_equal(image, BYTES)
 
 
 # What others write -------------------------------------------------------------------------------
@@ -405,20 +268,6 @@ class Priced(Own):
 
 
 @dataclass(frozen=True)
-class Careless(Own):
-    """Somebody's effect that writes to what is kept for it."""
-
-    def needs(self, frame: fl.Frame) -> Needs:
-        return Needs((Step("paint", once=True),))
-
-    def render(self, frame: fl.Frame) -> fl.Layer:
-        layer = frame.steps_of(self)("paint", lambda: Own.render(self, frame))
-        assert layer is not None
-        layer.alpha[...] *= 0.5
-        return layer
-
-
-@dataclass(frozen=True)
 class Wrong(Own):
     def needs(self, frame: fl.Frame) -> Any:
         return ["paint"]
@@ -432,8 +281,6 @@ def test_effects_of_others():
         "background", "own", "priced: paint", "composite",
     ]  # fmt: skip
     assert left_out(scene)["priced"] == "its amount is 0"
-    with pytest.raises(ValueError, match="read-only"):
-        fl.Scene(None, BYTES, effects=[Careless()]).render(0)
     with pytest.raises(TypeError, match=r"Wrong\.needs must return Needs, got list"):
         fl.Scene(None, BYTES, effects=[Wrong()]).render(0)
 
@@ -441,29 +288,19 @@ def test_effects_of_others():
 # The plan itself ---------------------------------------------------------------------------------
 
 TURNING = fl.CameraPath(Camera(500.0), orientation=fl.Keys([(0, (0.0,) * 3), (9, (0.0, 0.1, 0.0))]))
-MATTE = np.zeros((H, W), np.float32)
-MATTE[90:] = 1.0
 LAMP = fl.Lamp((0.0, -1.0, 6.0))
 SCENES: dict[str, fl.Scene] = {
     "empty": fl.Scene(None, BYTES),
-    "floats": fl.Scene(None, LIGHT, effects=[fl.TentSnow.preset("light")]),
     "two alike": fl.Scene(None, BYTES, effects=[fl.TentSnow(), fl.TentSnow(flakes=0)]),
     "in linear light": fl.Scene(None, BYTES, effects=[fl.TentSnow()], space="linear"),
-    "a matte": fl.Scene(None, BYTES, effects=[fl.TentSnow()], foreground=MATTE),
-    "all hidden": fl.Scene(None, BYTES, effects=[fl.TentSnow()], foreground=np.ones_like(MATTE)),
+    "all hidden": fl.Scene(None, BYTES, effects=[fl.TentSnow()], foreground=np.ones((H, W))),
     "a depth": fl.Scene(None, BYTES, effects=[fl.TentSnow(), fl.Rain()], depth=40.0),
     "turning": fl.Scene(None, BYTES, effects=[fl.TentSnow()], camera=TURNING),
     "still": fl.Scene(None, BYTES, effects=[fl.TentSnow(**STILL)]),
-    "bands": fl.Scene((1400, 800), effects=[fl.Snow(), fl.TentRain()]),
     "local light": fl.Scene(None, BYTES, effects=[fl.Snow(color="local")]),
-    "ambient light": fl.Scene(None, BYTES, effects=[fl.Snow(color="ambient")]),
     "lamps": fl.Scene(None, BYTES, effects=[fl.Snow(), fl.TentSnow()], lights=[LAMP]),
     "gas": fl.Scene(None, BYTES, effects=[fl.Mist(), fl.Mist.preset("clouds")], sun=fl.Sun()),
     "a cone": fl.Scene(None, BYTES, effects=[fl.ConeRain(), fl.ConeSnow()]),
-    "sizes that change": fl.Scene(
-        None, BYTES,
-        effects=[fl.Snow(flake_size=fl.Keys([(0, (0.003, 0.007, 0.022)), (9, (0.004,) * 3)]))],
-    ),
 }  # fmt: skip
 
 
@@ -520,20 +357,6 @@ def test_times_and_bytes_are_those_of_the_step():
     others = [one.bytes or 0 for one in plan.steps if one is not step]
     assert max(others) < 1_000_000 and plan.bytes is not None
     assert step.bytes <= plan.bytes < step.bytes + 4_000_000
-
-
-@pytest.mark.parametrize("case", ["empty", "two alike", "in linear light", "a depth", "turning"])
-def test_bytes_are_those_of_a_frame(case: str):
-    picture = np.tile(BYTES, (3, 3, 1))
-    scene = SCENES[case].replace(background=picture, size=(3 * W, 3 * H))
-    scene.render(2)
-    plan = scene.plan(3)
-    planes.forget()
-    tracemalloc.start()
-    scene.render(3)
-    most = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert plan.bytes == pytest.approx(most, rel=0.1) and most >= picture.nbytes
 
 
 def test_a_plan_probes_the_frames_that_it_says():
@@ -608,36 +431,17 @@ def test_a_plan_says_the_same_in_all_forms():
     assert "measured in frames 1, 20, 40" in text
     assert "rain" in text and "its amount is 0" in text and "its amount is 0" in page
     assert page.count("<table") == page.count("</table>") == 2
-    assert "<script" not in fl.Scene((8, 8), effects=[Named()]).plan(1)._repr_html_()
-
-
-@dataclass(frozen=True)
-class Named(Own):
-    NAME = "<script>"
-
-
-@pytest.mark.parametrize("frames", ["3-1", "x", [], -1, 1.5])
-def test_frames_are_refused_by_name(frames: Any):
-    with pytest.raises((ValueError, TypeError), match="frame"):
-        fl.Scene((8, 8)).plan(frames)
 
 
 def test_the_command_line_prints_a_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    from flurries.cli import main
-
-    scene = fl.Scene((64, 48), "#203040", effects=[fl.TentSnow(), fl.TentRain(amount=0.0)])
     file = str(tmp_path / "scene.toml")
-    scene.save(file)
+    fl.Scene((64, 48), "#203040", effects=[fl.TentSnow(), fl.TentRain(amount=0.0)]).save(file)
     assert main(["plan", file, "--frames", "3-9", "--no-probe"]) == 0
     text = capsys.readouterr().out
     assert text.strip() == str(fl.Scene.load(file).plan("3-9", probe=False))
-    assert main(["plan", "#203040", "--snow", "heavy", "--frames", "3", "--json"]) == 0
+    assert main(["plan", file, "--frames", "3", "--json", "--accuracy"]) == 0
     values = json.loads(capsys.readouterr().out)
     assert values["milliseconds"] > 0.0 and values["bytes"] > 0 and values["probed"] == [3]
-    assert main(["plan", file, "--frames", "3", "--accuracy"]) == 0
-    assert "no effect of the scene draws near flakes over a texture" in capsys.readouterr().out
-    assert main(["plan", file, "--frames", "9-3"]) == 2
-    assert "Traceback" not in capsys.readouterr().err
 
 
 # What accuracy costs -----------------------------------------------------------------------------
@@ -669,11 +473,7 @@ def test_accuracy_says_where_the_hand_over_has_no_say():
         found = one.plan(2, probe=False, accuracy=True).accuracy
         assert found is not None and "`handover` has no say" in found.why
         assert [one.setting for one in found.settings] == ["as is", "every flake drawn"]
-    flight = fl.CameraPath(Camera(200.0), velocity=(0.0, 0.0, 4.0))
-    flying = fl.Scene(None, BYTES, effects=[fl.Snow(density=200.0, far=20.0)], camera=flight)
-    found = flying.plan(2, probe=False, accuracy=True).accuracy
-    assert found is not None and found.why == "" and len(found.settings) == 4
-    for effects in ([], [fl.TentSnow()], [fl.Snow(method="simulated")]):
+    for effects in ([fl.TentSnow()], [fl.Snow(method="simulated")]):
         found = fl.Scene(None, BYTES, effects=effects).plan(2, probe=False, accuracy=True).accuracy
         assert found is not None and found.settings == () and "draws near flakes" in found.why
 
@@ -687,19 +487,3 @@ def test_the_euler_number_counts_pieces_less_holes():
     assert euler(above) == 2
     random = np.random.default_rng(1).random((50, 40)) > 0.6
     assert euler(random) == judges.euler(random)
-
-
-def test_rendering_asks_no_clock_and_imports_nothing_more():
-    code = """
-import sys
-import flurries as fl
-fl.Scene, fl.TentSnow, fl.TentRain
-before = set(sys.modules)
-scene = fl.Scene((32, 24), "#102030", effects=[fl.TentSnow(amount=0.0), fl.TentRain(amount=0.0)])
-scene.render(1)
-new = {name for name in set(sys.modules) - before if name.startswith(("flurries", "Open", "av"))}
-assert not {n for n in new if n.split(".")[1:2] in (["gas"], ["cone"])}, new
-assert not {"OpenImageIO", "av", "skimage", "scipy", "tqdm"} & set(sys.modules)
-assert not {"flurries.frame.plan", "flurries.scene.accuracy"} & new
-"""
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -79,12 +78,6 @@ def test_a_sequence_holds_the_frames(ending: str, scene: fl.Scene, tmp_path: Pat
             assert np.array_equal(got, want)
 
 
-def test_16_bits_stay_16_bits(tmp_path: Path):
-    scene = Scene(None, BYTES.astype(np.uint16) * 257, effects=[SNOW])
-    scene.write(tmp_path / "%d.png", [3])
-    assert np.array_equal(read_picture(tmp_path / "3.png").pixels, scene.render(3))
-
-
 @pytest.mark.parametrize("half", [True, False])
 def test_an_exr_holds_the_light(half: bool, bright: fl.Scene, tmp_path: Path):
     bright.write(tmp_path / "still.exr", "7", bits="half" if half else "float")
@@ -96,33 +89,6 @@ def test_an_exr_holds_the_light(half: bool, bright: fl.Scene, tmp_path: Path):
     for name, plane in zip("RGB", np.moveaxis(want, -1, 0), strict=True):
         stored = plane.astype(np.float16).astype(np.float32) if half else plane
         assert np.array_equal(values[name], stored), "half within half an ulp, floats exact"
-
-
-@pytest.mark.parametrize("half", [True, False])
-@pytest.mark.parametrize("kind", ["light", "bytes"])
-def test_an_exr_with_layers(kind: str, half: bool, bright: fl.Scene, tmp_path: Path):
-    scene = bright if kind == "light" else Scene(None, BYTES, effects=[SNOW, SNOW], space="linear")
-    scene.write(tmp_path / "a.exr", 5, layers=True, bits="half" if half else "float")
-    values, types = channels_of(tmp_path / "a.exr")
-    rgba = "RGBA"
-    named = {f"{n}.{c}" for n in ("snow", "snow2") for c in rgba}
-    assert {*rgba, *named} <= set(values)
-    assert {types[c] for c in (*rgba, *named)} == {"half" if half else "float"}
-    want = (scene if kind == "light" else wide(scene)).render(5, layers=True)
-    image = want.image if kind == "light" else srgb_to_linear(want.image / 65535.0)
-    planes = {c: image[..., i] for i, c in enumerate("RGB")} | {"A": np.ones((H, W))}
-    for name, layer in want.layers.items():
-        planes |= {f"{name}.{c}": layer[..., i] for i, c in enumerate(rgba)}
-    for name, plane in planes.items():
-        limit = 2.0**-11 * np.maximum(np.abs(plane), 2.0**-14) if half else 1e-7
-        assert (np.abs(values[name] - plane) <= limit).all(), name
-    # What a compositor does with them gives the picture again.
-    back = LIGHT if kind == "light" else srgb_to_linear(BYTES / 255.0)
-    for name in ("snow", "snow2"):
-        cover = values[f"{name}.A"][..., None]
-        back = np.dstack([values[f"{name}.{c}"] for c in "RGB"]) + (1 - cover) * back
-    again = np.dstack([values[c] for c in "RGB"])
-    assert np.abs(back - again).max() < (0.01 if kind == "bytes" else 0.005 * LIGHT.max())
 
 
 def test_display_levels(scene: fl.Scene, bright: fl.Scene):
@@ -151,15 +117,6 @@ def test_a_video_holds_the_frames(ending: str, tmp_path: Path):
         assert away == 0 if ending == "mkv" else away < 4  # colors at half resolution
         other = np.abs(got.astype(int) - scene.render(number + 40)).mean()
         assert away < 0.3 * other, "and of no other frame"
-
-
-@pytest.mark.parametrize("options", [{"bits": "float"}, {"layers": True}, {"alone": True}])
-def test_other_contents_in_the_way_stay(options: dict[str, Any], bright: fl.Scene, tmp_path: Path):
-    bright.write(tmp_path / "%04d.exr", "1-2")
-    before = contents(tmp_path)
-    with pytest.raises(ValueError, match=r"000[12]\.exr is there already"):
-        bright.write(tmp_path / "%04d.exr", "1-3", **options)
-    assert contents(tmp_path) == before
 
 
 def test_a_film_is_not_its_own_background(tmp_path: Path):
@@ -192,20 +149,3 @@ def test_frames_that_were_not_named(tmp_path: Path):
     still = Scene((8, 8), "#102030", fps=1.5)
     assert still.write(tmp_path / "still" / "%d.png").written == [1, 2, 3, 4, 5]  # 3 s and a bit
     assert still.write(tmp_path / "one.png").written == [1]
-
-
-@pytest.mark.parametrize("target", ["folder", "link", "file as a folder"])
-def test_targets_that_are_no_files(target: str, scene: fl.Scene, tmp_path: Path):
-    path = tmp_path / "0001.png"
-    kept = tmp_path / "kept"
-    kept.write_bytes(b"mine")
-    if target == "folder":
-        path.mkdir()
-    elif target == "link":
-        path.symlink_to(kept)
-    else:
-        path = kept / "0001.png"
-    with pytest.raises((OSError, ValueError), match=r"0001\.png|kept"):
-        scene.write(path.with_name("%04d.png"), "1-2", overwrite=True)
-    assert kept.read_bytes() == b"mine"
-    assert {p.name for p in tmp_path.iterdir()} <= {"kept", "0001.png", "0002.png"}

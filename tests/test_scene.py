@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.io import VideoWriter, srgb_to_linear, write_picture
+from flurries.io import srgb_to_linear, write_picture
 
 Keys, Snow, Scene, Camera = fl.Keys, fl.TentSnow, fl.Scene, fl.camera.Camera
 W, H = 90, 70
@@ -43,30 +43,9 @@ SCENES: dict[str, fl.Scene] = {
     ),
     "paper": Scene(None, BYTES, effects=[Snow.preset("paper", **FEW)], seed=2**63 - 1),
 }  # fmt: skip
-TIMES = [0, 7, 7.5, -3.25, 20, 777]
-
-
-def digest(scene: fl.Scene, t: float) -> bytes:
-    return scene.render(t).tobytes()
-
-
-@pytest.fixture(scope="module", params=SCENES)
-def case(request: pytest.FixtureRequest) -> tuple[fl.Scene, dict[float, bytes]]:
-    scene = SCENES[request.param]
-    return scene, {t: digest(scene, t) for t in TIMES}
 
 
 # A frame is a pure function ----------------------------------------------------------------------
-
-
-def test_any_order_gives_the_same_bits(case: Any, threads: Callable[[int], None]):
-    scene, want = case
-    assert len(set(want.values())) == len(TIMES), "frames differ from each other"
-    shuffled = [TIMES[i] for i in np.random.default_rng(0).permutation(len(TIMES))]
-    for count, order in ((1, TIMES[::-1]), (3, shuffled)):
-        threads(count)
-        fresh = scene.replace()
-        assert all(digest(fresh, t) == want[t] for t in order)
 
 
 PARTS = [
@@ -75,8 +54,8 @@ PARTS = [
 ]  # fmt: skip
 
 
-def test_a_region_has_the_bits_of_the_whole(case: Any):
-    scene, _ = case
+@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
+def test_a_region_has_the_bits_of_the_whole(scene: fl.Scene):
     whole = scene.render(7.5, layers=True)
     for part in PARTS:
         assert np.array_equal(scene.render(7.5, region=part), whole.image[part])
@@ -93,13 +72,6 @@ def test_any_time_is_finite(t: Any):
         assert 0.0 < got.alpha.mean() < 1.0
 
 
-@pytest.mark.parametrize("name", ["Scene", "Snow", "Keys", "CameraPath"])
-def test_what_holds_no_picture_is_small(name: str):
-    thing = {"Scene": SCENES["keyed"], "Snow": Snow.preset("heavy"), "Keys": Keys([(0, 1), (9, 2)]),
-             "CameraPath": fly(velocity=(1, 2, 3))}[name]  # fmt: skip
-    assert len(pickle.dumps(thing)) <= 4096
-
-
 def test_frozen_and_nobody_elses():
     scene, snow = SCENES["keyed"], Snow()
     for thing in (scene, snow, scene.render(0, layers=True)):
@@ -108,21 +80,13 @@ def test_frozen_and_nobody_elses():
                 setattr(thing, field.name, 1)
     mine, mask = BYTES.copy(), MASK.copy()
     scene = Scene(None, mine, effects=[Snow(**FEW)], foreground=mask)
+    scene.render(3)[...] = 1
     want = scene.render(3)
     assert np.array_equal(mine, BYTES) and np.array_equal(mask, MASK), "altered"
     mine[...], mask[...] = 7, 0.25
     assert np.array_equal(scene.render(3), want)
     for made in (scene.replace(fps=scene.fps), scene.anew(), pickle.loads(pickle.dumps(scene))):
         assert np.array_equal(made.render(3), want), "what the caller did reached a copy"
-
-
-@pytest.mark.parametrize("effects", [(), (Snow(amount=0.0),), (Snow(**FEW),)])
-def test_a_frame_belongs_to_the_caller(effects: tuple[Any, ...]):
-    scene = Scene(None, BYTES, effects=effects)
-    first = scene.render(0)
-    want = first.tobytes()
-    first[...] = 1
-    assert digest(scene, 0) == want
 
 
 # How much, and what stands in front --------------------------------------------------------------
@@ -139,12 +103,6 @@ def test_no_snow_is_the_background(dtype: type, space: str):
         scene = Scene(None, picture, effects=effects, space=space)
         assert scene.render(5).tobytes() == picture.tobytes()
     assert scene.render(6).tobytes() != picture.tobytes()
-
-
-def test_a_keyed_amount_rises():
-    scene = Scene((W, H), effects=[Snow.preset("heavy", amount=Keys([(0, 0.0), (10, 1.0)]))])
-    means = [scene.render(t).mean() for t in range(0, 11, 2)]
-    assert means[0] == 0.0 and (np.diff(means) > 0).all(), means
 
 
 def test_flakes_come_one_after_the_other():
@@ -232,110 +190,32 @@ def twin_encode(light: np.ndarray) -> np.ndarray:
     return np.where(light <= 0.0031308, 12.92 * light, 1.055 * np.abs(light) ** (1 / 2.4) - 0.055)
 
 
-def test_linear_light_keeps_the_energy():
-    snow = [Snow.preset("heavy", color=1.0, **FEW)]
-    flat = np.full((H, W, 3), 60, np.uint8)
-    display, linear = (Scene(None, flat, effects=snow, space=s) for s in ("display", "linear"))
-    alpha = linear.render(2, layers=True).alpha.astype(np.float64).mean()
-    ground = float(srgb_to_linear(np.array(60 / 255)))
-    light = srgb_to_linear(linear.render(2) / 255.0)[..., 0].mean()
-    assert light == pytest.approx(alpha + (1 - alpha) * ground, abs=1e-3)
-    # The paper's own mixing keeps the mean of the display values instead, so it is another look.
-    values = display.render(2)[..., 0].mean() / 255.0
-    assert values == pytest.approx(alpha + (1 - alpha) * 60 / 255, abs=1e-3)
-    assert linear.render(2).mean() > display.render(2).mean() + 5
-
-
 # Backgrounds and bad arguments -------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["sequence", "video"])
-def test_a_film_behind_shows_its_frames(kind: str, tmp_path: Path):
-    frames = [np.full((48, 64, 3), level, np.uint8) for level in (10, 90, 170)]
-    if kind == "sequence":
-        for number, frame in enumerate(frames, 101):
-            write_picture(tmp_path / f"plate.{number}.png", frame)
-        spec = tmp_path / "plate.%d.png"
-    else:
-        spec = tmp_path / "plate.mkv"
-        with VideoWriter(spec, (64, 48), 25) as video:
-            for frame in frames:
-                video.write(frame)
-    scene, first = Scene(None, spec), 101 if kind == "sequence" else 0
-    assert scene.size == (64, 48) and scene.frames == 3 and scene.range == (first, first + 2)
-    for t, index in [(2, 2), (0, 0), (1.99, 1), (1, 1), (2.5, 2)]:
-        assert np.array_equal(scene.render(first + t), frames[index]), t
-    for t in (3, 1e6, -0.5):
-        with pytest.raises(ValueError, match=f"has {first}-{first + 2}"):
-            scene.render(first + t)
-    held = scene.replace(extend="hold")
-    for t, index in [(3, 2), (1e6, 2), (-0.5, 0)]:
-        assert np.array_equal(held.render(first + t), frames[index]), t
-    again = pickle.loads(pickle.dumps(scene))
-    assert np.array_equal(again.render(first + 1), frames[1])
-    assert Scene((32, 32), spec, effects=[Snow(**FEW)]).render(first).shape == (32, 32, 3)
+def test_times_and_regions_that_are_none_are_refused():
+    for t in (np.nan, "x", None, True):
+        with pytest.raises((TypeError, ValueError), match=r"\bt must be"):
+            SCENES["keyed"].render(t)
+    for region in (np.s_[0:0, :], np.s_[::2, :], np.s_[0, 0], 5, (slice(0, 1),), np.s_[200:300, :],
+                   np.s_["a":, :]):  # fmt: skip
+        with pytest.raises((TypeError, ValueError), match="region"):
+            SCENES["keyed"].render(0, region=region)
 
 
-def test_a_size_the_wrong_way_round_gets_a_hint():
-    with pytest.raises(ValueError, match=r"size is \(width, height\)"):
-        Scene((H, W), BYTES)
-
-
-@pytest.mark.parametrize("t", [np.nan, np.inf, "x", None, 1j, True])
-def test_times_that_are_none_are_refused(t: Any):
-    with pytest.raises((TypeError, ValueError), match=r"\bt must be"):
-        SCENES["keyed"].render(t)
-
-
-@pytest.mark.parametrize(
-    "region", [np.s_[0:0, :], np.s_[5:3, :], np.s_[::2, :], np.s_[::-1, :], np.s_[0, 0], 5, "x",
-               (slice(0, 1),), np.s_[200:300, :], np.s_["a":, :], np.s_[0.5:2, :]], ids=str
-)  # fmt: skip
-def test_regions_that_are_none_are_refused(region: Any):
-    with pytest.raises((TypeError, ValueError), match="region"):
-        SCENES["keyed"].render(0, region=region)
-
-
-# Each field of Snow: a good value besides the default.
-FIELDS: dict[str, Any] = {
+KEYED: dict[str, Any] = {
     "amount": 0.5, "fall": 2.0, "wind": (1.0, 2.0, 3.0), "color": (0.1, 0.2, 0.3), "haze": 0.5,
-    "shutter": 0.0, "texture": 0.0, "mean": -0.5, "spread": 1.0, "power": 1.0, "exponent": 1.0,
-    "near_depth": 5.0, "depth_mode": "pixel", "wavelengths": (2.0, 6.0), "tile": 16, "overlap": 3,
-    "blend": "linear", "alias": "cut", "jitter": True, "flakes": 7, "flake_opacity": 0.5,
-    "flake_size": (0.01, 0.01), "flake_density": 4.5, "look": "v1", "sway": (0.1, 1.0), "seed": 3,
+    "shutter": 0.0, "texture": 0.0, "mean": -0.5, "spread": 1.0, "power": 1.0, "flake_opacity": 0.5,
 }  # fmt: skip
-KEYED = {"amount", "fall", "wind", "color", "haze", "shutter", "texture", "mean", "spread",
-         "power", "flake_opacity"}  # fmt: skip
 
 
-def test_no_field_of_snow_is_forgotten():
-    assert set(FIELDS) == {field.name for field in dataclasses.fields(Snow)}
-    for name, good in FIELDS.items():
-        assert getattr(Snow(**{name: good}), name) == good
-
-
-@pytest.mark.parametrize("name", sorted(KEYED))
+@pytest.mark.parametrize("name", KEYED)
 def test_what_may_be_keyed_is(name: str):
-    good = FIELDS[name]
-    snow = Snow(**{name: Keys([(0, good), (10, good)]), **({} if name == "flakes" else FEW)})
+    good = KEYED[name]
+    snow = Snow(**{name: Keys([(0, good), (10, good)]), **FEW})
     plain = Snow(**{name: good, **FEW})
     first, second = (Scene((W, H), effects=[s]).render(4).astype(int) for s in (snow, plain))
     assert np.abs(first - second).max() <= 1  # the way of keyed air is summed otherwise
-
-
-def test_presets_are_named_and_changed():
-    alphas = {}
-    for name in ("light", "moderate", "heavy", "blizzard", "paper"):
-        scene = Scene((128, 96), effects=[Snow.preset(name, wind=(1.0, 0.0, 0.0))])
-        assert scene.effects[0].wind == (1.0, 0.0, 0.0)
-        alphas[name] = scene.render(1, layers=True).alpha.mean()
-    assert alphas["light"] < alphas["moderate"] < alphas["heavy"] < alphas["blizzard"]
-    with pytest.raises(ValueError, match=r"preset must be one of .*'heavy'.* got 'hevy'"):
-        Snow.preset("hevy")
-    with pytest.raises(TypeError, match="flaks"):
-        Snow.preset("heavy", flaks=3)
-    with pytest.raises(TypeError):
-        Snow(0.5)  # keywords only
 
 
 @pytest.mark.parametrize("argument", ["background", "depth", "foreground"])
@@ -361,9 +241,10 @@ def test_a_file_that_is_missing_or_unreadable_is_told_with_its_argument(
         (lambda: fl.DepthMap("a.png", near=1.0, farr=9.0), "did you mean 'far'"),
         (lambda: fl.Foreground("a.png", deph=1.0), "did you mean 'depth'"),
         (lambda: fl.Scene((8, 8)).write("a.png", overwrit=True), "did you mean 'overwrite'"),
+        (lambda: fl.Scene((8, 9), np.zeros((8, 9, 3))), r"size is \(width, height\)"),
         (lambda: fl.Scene((8, 8), effects=["snow"]), r"effects\[0\] .* such as Snow\(\)"),
     ],
 )
 def test_a_mistyped_argument_is_told_what_was_meant(call: Callable[[], object], hint: str):
-    with pytest.raises(TypeError, match=hint):
+    with pytest.raises((TypeError, ValueError), match=hint):
         call()

@@ -11,14 +11,12 @@ import pytest
 import flurries as fl
 from flurries.io import (
     linear_to_srgb,
-    read_layers,
     read_picture,
     read_video,
     srgb_to_linear,
     write_picture,
 )
 
-SIZE = (64, 48)
 EFFECTS = [fl.Mist(count=60, density=0.6), fl.TentSnow.preset("heavy", flakes=150)]
 
 
@@ -86,28 +84,6 @@ def test_16_7_weather_over_alpha_is_premultiplied(dtype: str, space: str):
     assert alike or np.abs(bare.astype(float) - frame[..., :3]).max() > 0.05 * wanted.max()
 
 
-@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32"])
-@pytest.mark.parametrize("space", ["display", "linear"])
-def test_16_7_without_weather_the_plate_comes_back(dtype: str, space: str):
-    background = plate(dtype)
-    frame = fl.Scene(None, background, space=space).render(0)
-    if dtype == "float32" and space == "display":
-        np.testing.assert_allclose(frame, background, atol=3e-7)
-    else:
-        assert np.array_equal(frame, background)
-
-
-@pytest.mark.parametrize("dtype", ["uint8", "float32"])
-def test_16_7_an_opaque_plate_has_the_colors_of_one_without_alpha(dtype: str):
-    background = plate(dtype, opaque=True)
-    frame = fl.Scene(None, background, effects=EFFECTS).render(2)
-    bare = fl.Scene(None, np.ascontiguousarray(background[..., :3]), effects=EFFECTS).render(2)
-    assert (frame[..., 3] == frame[0, 0, 3]).all()
-    # Integers of several layers are rounded once, and not at each.
-    most = 1.0 if dtype == "uint8" else 1e-6
-    assert np.abs(frame[..., :3].astype(float) - bare).max() <= most
-
-
 def test_16_7_regions_bands_eyes_and_masks_keep_it():
     random = np.random.default_rng(3)
     background = random.integers(0, 256, (1100, 1000, 4), dtype=np.uint8)
@@ -140,17 +116,6 @@ def test_16_7_files_with_alpha_go_in_and_come_out(tmp_path: Path, name: str):
     assert small.shape == (24, 32, 4)
 
 
-def test_16_7_layers_rebuild_the_composite(tmp_path: Path):
-    scene = fl.Scene(None, plate("float32"), effects=EFFECTS)
-    scene.write(tmp_path / "%d.exr", "2", layers=True, bits="float")
-    found = read_layers(tmp_path / "2.exr")
-    under = found["background"]
-    assert under.shape == (48, 64, 4)
-    for name in ("mist", "snow"):
-        under = found[name] + (1.0 - found[name][..., 3:]) * under
-    np.testing.assert_allclose(under, found["rgba"], atol=1e-6)
-
-
 @pytest.mark.parametrize("name", ["a.mp4", "%d.jpg"])
 def test_16_7_files_without_alpha_take_what_is_opaque(tmp_path: Path, name: str):
     scene = fl.Scene(None, plate("uint8", opaque=True), effects=EFFECTS)
@@ -162,45 +127,23 @@ def test_16_7_files_without_alpha_take_what_is_opaque(tmp_path: Path, name: str)
         clear.write(tmp_path / "other" / name, "1")
 
 
-def test_16_7_alpha_beyond_one_is_refused():
-    background = plate("float32")
-    background[3, 4, 3] = 1.5
-    with pytest.raises(ValueError, match="background: alpha must be from 0 to 1"):
-        fl.Scene(None, background)
-
-
-@pytest.mark.parametrize(
-    "way", ["array", "file", "sequence", "foreground", "transform", "snow", "over"]
-)
+@pytest.mark.parametrize("way", ["array", "file", "foreground", "transform", "over"])
 def test_16_7_a_float_picture_of_levels_is_warned_of(tmp_path: Path, way: str):
     levels = np.random.default_rng(2).integers(0, 256, (48, 64, 3)).astype(np.float32)
-    if way in ("file", "sequence"):
+    if way == "file":
         write_picture(tmp_path / "1.tif", levels)
     with pytest.warns(UserWarning, match="is a float picture of values up to 255, .*if that is"):
         if way == "array":
             fl.Scene(None, levels)
         elif way == "file":
             fl.Scene(None, tmp_path / "1.tif").render(0)
-        elif way == "sequence":
-            fl.Scene(None, tmp_path / "%d.tif").render(1)
         elif way == "foreground":
             front = np.concatenate([levels, np.ones_like(levels[..., :1])], axis=2)
             fl.Scene((64, 48), foreground=front)
         elif way == "transform":
             fl.augment.Snowfall(seed=1)(levels)
-        elif way == "snow":
-            fl.composite.snow(levels, np.zeros((48, 64), np.float32))
         else:
             fl.composite.over(levels, np.zeros((48, 64, 4), np.float32))
-
-
-def test_16_7_a_function_of_a_script_is_warned_too():
-    """Its frames have no package: the warning was an AttributeError there."""
-    code = "def ask(fl, plate):\n    return fl.Scene(None, plate)"
-    script: dict[str, Any] = {"__name__": "__main__", "__package__": None}
-    exec(code, script)
-    with pytest.warns(UserWarning, match="values up to 200"):
-        script["ask"](fl, np.full((4, 4, 3), 200.0, np.float32))
 
 
 def test_16_7_bright_light_is_not():

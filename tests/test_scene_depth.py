@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.io import fit, fit_nearest, read_depth, write_layers, write_picture
-from flurries.scene.fingerprint import fingerprint
+from flurries.io import fit, fit_nearest, write_layers, write_picture
 
 W, H = 60, 40
 RNG = np.random.default_rng(31)
@@ -43,38 +42,11 @@ def depth(value: Any, t: float = 0.0, size: Any = (W, H)) -> np.ndarray:
 
 def test_a_wall_an_array_and_files(folder: Path):
     assert (depth(12.5) == 12.5).all() and (depth(3) == 3.0).all()
-    for value in (FAR, FAR.astype(np.float64), FAR.tolist(), "z.exr", Path("view.exr")):
+    for value in (FAR, FAR.tolist(), "z.exr", Path("view.exr")):
         assert np.array_equal(depth(value), FAR)
     half = FAR.astype(np.float16)
     assert np.array_equal(depth(half), half.astype(np.float32))
     assert fl.Scene((W, H)).depth_at(3.0) is None
-
-
-def test_one_float_channel_is_depth_whatever_its_name(folder: Path):
-    import OpenImageIO as oiio
-
-    specification = oiio.ImageSpec(W, H, 1, "float")
-    for name in ("y.exr", "y.tif"):
-        out = oiio.ImageOutput.create(name)
-        assert out.open(name, specification) and out.write_image(FAR[..., None])
-        out.close()
-        assert np.array_equal(depth(name), FAR)
-
-
-def test_outside_the_data_window_is_the_sky(folder: Path):
-    import OpenImageIO as oiio
-
-    specification = oiio.ImageSpec(10, 8, 1, "float")
-    specification.channelnames = ("Z",)
-    specification.x, specification.y = 5, 4
-    specification.full_width, specification.full_height = W, H
-    out = oiio.ImageOutput.create("window.exr")
-    assert out.open("window.exr", specification)
-    assert out.write_image(np.full((8, 10, 1), 3.0, np.float32))
-    out.close()
-    got = read_depth("window.exr")
-    assert got.shape == (H, W) and np.isinf(got).sum() == W * H - 80
-    assert (got[4:12, 5:15] == 3.0).all()
 
 
 def test_a_sequence_goes_with_the_frames(folder: Path):
@@ -109,13 +81,7 @@ def test_greys_become_depths(white: str, law: str, kind: str, folder: Path):
     assert got[GREY == 255].mean() == pytest.approx(2.0 if white == "near" else 30.0, rel=1e-5)
 
 
-def test_the_sky_may_be_painted():
-    sky = fl.DepthMap(np.array([[0, 255, 51]], np.uint8), near=2.0, far=np.inf, law="inverse")
-    got = depth(sky, size=(3, 1))[0]
-    assert got[0] == np.inf and got[1] == 2.0 and got[2] == pytest.approx(10.0)
-
-
-SIZES = [(60, 40), (30, 20), (120, 80), (80, 40), (60, 70), (33, 47), (1, 1), (7, 200)]
+SIZES = [(60, 40), (120, 80), (33, 47), (1, 1), (7, 200)]
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -135,125 +101,29 @@ def test_files_are_fitted_as_the_background_is_without_making_depths(size: Any, 
     assert np.quantile(off[0], 0.9) <= 0.75 and np.quantile(off[1], 0.9) <= 0.75
 
 
-def test_a_frame_belongs_to_nobody_else():
-    mine = FAR.copy()
-    scene = fl.Scene((W, H), depth=mine)
-    print_before = fingerprint(scene)
-    mine[...] = 1.0
-    assert np.array_equal(scene.depth_at(0), FAR) and fingerprint(scene) == print_before
-    again = pickle.loads(pickle.dumps(scene))
-    assert np.array_equal(again.depth_at(0), FAR)
+REFUSED: list[tuple[Any, str]] = [
+    (np.where(FAR < 2.0, np.nan, FAR), "depth .*got nan at \\[5, 5\\]"),
+    (np.where(FAR < 2.0, 0.0, FAR), "depth .*infinity where nothing stands.*got 0"),
+    (np.where(FAR < 2.0, -np.inf, FAR), "depth .*got -inf"),
+    (GREY, "depth .*DepthMap"), (fl.DepthMap(GREY.T, **MAP), "depth: source must have shape"),
+    ("nope.exr", "nope.exr"), ("nope.%d.exr", "nope"), ("a\0b", "depth"), ("", "depth"),
+    ("grey.png", "grey.png.*no float channel.*DepthMap"),
+    ("hole.exr", r"hole\.exr: depth .*nan at"),
+]  # fmt: skip
 
 
-REFUSED: dict[str, tuple[Any, str]] = {
-    "a NaN inside": (np.where(FAR < 2.0, np.nan, FAR), "depth .*got nan at \\[5, 5\\]"),
-    "a hole of 0": (np.where(FAR < 2.0, 0.0, FAR), "depth .*infinity where nothing stands.*got 0"),
-    "minus infinity": (np.where(FAR < 2.0, -np.inf, FAR), "depth .*got -inf"),
-    "greys": (GREY, "depth .*DepthMap"),
-    "a map turned": (fl.DepthMap(GREY.T, **MAP), "depth: source must have shape"),
-    "no file": ("nope.exr", "nope.exr"), "no sequence": ("nope.%d.exr", "nope"),
-    "a PNG": ("grey.png", "grey.png.*no float channel.*DepthMap"), "a NUL": ("a\0b", "depth"),
-    "empty": ("", "depth"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_refusals(name: str, folder: Path):
-    value, words = REFUSED[name]
-    with pytest.raises((ValueError, TypeError, OSError), match=words):
-        fl.Scene((W, H), depth=value)
-
-
-def test_a_file_with_a_hole_is_named(folder: Path):
+def test_refusals(folder: Path):
     write_layers("hole.exr", {"depth": np.where(FAR < 2.0, np.nan, FAR).astype(np.float32)})
-    scene = fl.Scene((W, H), depth="hole.exr", effects=[fl.TentSnow(flakes=10)])
-    with pytest.raises(ValueError, match=r"hole\.exr: depth .*nan at"):
-        scene.render(0)
-
-
-# The sun -----------------------------------------------------------------------------------------
+    for value, words in REFUSED:
+        with pytest.raises((ValueError, TypeError, OSError), match=words):
+            fl.Scene((W, H), depth=value).depth_at(0)
 
 
 def test_the_sun():
-    sun = fl.Sun((0, 3, -4), 0.5, 0.25)
-    assert sun == fl.Sun((0.0, 3.0, -4.0), (0.5, 0.5, 0.5), 0.25)
-    assert sun.unit() == pytest.approx([0.0, 0.6, -0.8], abs=1e-15)
-    for scale in (1e-90, 1e90):
+    for scale in (1e-90, 1.0, 1e90):
         assert fl.Sun((0, 3 * scale, -4 * scale)).unit() == pytest.approx([0, 0.6, -0.8], abs=1e-15)
-    assert pickle.loads(pickle.dumps(sun)) == sun
     with pytest.raises(TypeError, match=r"sun must be a flurries\.Sun"):
         fl.Scene((W, H), sun=(0, 1, 0))  # type: ignore[arg-type]
-
-
-# Scene files -------------------------------------------------------------------------------------
-
-SAVED: dict[str, dict[str, Any]] = {
-    "wall": {"depth": 3.25},
-    "file": {"depth": "z.exr", "sun": fl.Sun()},
-    "sequence": {"depth": Path("film.%d.exr")},
-    "map": {"depth": fl.DepthMap("grey.png", near=1.0, far=np.inf, white="far", law="inverse"),
-            "sun": fl.Sun((1.0, 2.0, 3.0), (1.0, 0.5, 0.25), 0.0)},
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", SAVED)
-def test_saved_and_loaded(name: str, folder: Path):
-    scene = fl.Scene((W, H), **SAVED[name])
-    (folder / "deep").mkdir()
-    for file in ("scene.toml", "deep/scene.toml"):
-        scene.save(file)
-        again = fl.Scene.load(file)
-        assert again.sun == scene.sun and fingerprint(again) == fingerprint(scene)
-        for t in (7, 8):
-            assert np.array_equal(again.depth_at(t), scene.depth_at(t))  # type: ignore[arg-type]
-
-
-def test_a_fingerprint_sees_depth_and_sun(folder: Path):
-    kinds: list[Any] = [None, 3.0, 4.0, FAR, FAR + 1, "z.exr", "film.%d.exr",
-             *(fl.DepthMap(s, **{**MAP, **c}) for s in ("grey.png", GREY)
-               for c in ({}, {"near": 1.0}, {"white": "far"}, {"law": "inverse"}))]  # fmt: skip
-    prints = [fingerprint(fl.Scene((W, H), depth=kind)) for kind in kinds]
-    prints += [
-        fingerprint(fl.Scene((W, H), sun=sun))
-        for sun in (fl.Sun(), fl.Sun((0, 1, 0)), fl.Sun(ambient=0.5), fl.Sun(color=0.5))
-    ]
-    assert len(set(prints)) == len(prints)
-    assert prints[0] == fingerprint(fl.Scene((W, H)))
-    before = fingerprint(fl.Scene((W, H), depth=fl.DepthMap("grey.png", **MAP)))
-    write_picture(folder / "grey.png", 255 - GREY)
-    assert fingerprint(fl.Scene((W, H), depth=fl.DepthMap("grey.png", **MAP))) != before
-
-
-@pytest.mark.parametrize("value", [FAR, fl.DepthMap(GREY, **MAP)], ids=["array", "map"])
-def test_arrays_are_not_saved(value: Any, tmp_path: Path):
-    with pytest.raises(ValueError, match="depth"):
-        fl.Scene((W, H), depth=value).save(tmp_path / "scene.toml")
-
-
-MISTAKES: dict[str, tuple[str, int, str]] = {
-    "zero": ("size = [6, 4]\ndepth = 0\n", 2, "depth"),
-    "NaN": ("depth = nan\n", 1, "depth.*finite"),
-    "a list": ("depth = [1, 2]\n", 1, "depth"),
-    "unknown": ("[depth]\nsource = 'grey.png'\nnaer = 1\n", 3, "naer.*depth.*'near'"),
-    "no source": ("[depth]\nnear = 1\nfar = 2\n", 1, "depth needs source"),
-    "no far": ("[depth]\nsource = 'grey.png'\nnear = 1\n", 1, "depth needs far"),
-    "source a number": ("[depth]\nsource = 3\nnear = 1\nfar = 2\n", 2, "source"),
-    "backwards": ("[depth]\nsource = 'grey.png'\nnear = 3\nfar = 2\n", 4, "far"),
-    "white": ("[depth]\nsource = 'g.png'\nnear = 1\nfar = 2\nwhite = 'x'\n", 5, "white"),
-    "sun a number": ("sun = 3\n", 1, "sun must be a table"),
-    "sun unknown": ("[sun]\ncolr = 1.0\n", 2, "colr.*sun.*'color'"),
-    "sun nowhere": ("[sun]\ndirection = [0, 0, 0]\n", 2, "direction"),
-    "sun bright": ("[sun]\ndirection = [0, 1, 0]\ncolor = 2\n", 3, "color"),
-}
-
-
-@pytest.mark.parametrize("name", MISTAKES)
-def test_a_mistake_is_told_with_its_line(name: str, folder: Path):
-    text, line, words = MISTAKES[name]
-    (folder / "scene.toml").write_text(f"format = 3\n{text}")
-    with pytest.raises((ValueError, TypeError), match=words) as caught:
-        fl.Scene.load("scene.toml")
-    assert "scene.toml" in str(caught.value) and f"line {1 + line}" in str(caught.value)
 
 
 @pytest.mark.parametrize("way", ["array", "file", "transform"])

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.io import read_layers, srgb_to_linear
 from flurries.output.contents import weather
 
 W, H = 40, 30
@@ -82,23 +80,6 @@ def test_color_by_pixel_is_mixed_in_either_light(space: str, kind: str, matte: A
         assert np.abs(got / want - 1.0).max() <= 1e-5
 
 
-def test_one_color_by_pixel_is_the_plain_layer():
-    # The same light given in both ways; a layer mistaken for straight or for display would differ.
-    light = decode(np.array(ONE.color))
-    same = fl.Layer("fog", ALPHA, rgb=(light * ALPHA[..., None]).astype(np.float32))
-    for picture, space in ((BYTES, "display"), (BYTES, "linear"), (LIGHT, "linear")):
-        plain, by_pixel = (
-            fl.Scene(None, picture, effects=[Given(layer)], space=space).render(0)
-            for layer in (ONE, same)
-        )
-        assert np.abs(plain.astype(float) - by_pixel).max() <= (1 if picture is BYTES else 1e-6)
-    wrong = fl.Layer("fog", ALPHA, rgb=np.broadcast_to(light, (H, W, 3)).astype(np.float32))
-    plain, straight = (
-        fl.Scene(None, BYTES, effects=[Given(layer)]).render(0) for layer in (ONE, wrong)
-    )
-    assert np.abs(plain.astype(float) - straight).max() > 20
-
-
 @pytest.mark.parametrize("space", ["display", "linear"])
 def test_the_layers_of_a_tuple_make_the_composite(space: str):
     effects = [Given((ONE, MANY)), Given(ONE), fl.TentSnow(flakes=50)]
@@ -118,45 +99,6 @@ def test_names_are_unique_and_none_is_taken():
     effects = [Given(tuple(fl.Layer(name, ALPHA) for name in names))]
     got = fl.Scene(None, BYTES, effects=effects).render(0, layers=True)
     assert list(got.layers) == ["snow", "snow2", "snow3", "snow4", "rgba2", "depth2", "x.y", "x.y2"]
-
-
-def test_a_region_has_the_bits_of_the_whole():
-    scene = fl.Scene(None, BYTES, effects=[Given((ONE, MANY))], depth=FAR)
-    part = np.s_[5:21, 7:30]
-    whole, got = scene.render(0, layers=True), scene.render(0, layers=True, region=part)
-    assert np.array_equal(got.image, whole.image[part])
-    assert np.array_equal(got.depth, FAR[part])
-    assert np.array_equal(got.depths["cloud"], FAR[part])
-
-
-def test_an_exr_keeps_colors_and_depths(tmp_path: Path):
-    scene = fl.Scene(None, LIGHT, effects=[Given((ONE, MANY))], depth=2.0 * FAR)
-    scene.write(tmp_path / "%d.exr", [3], layers=True, bits="float")
-    found = read_layers(tmp_path / "3.exr")
-    planes = {"alpha", "background", "weather.depth"}
-    assert set(found) == {"rgba", "fog", "cloud", "depth", "cloud.depth"} | planes
-    assert np.array_equal(found["cloud"][..., :3], MANY.rgb)
-    assert np.array_equal(found["cloud"][..., 3], ALPHA)
-    assert np.array_equal(found["depth"], 2.0 * FAR)
-    assert np.array_equal(found["cloud.depth"], FAR)
-
-
-@pytest.mark.parametrize("space", ["display", "linear"])
-def test_nothing_there_leaves_the_bits(space: str):
-    empty = fl.Layer("fog", np.zeros((H, W), np.float32), rgb=np.zeros((H, W, 3), np.float32))
-    for picture in (BYTES, LIGHT):
-        if picture is LIGHT and space == "display":
-            continue  # through display values and back
-        got = fl.Scene(None, picture, effects=[Given(empty)], space=space).render(0)
-        assert np.array_equal(got, picture)
-
-
-def test_light_is_kept_in_linear_light():
-    glow = fl.Layer("glow", np.zeros((H, W), np.float32), rgb=np.full((H, W, 3), 0.5, np.float32))
-    got = fl.Scene(None, LIGHT, effects=[Given(glow)]).render(0)
-    assert np.abs(got - (LIGHT + 0.5)).max() < 1e-6
-    bright = srgb_to_linear(np.array(0.5))
-    assert bright < 0.5  # what a wrong light would have added
 
 
 WRONG = {

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.effects.occlusion import share_before
 from flurries.effects.wall import wall_maps
 from flurries.io import linear_to_srgb, srgb_to_linear
 from flurries.light.plate import ambient_light
@@ -104,16 +103,6 @@ def test_a_wall_s_map_has_its_share_of_the_mean(sky: tuple[float, float, float])
     assert maps.at(np.zeros(1), None)[1] == 0.0
 
 
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("kind", ["snow", "rain"])
-def test_a_wall_at_3_m_shows_less_than_the_sky(mode: str, kind: str):
-    effect = (Snow.preset("heavy", depth_mode=mode) if kind == "snow"
-              else fl.TentRain.preset("downpour", depth_mode=mode))  # fmt: skip
-    means = [alpha(effect, depth).mean() for depth in (1.0, 3.0, 5.0, 30.0, None)]
-    assert (np.diff(means) >= 0.0).all() and means[0] < means[1] < means[2] < means[-1], means
-    assert means[1] < 0.4 * means[-1]
-
-
 def test_pixels_follow_edges_that_tiles_cannot():
     half = np.full((H, W), np.inf, np.float32)
     half[:, : W // 2] = 10.0
@@ -125,17 +114,6 @@ def test_pixels_follow_edges_that_tiles_cannot():
     assert tile[:, W // 2 - 8 : W // 2].mean() > 0.05
     assert tile[:, : W // 4].max() == 0.0
     assert np.abs(tile[:, 3 * W // 4 :] - sky[:, 3 * W // 4 :]).max() < 2e-6
-
-
-@pytest.mark.parametrize("mode", MODES)
-def test_blur_keeps_the_mean_before_a_wall_too(mode: str):
-    fast = {"flakes": 0, "haze": 0.0, "mean": 0.05, "spread": 2.0, "wind": (4.0, 0.0, 0.0),
-            "fall": 3.0, "depth_mode": mode}  # fmt: skip
-    sharp, blurred = (
-        np.mean([alpha(Snow(**fast, alias="keep", shutter=s), 40.0, seed=n) for n in range(6)])
-        for s in (0.0, 0.9)
-    )
-    assert blurred == pytest.approx(sharp, rel=0.06)
 
 
 # Linear blending -----------------------------------------------------------------------------
@@ -189,11 +167,6 @@ def test_depth_and_motion_of_a_seam_are_weighed_by_power(blend: str):
     assert covers[0].max() > 0.1 and np.array_equal(*covers)
 
 
-def test_share_is_even_over_octaves():
-    got = share_before(np.array([3.0, 12.0, 24.0, 48.0, 96.0, 500.0, np.inf]), NEAR, FAR)
-    assert got == pytest.approx([0.0, 0.0, 1 / 3, 2 / 3, 1.0, 1.0, 1.0], abs=1e-12)
-
-
 # Flakes and veil ---------------------------------------------------------------------------------
 
 
@@ -221,24 +194,6 @@ def test_the_veil_thickens_with_the_way_through_it():
 
 
 # The light of the background ---------------------------------------------------------------------
-
-
-def test_ambient_snow_has_the_background_s_light():
-    for level, want in ((0.05, 0.25), (0.02, 0.10), (0.5, 1.0)):
-        light = np.full((H, W, 3), level, np.float32) * np.array([1.0, 0.8, 0.5], np.float32)
-        light[:20] *= 2.0
-        light[20:40] *= 0.0
-        snow = Snow(color="ambient", flakes=0, haze=1.0, texture=0.0)
-        got = Scene(None, light, effects=[snow]).render(0)[50, 50]
-        white = light.reshape(-1, 3).mean(axis=0, dtype=float) * (0.9 / 0.18)
-        white /= max(1.0, white.max())
-        assert got == pytest.approx(white, rel=1e-4)
-        assert got[0] == pytest.approx(want, rel=1e-3)
-        # uint8 pictures give display values of that light.
-        display = np.rint(255.0 * linear_to_srgb(light)).clip(0, 255).astype(np.uint8)
-        seen = Scene(None, display, effects=[snow]).render(0)[50, 50] / 255.0
-        if level < 0.5:
-            assert srgb_to_linear(seen.astype(np.float64)) == pytest.approx(white, rel=0.03)
 
 
 def test_ambient_light_is_as_bright_as_the_mean_and_has_the_tint_of_what_is_grey():
@@ -274,17 +229,6 @@ def test_ambient_of_a_region_is_that_of_the_whole():
     odd[0, 0], odd[1, 1] = np.nan, np.inf
     got = Scene(None, odd, effects=[Snow(color="ambient", flakes=200)]).render(2)
     assert np.isfinite(got[5:]).all()
-
-
-def test_ambient_is_saved_and_other_words_are_refused(tmp_path: Any):
-    scene = Scene(
-        (W, H), "#405060", effects=[Snow(color="ambient", depth_mode="pixel")], depth=20.0
-    )
-    scene.save(tmp_path / "scene.toml")
-    again = Scene.load(tmp_path / "scene.toml")
-    assert again.effects == scene.effects and np.array_equal(again.render(1), scene.render(1))
-    with pytest.raises(ValueError, match="'#rrggbb' or 'ambient', got 'ambiant'; did you mean"):
-        Snow(color="ambiant")
 
 
 @pytest.mark.parametrize("kind", [Snow, fl.Snow, fl.Mist, fl.Sun, fl.ConeRain])

@@ -13,7 +13,7 @@ import flurries as fl
 from flurries.cli import main
 from flurries.io import read_picture, read_video, write_picture
 from flurries.output import manifest
-from flurries.output.mark import Mark
+from flurries.output.manifest import Mark
 from flurries.output.store import check
 
 W, H = 66, 50

@@ -5,13 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 
 import flurries as fl
 from flurries import io
-from flurries.cli import main
-from flurries.io.colorspace import ColorSpace
 
 H, W = 24, 36
 LIGHT = np.random.default_rng(3).random((H, W, 3)).astype(np.float32) * 0.5
@@ -71,24 +68,6 @@ def test_what_is_written_may_be_in_another_space(tmp_path: Path):
         fl.Scene((4, 4)).write(tmp_path / "a.exr", "1", colorspace="ACEScg")
 
 
-def test_chromaticities_go_only_where_they_are_true(tmp_path: Path):
-    spec = oiio.ImageSpec(W, H, 3, "half")
-    said = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
-    spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), said)
-    out = oiio.ImageOutput.create(str(tmp_path / "plate.exr"))
-    out.open(str(tmp_path / "plate.exr"), spec)
-    out.write_scanlines(0, H, 0, turned(LIGHT).astype(np.float16))
-    out.close()
-    scene = fl.Scene(None, tmp_path / "plate.exr", colorspace="ACEScg", effects=SNOW)
-    scene.write(tmp_path / "same.exr")
-    scene.write(tmp_path / "layers.exr", layers=True)
-    scene.write(tmp_path / "other.exr", colorspace="Linear Rec.2020")
-    for name, there in (("same", True), ("layers", True), ("other", False)):
-        found = oiio.ImageInput.open(str(tmp_path / f"{name}.exr")).spec()
-        assert (found.getattribute("chromaticities") is not None) is there, name
-    assert io.read_header(tmp_path / "other.exr").metadata["colorspace"] == "Linear Rec.2020"
-
-
 def test_alone_and_layers_are_in_the_space(tmp_path: Path):
     scene = fl.Scene(None, turned(LIGHT), effects=SNOW[:1], colorspace="ACEScg")
     plain = fl.Scene(None, LIGHT, effects=SNOW[:1])
@@ -97,41 +76,3 @@ def test_alone_and_layers_are_in_the_space(tmp_path: Path):
     wide, rec = (io.read_picture(tmp_path / f"{name}.exr") for name in ("wide", "plain"))
     np.testing.assert_array_equal(wide.alpha, rec.alpha)
     np.testing.assert_allclose(wide.pixels, turned(rec.pixels), atol=2e-5)
-
-
-def test_names_that_are_none_are_refused_with_the_nearest(tmp_path: Path):
-    with pytest.raises(ValueError, match=r"colorspace must be .*'ACEScg'.*got 'ACESgc'"):
-        fl.Scene((4, 4), colorspace="ACESgc")
-    with pytest.raises(TypeError, match="colorspace must be the name"):
-        fl.Scene((4, 4), colorspace=3)
-    assert ColorSpace.of("a", "acescg").name == "ACEScg"
-
-
-def test_the_command_line_and_scene_files_name_it(tmp_path: Path):
-    io.write_picture(tmp_path / "plate.exr", turned(LIGHT), half=False)
-    base = ["render", str(tmp_path / "plate.exr"), "--snow", "heavy", "--frames", "1", "-q"]
-    out = str(tmp_path / "out.exr")
-    assert main([*base, "--colorspace", "ACEScg", "-o", out]) == 0
-    more = ["--output-colorspace", "sRGB - Display", "-o", str(tmp_path / "out.png")]
-    assert main([*base, "--colorspace", "ACEScg", *more]) == 0
-    scene = fl.Scene(None, tmp_path / "plate.exr", colorspace="ACEScg", effects=SNOW)
-    scene.save(tmp_path / "scene.toml")
-    again = fl.Scene.load(tmp_path / "scene.toml")
-    assert again.colorspace == "ACEScg"
-    np.testing.assert_array_equal(again.render(2), scene.render(2))
-
-
-def test_a_configuration_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    (tmp_path / "config.ocio").write_text(
-        "ocio_profile_version: 2\nroles: {default: raw, scene_linear: lin_rec709}\n"
-        "displays: {d: [!<View> {name: v, colorspace: raw}]}\ncolorspaces:\n"
-        "  - !<ColorSpace> {name: raw, isdata: true}\n"
-        "  - !<ColorSpace> {name: lin_rec709, encoding: scene-linear}\n"
-        "  - !<ColorSpace>\n    name: swapped\n    encoding: scene-linear\n"
-        "    to_scene_reference: !<MatrixTransform> "
-        "{matrix: [0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}\n"
-    )
-    monkeypatch.setenv("OCIO", str(tmp_path / "config.ocio"))
-    made = fl.Scene(None, LIGHT[..., [1, 0, 2]], effects=SNOW, colorspace="swapped").render(4)
-    wanted = fl.Scene(None, LIGHT, effects=SNOW).render(4)
-    np.testing.assert_allclose(made[..., [1, 0, 2]], wanted, atol=1e-6)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import flurries as fl
-from flurries import io
 
 H, W = 72, 96
 LENS = fl.Camera(110.0)
@@ -81,19 +79,6 @@ def test_thick_fog_before_snow_tells_the_fog():
     assert made.weather_depth[thick].max() < 3.0
 
 
-class Glass:
-    """An effect of somebody's own that knows nothing of its pixels."""
-
-    def render(self, frame: fl.Frame) -> fl.Layer:
-        top, bottom, left, right = frame.window
-        return fl.Layer("glass", np.full((bottom - top, right - left), 0.9, np.float32))
-
-
-def test_where_a_layer_shows_most_that_knows_nothing_nothing_is_known():
-    made = rendered(None, effects=[fl.Snow.preset("heavy"), Glass()])
-    assert np.isinf(made.weather_depth).all() and (made.motion == 0.0).all()
-
-
 def test_rain_on_the_cone_moves_as_its_texture_does():
     """A camera that flies straight through still air: motion away from the middle, by depth."""
     rain = fl.ConeRain(fall=0.0, wind=(0.0, 0.0, 0.0), haze=0.0)
@@ -105,18 +90,3 @@ def test_rain_on_the_cone_moves_as_its_texture_does():
     seen = np.isfinite(depth) & (depth > 0.5)
     wanted = here[seen] * (depth[seen] / (depth[seen] - 0.1) - 1.0)[:, None]
     np.testing.assert_allclose(motion[seen], wanted, atol=2e-3, rtol=1e-3)
-
-
-def test_motion_counts_up_or_down_as_the_file_says(tmp_path: Path):
-    scene = fl.Scene((W, H), "#000000", camera=FLIGHT, effects=[fl.Snow.preset("heavy")], fps=24.0)
-    for way in ("y-down", "y-up"):
-        scene.write(tmp_path / f"{way}.exr", 3, layers=True, motion=way, bits="float")
-    down, up = (io.read_layers(tmp_path / f"y-{way}.exr") for way in ("down", "up"))
-    for name in ("forward", "backward", "snow.forward", "snow.backward"):
-        np.testing.assert_array_equal(down[name] * np.float32([1, -1]), up[name])
-        assert np.abs(down[name][..., 1]).max() > 0.0
-    for way in ("down", "up"):
-        said = io.read_header(tmp_path / f"y-{way}.exr").metadata["motion"]
-        assert said == f"px per frame, x right, y {way}"
-    with pytest.raises(ValueError, match="motion must be"):
-        scene.write(tmp_path / "a.exr", 3, layers=True, motion="up")

@@ -10,7 +10,6 @@ import pytest
 import flurries as fl
 from flurries import io
 from flurries.camera import importers
-from flurries.cli import main
 
 RANGE = range(1001, 1009)
 SIZE = (24, 16)
@@ -70,15 +69,6 @@ def test_every_number_has_its_own_plate_matte_depth_and_camera(shot: Path):
         covered = layers["ask"][..., 3] == 0.0
         assert covered[:, : 2 * step].all() and not covered[:, 2 * step :].any()
         assert made.camera.place(number, fps=24.0)[0] == step
-
-
-def test_part_of_the_range_is_that_part(shot: Path):
-    scene().write("out.%04d.png", "1003-1005")
-    assert [path.name for path in sorted(shot.glob("out.*"))] == [
-        "out.1003.png", "out.1004.png", "out.1005.png",
-    ]  # fmt: skip
-    for number in (1003, 1004, 1005):
-        assert io.read_picture(f"out.{number}.png").pixels[0, 0, 0] == 10 * (number - 1000)
 
 
 @pytest.mark.parametrize("short", ["plate", "matte", "depth", "camera"])
@@ -144,11 +134,6 @@ def test_films_take_the_numbers_of_the_plate_or_of_start(shot: Path):
     assert fl.Scene(background="matte.mkv").range == (0, 7)
 
 
-def test_a_still_takes_the_range_of_its_camera(shot: Path):
-    still = scene(background="plate.1001.png", depth=None, foreground=None)
-    assert still.write("out.%04d.png").written == list(RANGE)
-
-
 def test_scene_files_hold_the_numbers(shot: Path):
     scene(effects=(), extend="hold", start=7).save("scene.toml")
     again = fl.Scene.load("scene.toml")
@@ -172,18 +157,6 @@ def test_one_plain_name_is_no_place_for_a_range(shot: Path):
         scene().write("out.png", "1001-1003")
     scene().write("out.png", 1003)
     assert io.read_picture("out.png").pixels[0, 0, 0] == 30
-
-
-def test_the_command_line_says_the_same(shot: Path, capsys: pytest.CaptureFixture[str]):
-    given = ["plate.####.png", "--snow", "light", "--depth", "depth.####.exr"]
-    given += ["--foreground", "matte.####.png@2.5", "--camera", "camera.chan"]
-    assert main(["render", *given, "--frames", "1003-1005", "-o", "a.####.png"]) == 0
-    assert capsys.readouterr().out.split() == ["a.1003.png", "a.1004.png", "a.1005.png"]
-    assert main(["render", *given, "--frames", "1006-1010", "-o", "b.####.png"]) == 2
-    assert "1006-1010 are asked for" in capsys.readouterr().err
-    more = ["--frames", "1008-1009", "--extend", "hold", "-o", "b.$F4.png"]
-    assert main(["render", *given, *more]) == 0
-    assert main(["render", *given, "--frames", "1001-1002", "-o", "b.png"]) == 2
 
 
 # Mattes that stand in the air
@@ -231,21 +204,3 @@ def test_a_picture_with_a_depth_lies_in_the_weather():
     for layer in layers.layers.values():
         rebuilt = layer[..., :3] + (1.0 - layer[..., 3:]) * rebuilt
     np.testing.assert_allclose(rebuilt, layers.image, atol=1e-6)
-
-
-def test_several_masks_hide_what_any_of_them_hides():
-    masks = [np.zeros((16, 24), np.float32) for _ in range(2)]
-    masks[0][:, :8], masks[1][:, 4:12] = 1.0, 1.0
-    snow = [fl.Snow.preset("heavy")]
-    made = fl.Scene((24, 16), effects=snow, foreground=masks).render(0)
-    union = fl.Scene((24, 16), effects=snow, foreground=np.maximum(*masks)).render(0)
-    np.testing.assert_array_equal(made, union)
-
-
-def test_the_viewer_shows_a_plate_that_begins_at_1001(shot: Path):
-    from flurries.viewer.session import Session
-
-    session = Session(scene(camera=None, effects=(), foreground=None), size=24)
-    for t in (0.0, 3.0, 20.0):
-        head, buffers = session.answer({"t": t})
-        assert head.get("t") == t and buffers, head

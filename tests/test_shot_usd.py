@@ -12,7 +12,6 @@ from pxr import Gf, Usd, UsdGeom
 
 import flurries as fl
 from flurries.camera import importers
-from flurries.cli.main import main
 from twin_footprints import Canvas
 
 H, W = 60, 80
@@ -75,18 +74,6 @@ def test_a_camera_sees_points_where_usd_does(up: str, unit: float, film: float, 
         np.testing.assert_allclose(
             seen_by_us(path, time, PLACES), seen_by_usd(camera, time, theirs), atol=1e-3
         )
-
-
-def test_the_shots_numbers_are_the_cameras(tmp_path: Path):
-    stage_of(tmp_path / "a.usda")
-    scene = fl.Scene((W, H), "#000000", camera=importers.load(tmp_path / "a.usda", (H, W)))
-    assert [(s.first, s.last) for s in scene.spans] == [(1001, 1005)]
-    with pytest.raises(ValueError, match="1006"):
-        scene.render(1006)
-    words = ["render", "#203040", "--size", f"{W}x{H}", "--snow", "heavy", "-q", "--camera",
-             str(tmp_path / "a.usda"), "-o", str(tmp_path / "out.####.png")]  # fmt: skip
-    assert main(words) == 0
-    assert sorted(file.name for file in tmp_path.glob("out.*"))[0] == "out.1001.png"
 
 
 def test_a_camera_that_stands_still_goes_on_for_ever(tmp_path: Path):
@@ -228,7 +215,7 @@ def test_a_stage_says_its_axes_rate_and_numbers(tmp_path: Path):
         assert pose.focals == pytest.approx(ours.focals, rel=1e-6)
 
 
-def test_only_flakes_that_are_drawn_are_points_and_files_are_not_replaced(tmp_path: Path):
+def test_a_stage_that_is_there_is_not_replaced(tmp_path: Path):
     file = tmp_path / "flakes.usdc"
     assert scene_of().write(file, "10-11").written == [10, 11]
     assert scene_of().write(file, "10-11").kept == [10, 11]
@@ -242,12 +229,3 @@ def test_only_flakes_that_are_drawn_are_points_and_files_are_not_replaced(tmp_pa
     with pytest.raises(ValueError, match="it takes no layers"):
         scene_of().write(tmp_path / "no.usdc", "1-2", layers=True)
     assert not (tmp_path / "no.usdc").exists()
-    # Near flakes alone of snow whose far ones are a texture.
-    hybrid = fl.Snow.preset("heavy")
-    fl.Scene((W, H), "#000000", effects=[hybrid]).write(tmp_path / "near.usdc", "3")
-    near = len(values(tmp_path / "near.usdc", 3)["ids"])
-    whole = fl.Scene(
-        (W, H), "#000000", effects=[fl.Snow.preset("heavy", method="simulated", far=9.0)]
-    )
-    whole.write(tmp_path / "whole.usdc", "3")
-    assert 0 < near < len(values(tmp_path / "whole.usdc", 3)["ids"])

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 import itertools
-import pickle
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 import pytest
@@ -85,24 +82,6 @@ def test_integral_is_exact(t: float):
     assert integral_to(RAMP, t) == RAMP.integral(t)
 
 
-def test_the_integral_starts_at_frame_0_wherever_the_keys_do():
-    for keys in (RAMP, VECTOR, Keys([(50, 1.0), (60, 3.0)]), Keys([(-60, 1.0), (-50, 3.0)])):
-        assert np.all(np.array(keys.integral(0.0)) == 0.0)
-    late = Keys([(50, 1.0), (60, 3.0)])
-    assert late.integral(50) == 50.0
-    assert late.integral(60) == 70.0
-    assert late.integral(-10) == -10.0
-
-
-def test_one_key_is_a_constant():
-    one = Keys([(7, 0.3)])
-    for t in (-1e6, -0.5, 0.0, 7.0, 1e6):
-        assert one.at(t) == one.at(t, extend=True) == 0.3
-        assert one.slope(t) == one.slope(t, extend=True) == 0.0
-        assert one.integral(t) == pytest.approx(0.3 * t, rel=1e-15, abs=3e-15)
-    assert Keys([(7, (1, 2))]).slope(3) == (0.0, 0.0)
-
-
 def test_plain_numbers_and_keys_are_asked_alike():
     assert value_at(0.25, 9.0) == 0.25
     assert integral_to((1.0, 2.0, 3.0), 4.0).tolist() == [4.0, 8.0, 12.0]
@@ -113,27 +92,3 @@ def test_plain_numbers_and_keys_are_asked_alike():
     for call in (lambda: as_number("amount", VECTOR), lambda: as_vector("amount", RAMP, 3)):
         with pytest.raises(ValueError, match="amount"):
             call()
-
-
-def test_frozen_equal_and_copied():
-    same = Keys([[-3, 2], [4, -1.0], (np.float64(4.5), np.int32(5)), (90, 5.0), (100, 0.25)])
-    assert same == RAMP and hash(same) == hash(RAMP)
-    assert Keys([(-3, 2.0)]) != RAMP
-    for twin in (pickle.loads(pickle.dumps(RAMP)), copy.copy(RAMP), copy.deepcopy(RAMP)):
-        assert twin == RAMP and twin.integral(55.5) == RAMP.integral(55.5)
-    given = [[0, [1.0, 2.0]], [1, [3.0, 4.0]]]
-    keys = Keys(given)
-    given[0][1][0] = 99.0
-    assert keys.at(0) == (1.0, 2.0)
-    with pytest.raises(AttributeError):
-        keys.keys = ()
-
-
-NAN = float("nan")
-
-
-@every("t", [NAN, "x", None])
-@every("ask", ["at", "slope", "integral"])
-def test_times_that_are_none_are_refused(ask: str, t: Any):
-    with pytest.raises((TypeError, ValueError)):
-        getattr(RAMP, ask)(t)

@@ -1,142 +1,47 @@
-"""Forks, exits, memory and interruptions, many times."""
+"""Forks, memory, processes and workers that are killed, many times."""
 
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
-from collections.abc import Callable
+import threading
+import time
+from pathlib import Path
 from typing import Any
 
+import dask
 import numpy as np
 import pytest
 from length import times
 
 import test_gate
+from flurries.output.store import check
+from test_cluster import SLOW
+from test_nothing_wrong import contents, killed
+from workers import group, workers
 
-Record = Callable[[str, object], None]
 
-
-def test_hundred_forks(record_property: Record):
+def test_hundred_forks():
     each = times(50)
     scene = "scene = fl.Scene((200, 150), effects=[fl.TentSnow(flakes=200)])"
     program = test_gate.FORKS.replace("range(10)", f"range({each})").format(scene=scene)
     assert test_gate.python(program) == ["{0}", "0", "True", "True"]
-    record_property("figure", f"{2 * each} forks, half of them from a busy process: 0 hung")
 
 
-def test_hundred_exits_while_daemon_threads_render(record_property: Record):
-    count, ends = times(100), []
-    code = """
-import threading
-import flurries as fl
-scene = fl.Scene((300, 300), effects=[fl.TentSnow(flakes=200)])
-started = threading.Event()
-def work():
-    while True:
-        scene.render(1)
-        started.set()
-for _ in range(2):
-    threading.Thread(target=work, daemon=True).start()
-started.wait()
-"""
-    for _ in range(0, count, 4):
-        running = [test_gate.launch(code, FLURRIES_NUM_THREADS="2") for _ in range(4)]
-        ends += [(process.communicate(timeout=100), process.returncode) for process in running]
-    bad = [end for end in ends if end != (("", ""), 0)]
-    record_property("figure", f"{len(ends) - len(bad)} of {len(ends)} clean exits")
-    assert bad == []
-
-
-def test_memory_over_ten_thousand_frames(record_property: Record):
+def test_memory_over_ten_thousand_frames():
     frames = times(10_000)
     # A list of 10,000 empty byte strings is 80 KiB of it.
     growth = test_gate.grown(frames, 0)
-    record_property("figure", f"{growth} KiB in {frames} frames")
     assert growth <= 1024
-
-
-def test_a_leak_is_seen(record_property: Record):
-    frames = times(2000, 300)
-    growth = test_gate.grown(frames, 8192)
-    record_property("figure", f"8 KiB a frame: {growth} KiB in {frames} frames")
-    assert growth > 1024
-
-
-LATENCY = """
-import os, signal, threading, time
-import numpy as np
-import flurries as fl
-sent = 0.0
-out = np.full((16384, 16384), np.nan, np.float32)
-def watch():
-    global sent
-    while np.isnan(out[::64, ::64]).all():
-        time.sleep(0.001)
-    time.sleep(0.2)
-    sent = time.perf_counter()
-    os.kill(os.getpid(), signal.SIGINT)
-for _ in range(COUNT):
-    out.fill(np.nan)
-    threading.Thread(target=watch).start()
-    try:
-        fl.spectral.field(out.shape, drift=(1, 9), seed=1, overlap=48, out=out)
-        print("finished")
-    except KeyboardInterrupt:
-        print(time.perf_counter() - sent, bool(np.isnan(out).any()))
-"""
-
-
-def test_ctrl_c_in_a_frame_of_16k(record_property: Record):
-    got = test_gate.python(LATENCY.replace("COUNT", str(times(5))), FLURRIES_NUM_THREADS="2")
-    delays, given_up = [float(word) for word in got[::2]], got[1::2]
-    record_property("figure", f"slowest of {len(delays)}: {1e3 * max(delays):.0f} ms")
-    assert set(given_up) == {"True"} and max(delays) <= 0.5
-
-
-GIL = """
-import threading, time
-import flurries as fl
-fl.set_threads(1)
-count, stop = 0, False
-def work():
-    global count
-    while not stop:
-        count += 1
-        time.sleep(0)
-def rate(call):
-    first, start = count, time.perf_counter()
-    call()
-    return (count - first) / (time.perf_counter() - start)
-frame = lambda: fl.spectral.alpha((2160, 3840), drift=(1.0, 9.0), seed=1, overlap=30)
-frame()
-thread = threading.Thread(target=work); thread.start()
-for _ in range(COUNT):
-    print(rate(frame) / rate(lambda: time.sleep(0.2)))
-stop = True
-thread.join()
-"""
-
-
-def test_another_thread_goes_on_during_a_frame_of_4k(record_property: Record):
-    # Neighbours on the machine take from either rate: the best of many is the measurement.
-    shares = [float(word) for word in test_gate.python(GIL.replace("COUNT", "40"))]
-    best, middle = max(shares), float(np.median(shares))
-    record_property(
-        "figure", f"{100 * min(best, 1):.0f} % of its pace alone at best of 40, median "
-        f"{100 * middle:.0f} %, on a machine with a load of {os.getloadavg()[0]:.1f}"
-    )  # fmt: skip
-    assert best >= 0.8
 
 
 PEAK = """
 import resource, sys
 import numpy as np
 import flurries as fl
-from flurries.frame import bands
 kind, size = sys.argv[1], int(sys.argv[2])
-if "without bands" in sys.argv:
-    bands.WHOLE = 1 << 40
 light = kind != "bytes in linear light"
 plate = np.full((size, size, 3), 0.2 if light else 60, np.float16 if light else np.uint8)
 snow = fl.TentSnow(flakes=500) if kind == "light snow" else fl.TentSnow.preset("heavy")
@@ -152,31 +57,50 @@ print(more // 1024 - size * size * (12 if light else 3) // 2**20)
 """
 
 
-def beyond_the_frame(kind: str, size: int, path: Any, *options: str) -> int:
-    """Return the MiB that making and writing a frame takes beyond the frame itself."""
+@pytest.mark.parametrize("size", [4096, 8192])
+@pytest.mark.parametrize("kind", ["light snow", "heavy snow", "two", "bytes in linear light"])
+def test_peak_memory_of_a_large_frame(kind: str, size: int, tmp_path: Any):
+    name = "a.png" if kind == "bytes in linear light" else "a.exr"
     done = subprocess.run(
-        [sys.executable, "-c", PEAK, kind, str(size), str(path), *options],
+        [sys.executable, "-c", PEAK, kind, str(size), str(tmp_path / name)],
         text=True, capture_output=True, timeout=600,
         # Each thread has tiles of its own, some 8 MiB at 8192 px.
         env={**os.environ, "FLURRIES_NUM_THREADS": "2"},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    return int(done.stdout)
-
-
-@pytest.mark.parametrize("size", [4096, 8192])
-@pytest.mark.parametrize("kind", ["light snow", "heavy snow", "two", "bytes in linear light"])
-def test_peak_memory_of_a_large_frame(kind: str, size: int, tmp_path: Any, record_property: Record):
-    name = "a.png" if kind == "bytes in linear light" else "a.exr"
-    more = beyond_the_frame(kind, size, tmp_path / name)
     # A second texture's rows wait until a band asks for them, as high as a tile.
     most = 80 if kind == "two" else 64
-    record_property("figure", f"{kind}, {size} px: {more} MiB more")
-    record_property("met", more <= most)
-    assert more <= most
+    assert int(done.stdout) <= most
 
 
-def test_without_bands_a_large_frame_takes_more(tmp_path: Any, record_property: Record):
-    more = beyond_the_frame("bytes in linear light", 8192, tmp_path / "a.png", "without bands")
-    record_property("figure", f"bytes in linear light, 8192 px, in one piece: {more} MiB more")
-    assert more > 64
+@pytest.mark.parametrize("locks", ["locks", "lockless"])
+def test_16_hundred_rounds_of_four_processes(locks: str, tmp_path: Path):
+    killed(locks, times(100), tmp_path)
+
+
+def test_dask_workers_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    # Its effect takes a while, so that kills come in between.
+    count, random = times(50), np.random.default_rng(2)
+    group(4, monkeypatch)
+    SLOW.write(tmp_path / "whole" / "%04d.png", "1-32")
+    want, during = contents(tmp_path / "whole"), 0
+    for number in range(count):
+        # A cluster for each: one that has lost many workers is slow to replace them.
+        with dask.config.set({"distributed.scheduler.allowed-failures": 5}), workers(2) as client:
+            client.wait_for_workers(2, timeout=120)
+            client.run(sys.path.insert, 0, str(Path(__file__).parents[1]))
+            pids = list(client.run(os.getpid).values())
+            out, result = tmp_path / str(number), []
+
+            def work(out: Path = out, result: list[Any] = result, client: Any = client) -> None:
+                result.append(SLOW.write(out / "%04d.png", "1-32", dask=client))
+
+            thread = threading.Thread(target=work)
+            thread.start()
+            time.sleep(random.uniform(0.05, 1.0))
+            during += thread.is_alive()
+            os.kill(pids[int(random.integers(len(pids)))], signal.SIGKILL)
+            thread.join(120)
+            assert result and sorted(result[0].written + result[0].kept) == list(range(1, 33))
+            assert contents(out) == want and check(out)[1] == []
+    assert during > 0

@@ -26,8 +26,7 @@ from flurries.augment.weather import replay
 from flurries.io import linear_to_srgb, read_header, read_picture, srgb_to_linear, write_picture
 from flurries.output.cluster import cluster
 from flurries.output.crew import make, processes
-from flurries.output.manifest import NAME
-from flurries.output.mark import Mark
+from flurries.output.manifest import NAME, Mark
 from flurries.output.sequence import run
 from flurries.output.store import Disk, Store
 from flurries.scene.fingerprint import Hashes

@@ -21,7 +21,7 @@ from flurries.io.layers.deep import write_deep
 from flurries.io.pictures.slate import Slate
 from flurries.io.pictures.writer import Format, format_of
 from flurries.output.deep import deep_of
-from flurries.output.mark import Mark
+from flurries.output.manifest import Mark
 from flurries.output.store import Disk, Store
 from flurries.scene.fingerprint import Inputs, settings
 from flurries.scene.output import MOTION
@@ -43,7 +43,7 @@ class Content:
     @property
     def mark(self) -> str:
         words = ["half" if self.bits is None else str(self.bits), self.kind]
-        words += [word for word in (self.codec,) if word is not None]
+        words += [] if self.codec is None else [self.codec]
         words += ["y-up"] if self.motion == "y-up" and self.kind == "layers" else []
         words += [self.space.name] if self.space is not None else []
         words += [self.compression] if self.compression != "zip" else []
@@ -57,18 +57,14 @@ class Content:
         layers = self.kind != "composite"
         if self.kind == "deep":
             return deep_of(scene, number)
-        if self.fine:
+        if self.bits not in (None, 8):
+            # A background of 8 bits is mixed in more.
             scene = scene.fine
         if self.eyes is None:
             return scene.render(number, layers=layers)
         return {
             name: scene.render(number, eye=eye, layers=layers) for name, eye in self.eyes.items()
         }
-
-    @property
-    def fine(self) -> bool:
-        """Whether a background of 8 bits is mixed in more."""
-        return self.bits not in (None, 8)
 
     def save(self, scene: Scene, path: Path, frame: Any, metadata: dict[str, Any]) -> None:
         """Write a rendered frame, with what the background says of itself."""
@@ -127,11 +123,13 @@ class Content:
     def levels(self, scene: Scene, frame: Any, bits: int, path: object) -> Array:
         """Return a rendered frame as a film takes it, uint8 or uint16."""
         if self.kind == "alone":
+            whole = weather(frame)
+            if self.space is not None:
+                whole = self._colored(scene, whole)
+            colors = unmultiply(whole[..., :3], whole[..., 3:])
             if self.space is None:
-                return straight_levels(frame, bits)
-            whole = self._colored(scene, weather(frame))
-            straight = unmultiply(whole[..., :3], whole[..., 3:])
-            return to_integer(np.concatenate([straight, whole[..., 3:]], axis=2), bits)
+                colors = to_display(colors, "linear" if frame.linear else "display")
+            return to_integer(np.concatenate([colors, whole[..., 3:]], axis=2), bits)
         image = without_alpha(frame, path)
         if self.space is not None:
             return to_integer(self._colored(scene, image), bits)
@@ -200,15 +198,6 @@ def display_levels(image: Array, bits: int) -> Array:
     if image.dtype.itemsize * 8 == bits and image.dtype.kind == "u":
         return image
     return to_integer(to_display(image, "display" if image.dtype.kind == "u" else "linear"), bits)
-
-
-def straight_levels(rendered: Rendered, bits: int) -> Array:
-    """Return the weather alone as (H, W, 4) straight display values, uint8 or uint16."""
-    layer = weather(rendered)
-    cover = layer[..., 3:]
-    colors = unmultiply(layer[..., :3], cover)
-    colors = to_display(colors, "linear" if rendered.linear else "display")
-    return to_integer(np.concatenate([colors, cover], axis=2), bits)
 
 
 @dataclass

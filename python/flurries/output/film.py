@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -21,8 +20,9 @@ from flurries.io.films.tags import Tags
 from flurries.io.films.writer import comment_of
 from flurries.output.contents import Frames, is_readable
 from flurries.output.groups import images
-from flurries.output.mark import Refused
+from flurries.output.manifest import Refused
 from flurries.output.sequence import Done, Progress
+from flurries.scene.fingerprint import short_hash
 from flurries.scene.scene import Scene
 from flurries.trace import stage
 
@@ -99,13 +99,8 @@ def write_film(
 def _mark(job: Frames, frames: list[int], quality: str, part: Sound | None) -> tuple[str, str]:
     first = replace(job.mark_of(frames[0]), inputs="", frame=0)
     heard = part and (part.start, part.length)
-    scene = repr((first, frames, quality, heard, job.skip))
-    inputs = repr([job.mark_of(number).inputs for number in frames])
-    return _hash(scene), _hash(inputs)
-
-
-def _hash(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    scene = short_hash((first, frames, quality, heard, job.skip))
+    return scene, short_hash([job.mark_of(number).inputs for number in frames])
 
 
 def _is_there(path: Path, mark: tuple[str, str], count: int) -> bool:
@@ -123,10 +118,7 @@ def _tags(scene: Scene, first: int) -> Tags:
     """Return a film's tags: those of the background, where it is a film."""
     film = scene.film
     code = scene.slate(first).timecode
-    if film is None:
-        aspect = Fraction(scene.pixel_aspect).limit_denominator(1000)
-        return Tags(aspect=aspect, timecode=code)
-    tags: Tags = film.tags
+    tags: Tags = Tags() if film is None else film.tags
     aspect = Fraction(scene.pixel_aspect).limit_denominator(1000)
     return replace(tags, aspect=aspect, timecode=code)
 
@@ -135,13 +127,12 @@ def _rendered(
     job: Frames, frames: list[int], progress: Progress, levels: int, dask: Any, patience: float
 ) -> Iterator[tuple[int, Any]]:
     """Yield frames in order, of 16 bits where `levels` is 16; None where one is left out."""
-    skip, content = job.skip, job.content
+    skip, content, scene = job.skip, job.content, job.scene
     if levels > 8:
         content = replace(content, bits=16)
-    scene = job.scene
-    if dask is not None and content.kind == "alone":
-        raise ValueError("alone and dask must not both be given for a video")
     if dask is not None:
+        if content.kind == "alone":
+            raise ValueError("alone and dask must not both be given for a video")
         if skip:
             raise ValueError("damaged='skip' and dask must not both be given for a video")
         each = images(scene, frames, dask, patience)

@@ -28,24 +28,7 @@ _MOST_BYTES = 1 << 28
 
 
 def grouped(scene: Scene, frames: Any) -> list[list[int]]:
-    """Return frames in groups of half a second's work or so each, by their pixels.
-
-    Parameters
-    ----------
-    scene : Scene
-    frames : str, int or iterable of int
-        As `flurries.output.write.write`.
-
-    Returns
-    -------
-    list of lists of int
-        In the order asked for.
-
-    Raises
-    ------
-    TypeError, ValueError
-        For what is no scene, or names no frames.
-    """
+    """Return frames in groups of half a second's work or so each, by their pixels."""
     scene = expect_scene(scene)
     wanted = frames_of(scene, frames)
     pixels = scene.shape[0] * scene.shape[1] * max(len(scene.effects), 1)

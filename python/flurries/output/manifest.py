@@ -1,19 +1,21 @@
-"""What a folder of files holds: ``flurries.json``, with a hash of every file."""
+"""What a file says of how it was made, and a folder of its files in ``flurries.json``."""
 
 from __future__ import annotations
 
 import json
 import os
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from flurries import __version__
 from flurries.io import read_header, read_picture
 from flurries.io.files import read_text
+from flurries.io.layers.deep import read_deep, read_deep_header
 from flurries.io.pictures.metadata import is_broken
-from flurries.scene.fingerprint import hash_of
+from flurries.scene.fingerprint import BITS, hash_of
 
 NAME = "flurries.json"
 
@@ -62,16 +64,9 @@ def entries_of(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
     for path in paths:
         if path.name.startswith(".") or not path.is_file():
             continue
-        try:
-            said = read_header(path).metadata
-            if not {"scene", "frame"} <= set(said):
-                continue
-            read_picture(path)
-            if is_broken(path):
-                continue
-        except (OSError, ValueError):
-            continue
-        entries[path.name] = entry(path, said)
+        said = _header(path, deep=False) or {}
+        if {"scene", "frame"} <= set(said) and _decodes(path, read_picture):
+            entries[path.name] = entry(path, said)
     return entries
 
 
@@ -86,3 +81,93 @@ def text_of(entries: dict[str, dict[str, Any]]) -> str:
     """Return the text of a manifest: the same whatever order entries came in."""
     ordered = {name: dict(sorted(said.items())) for name, said in sorted(entries.items())}
     return json.dumps({"flurries": __version__, "files": ordered}, indent=1) + "\n"
+
+
+# Where a header that cannot be read any more is looked for in the file's bytes.
+_FIRST_BYTES = 1 << 20
+
+
+class Refused(ValueError):
+    """A file that is in the way and that is not to be replaced unasked."""
+
+    def __init__(self, path: Path | str, why: str) -> None:
+        super().__init__(
+            f"{path} is there already and {why}; overwrite=True (--overwrite) replaces it"
+        )
+
+
+@dataclass(frozen=True)
+class Mark:
+    """The note in a file of how it was made."""
+
+    scene: str  # What tells its kind from others': the scene, what is in a file, the mode.
+    frame: int  # Which of them it is.
+    inputs: str = ""
+    names: str = ""  # Hashes of what the files that it was made of hold, and are called.
+    bits: int = BITS  # See :data:`flurries.scene.fingerprint.BITS`.
+
+    @property
+    def header(self) -> dict[str, Any]:
+        """The entries of a file's header and of the manifest."""
+        return {key: value for key, value in asdict(self).items() if value != ""}
+
+    def is_of(self, said: Mapping[str, Any]) -> bool:
+        """Whether a header or an entry says the very same."""
+        return all(str(said.get(key, "")) == str(value) for key, value in asdict(self).items())
+
+    def settled(
+        self, path: Path, said: Mapping[str, Any] | None, name: Path | str | None = None
+    ) -> dict[str, Any] | None:
+        """Return the manifest's entry of a file that is there and right."""
+        if not path.exists():
+            return None
+        listed = said is not None and self.is_of(said)
+        if listed and said is not None:
+            if hash_of(path) == said.get("sha256"):
+                return dict(said)
+            if path.stat().st_size == said.get("bytes"):
+                # Not one byte longer or shorter than what was written: damaged, not replaced.
+                return None
+        deep = "-deep" in self.scene
+        found = _header(path, deep=deep)
+        if found is None:
+            # What has no header any more is ours if the list or its own bytes say so.
+            if listed or self.scene.encode() in _first_bytes(path):
+                return None
+            raise Refused(name or path, "cannot be read as a picture")
+        if (found.get("scene"), found.get("frame")) != (self.scene, str(self.frame)):
+            raise Refused(name or path, "is something else")
+        if found.get("bits") != str(self.bits):
+            version = found.get("version", "an unknown version")
+            said_by = f"was made by flurries {version}, whose frames have other bits"
+            raise Refused(name or path, said_by)
+        if not self.is_of(found):
+            if found.get("names", "") == self.names:
+                return None
+            raise Refused(name or path, "was made over another background")
+        if listed or not _decodes(path, read_deep if deep else read_picture):
+            return None
+        return entry(path, self.header)
+
+
+def _header(path: Path, *, deep: bool) -> dict[str, str] | None:
+    try:
+        return read_deep_header(path) if deep else read_header(path).metadata
+    except (OSError, ValueError):
+        return None
+
+
+def _first_bytes(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(_FIRST_BYTES)
+    except OSError:
+        return b""
+
+
+def _decodes(path: Path, read: Callable[[Path], object]) -> bool:
+    try:
+        read(path)
+        return not is_broken(path)
+    except (OSError, ValueError):
+        return False

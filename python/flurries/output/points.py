@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -16,9 +15,9 @@ from flurries.camera.importers.usd import require_usd
 from flurries.effects.points import STEP, drawn_of, step_after, velocities
 from flurries.frame.mixing import free_name
 from flurries.io.atomic import replacing
-from flurries.output.mark import Refused
+from flurries.output.manifest import Refused
 from flurries.output.sequence import Done, Progress
-from flurries.scene.fingerprint import fingerprint
+from flurries.scene.fingerprint import fingerprint, short_hash
 from flurries.scene.scene import Scene
 
 EXTENSIONS = (".usd", ".usda", ".usdc")
@@ -41,7 +40,7 @@ def write_points(
     names: dict[str, Any] = {}
     for effect in scene.effects:
         names[free_name(getattr(effect, "NAME", "effect"), names)] = effect
-    mark = hashlib.sha256(repr((fingerprint(scene), list(frames))).encode()).hexdigest()[:16]
+    mark = short_hash((fingerprint(scene), list(frames)))
     if not overwrite and path.exists():
         _require_ours(Sdf, path, mark)
         return Done(kept=list(frames))

@@ -13,7 +13,7 @@ from flurries import __version__, _core
 from flurries._threads import reproducible, threads
 from flurries.io.pictures.writer import format_of
 from flurries.output import manifest
-from flurries.output.mark import Mark, Refused
+from flurries.output.manifest import Mark, Refused
 from flurries.output.store import Store
 
 # Files that are encoded while the next is made, at most; each holds a picture in memory.

@@ -21,7 +21,7 @@ from typing import Any, TypeAlias
 from flurries.io import remove_leftovers, replacing
 from flurries.io.atomic import PREFIX, checked_target, has_ended, hidden_name
 from flurries.output import manifest
-from flurries.output.mark import Mark
+from flurries.output.manifest import Mark
 from flurries.scene.fingerprint import hash_of
 
 if sys.platform != "win32":

@@ -188,47 +188,38 @@ def _views(eyes: Any) -> dict[str, Camera] | None:
 
 def _require_room(text: str, content: Content, *, is_video: bool) -> None:
     """Refuse a kind of file that cannot hold what is asked for."""
-    lower = text.lower()
-    if is_video:
-        if content.kind == "alone" and content.codec != "prores-4444":
-            raise ValueError(
-                f"alone needs codec='prores-4444' in a film, or .exr, .png, .tif: {text}"
-            )
-    else:
-        if content.codec is not None:
-            raise ValueError(f"codec is one of a film, got {text!r}")
-        if content.kind == "alone" and not lower.endswith((".exr", ".png", ".tif", ".tiff")):
-            raise ValueError(f"alone needs .exr, .png or .tif, and no layers, got {text!r}")
-        known = format_of(text).kinds
-        if content.bits is not None and content.bits not in known:
-            words = ", ".join(map(str, known))
-            raise ValueError(f"bits must be {words} in {text}, got {content.bits!r}")
-    if content.kind in ("alone", "deep") and content.eyes is not None:
-        raise ValueError(f"{content.kind} and eyes must not both be given")
-    if content.compression != "zip" and (
-        content.kind in ("layers", "deep") or content.eyes is not None or not lower.endswith(".exr")
-    ):
-        raise ValueError(
-            f"compression is for a composite or the weather alone in an EXR, got "
-            f"{content.compression!r} for {text!r}"
-        )
-    if content.space is not None and content.kind != "layers" and content.eyes is None:
-        floats = not is_video and lower.endswith((".exr", ".tif", ".tiff"))
-        if content.space.linear and not floats:
-            raise ValueError(
-                f"colorspace {content.space.name!r} is linear, which {text} cannot hold: give "
-                "another one for it, such as 'sRGB - Display' (--output-colorspace)"
-            )
-        if not content.space.linear and lower.endswith(".exr"):
-            raise ValueError(
-                f"colorspace {content.space.name!r} is not linear, as an EXR is: {text}"
-            )
-    if content.kind in ("layers", "deep") and not lower.endswith(".exr"):
-        raise ValueError(f"{content.kind} needs an EXR, got {text!r}")
-    if content.eyes is not None and not lower.endswith(".exr"):
-        raise ValueError(f"eyes need an EXR, got {text!r}")
-    if lower.endswith(".hdr"):
-        raise ValueError(f"{text}: a .hdr picture cannot say which frame it is; take .exr")
+    exr, alone = text.lower().endswith(".exr"), content.kind == "alone"
+    apart = content.kind in ("layers", "deep") or content.eyes is not None
+    tiff = text.lower().endswith((".tif", ".tiff"))
+    known = (content.bits,) if is_video else format_of(text).kinds
+    space = None if apart and content.kind != "deep" else content.space
+    rules = [
+        (is_video and alone and content.codec != "prores-4444",
+         f"alone needs codec='prores-4444' in a film, or .exr, .png, .tif: {text}"),
+        (not is_video and content.codec is not None, f"codec is one of a film, got {text!r}"),
+        (not is_video and alone and not (exr or tiff or text.lower().endswith(".png")),
+         f"alone needs .exr, .png or .tif, and no layers, got {text!r}"),
+        (content.bits is not None and content.bits not in known,
+         f"bits must be {', '.join(map(str, known))} in {text}, got {content.bits!r}"),
+        (content.kind in ("alone", "deep") and content.eyes is not None,
+         f"{content.kind} and eyes must not both be given"),
+        (content.compression != "zip" and (apart or not exr),
+         "compression is for a composite or the weather alone in an EXR, got "
+         f"{content.compression!r} for {text!r}"),
+        (space is not None and space.linear and not (exr or tiff),
+         f"colorspace {space and space.name!r} is linear, which {text} cannot hold: give another "
+         "one for it, such as 'sRGB - Display' (--output-colorspace)"),
+        (space is not None and not space.linear and exr,
+         f"colorspace {space and space.name!r} is not linear, as an EXR is: {text}"),
+        (content.kind in ("layers", "deep") and not exr,
+         f"{content.kind} needs an EXR, got {text!r}"),
+        (content.eyes is not None and not exr, f"eyes need an EXR, got {text!r}"),
+        (text.lower().endswith(".hdr"),
+         f"{text}: a .hdr picture cannot say which frame it is; take .exr"),
+    ]  # fmt: skip
+    for refused, why in rules:
+        if refused:
+            raise ValueError(why)
 
 
 def _token_for(text: str, token: str = "%d") -> str:

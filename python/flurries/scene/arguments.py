@@ -74,10 +74,9 @@ def parse_region(region: Any, shape: tuple[int, int]) -> Window:
     return window[0], window[1], window[2], window[3]
 
 
-def require_few(effects: Sequence[object]) -> None:
-    """Refuse more effects than a scene may have."""
-    if len(effects) > MOST_EFFECTS:
-        raise ValueError(f"effects must be at most {MOST_EFFECTS}, got {len(effects)}")
+def require_few(name: str, given: Sequence[object], most: int) -> None:
+    if len(given) > most:
+        raise ValueError(f"{name} must be at most {most}, got {len(given)}")
 
 
 def effects_of(given: Effect | Sequence[Effect]) -> tuple[Effect, ...]:
@@ -85,7 +84,7 @@ def effects_of(given: Effect | Sequence[Effect]) -> tuple[Effect, ...]:
     listed: Any = (given,) if renderer_of(given) is not None else given
     if not isinstance(listed, (list, tuple)):
         raise TypeError(f"effects must be a sequence of effects, got {listed!r}")
-    require_few(listed)
+    require_few("effects", listed, MOST_EFFECTS)
     for index, effect in enumerate(listed):
         if isinstance(effect, type) or renderer_of(effect) is None:
             raise TypeError(f"effects[{index}] must be an effect such as Snow(), got {effect!r}")
@@ -98,6 +97,5 @@ def lights_of(lights: Any) -> tuple[Lamp, ...]:
         return (lights,)
     if not isinstance(lights, (list, tuple)) or not all(isinstance(one, Lamp) for one in lights):
         raise TypeError(f"lights must be a sequence of flurries.Lamp, got {lights!r}")
-    if len(lights) > MOST_LIGHTS:
-        raise ValueError(f"lights must be at most {MOST_LIGHTS}, got {len(lights)}")
+    require_few("lights", lights, MOST_LIGHTS)
     return tuple(lights)

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, rectangular, require, table
+from flurries._contract import Array, require, table
 from flurries._warnings import warn_of_levels
 from flurries.io import fit, open_background
 from flurries.io.color import parse_hex
 from flurries.io.colorspace import ColorSpace
 from flurries.io.files import file_of
-from flurries.scene.numbered import Last, Numbered
-from flurries.scene.overscan import Display
+from flurries.scene.numbered import Display, Numbered, Planes, pixels_of, read_only
 
 _DEFAULT_SIZE = (1024, 768)
 
@@ -27,7 +26,7 @@ class Backdrop:
     size: tuple[int, int]  # (width, height) px.
     encoding: str  # "display" or "linear".
     count: int | None  # How many frames it has; None for a still.
-    source: Any  # An array or files.
+    source: Planes
     fps: float | None = None  # Of a film, or as a picture's header says.
     # (left, top, width, height) of the display window in a plate with overscan.
     display: Display | None = None
@@ -36,9 +35,6 @@ class Backdrop:
     def frame(self, t: float) -> Array:
         """Return (H, W, 3), or (H, W, 4) with alpha, of frame floor(t)."""
         # The colors of integers are straight, those of floats are multiplied by alpha.
-        if isinstance(self.source, np.ndarray):
-            return self.source
-        # The source keeps what it decoded last, so a still is read and fitted once.
         pixels: Array = self.source.frame(t)
         return pixels
 
@@ -50,79 +46,21 @@ class Backdrop:
 
     def decoded(self, space: ColorSpace) -> Backdrop:
         """Return the same as light of a color space's working space."""
-        return replace(self, encoding="linear", source=_Decoded(self.source, space))
+        made = self.source.then(lambda pixels: read_only(space.decode(pixels)))
+        return replace(self, encoding="linear", source=made)
 
     def fine(self) -> Backdrop:
         """Return the same in 16 bits, where it has 8."""
-        return replace(self, source=_Fine(self.source))
+        return replace(self, source=self.source.then(_fine))
 
     @property
     def files(self) -> Numbered | None:
         """The files of the background, where it is a source."""
-        return getattr(self.source, "files", None)
+        return self.source.files
 
 
-@dataclass
-class _Decoded:
-    """Frames of a color space as light of its working space; the last one is kept."""
-
-    source: Any
-    space: ColorSpace
-    _last: Last = field(default_factory=Last)
-
-    @property
-    def files(self) -> Numbered | None:
-        return getattr(self.source, "files", None)
-
-    def frame(self, t: float) -> Array:
-        still = isinstance(self.source, np.ndarray)
-        pixels: Array = self.source if still else self.source.frame(t)
-        return self._last.of((pixels,), lambda: self._decoded(pixels))
-
-    def _decoded(self, pixels: Array) -> Array:
-        made = self.space.decode(pixels)
-        made.flags.writeable = False
-        return made
-
-
-@dataclass
-class _Fine:
-    """Frames of 8 bits in 16."""
-
-    source: Any
-
-    @property
-    def files(self) -> Numbered | None:
-        return getattr(self.source, "files", None)
-
-    def frame(self, t: float) -> Array:
-        still = isinstance(self.source, np.ndarray)
-        pixels: Array = self.source if still else self.source.frame(t)
-        return pixels.astype(np.uint16) * np.uint16(257) if pixels.dtype == np.uint8 else pixels
-
-
-@dataclass
-class _Fitted:
-    """Frames of a file, fitted to the size; the last one is kept."""
-
-    files: Numbered
-    size: tuple[int, int]
-    _last: Last = field(default_factory=Last)
-
-    def frame(self, t: float) -> Array:
-        place = self.files.place(t)
-        return self._last.of((place,), lambda: self._fitted(place))
-
-    def _fitted(self, place: int) -> Array:
-        picture = self.files.source.frame(place)
-        # A source of somebody's own need not know of alpha.
-        bare = getattr(picture, "alpha", None) is None
-        pixels: Array = picture.pixels if bare else picture.rgba()
-        if self._last.kept is None:
-            warn_of_levels("background", pixels, "divide them by 255")
-        if (pixels.shape[1], pixels.shape[0]) != self.size:
-            pixels = fit(pixels, self.size)
-        return pixels
+def _fine(pixels: Array) -> Array:
+    return pixels.astype(np.uint16) * np.uint16(257) if pixels.dtype == np.uint8 else pixels
 
 
 def backdrop(
@@ -153,8 +91,13 @@ def _plain(color: Any, dtype: np.dtype[Any], size: tuple[int, int] | None) -> Ba
     width, height = size or _DEFAULT_SIZE
     pixels = np.empty((height, width, 3), dtype)
     pixels[...] = color
-    pixels.flags.writeable = False
-    return Backdrop((width, height), "linear" if dtype.kind == "f" else "display", None, pixels)
+    return _still(pixels)
+
+
+def _still(pixels: Array) -> Backdrop:
+    size = pixels.shape[1], pixels.shape[0]
+    encoding = "linear" if pixels.dtype.kind == "f" else "display"
+    return Backdrop(size, encoding, None, Planes(read_only(pixels)))
 
 
 def _of_source(
@@ -171,19 +114,24 @@ def _of_source(
     if wanted != tuple(source.size):
         # Fitted to another size pixels are square, as the frame's are.
         aspect = 1.0
-    return Backdrop(
-        wanted, source.encoding, source.count, _Fitted(files, wanted), rate, display, aspect
-    )
+    warned = False
+
+    def fitted(picture: Any) -> Array:
+        nonlocal warned
+        # A source of somebody's own need not know of alpha.
+        bare = getattr(picture, "alpha", None) is None
+        pixels: Array = picture.pixels if bare else picture.rgba()
+        if not warned:
+            warn_of_levels("background", pixels, "divide them by 255")
+        warned = True
+        return pixels if (pixels.shape[1], pixels.shape[0]) == wanted else fit(pixels, wanted)
+
+    planes = Planes(None, files, (fitted,))
+    return Backdrop(wanted, source.encoding, source.count, planes, rate, display, aspect)
 
 
 def _of_array(background: Any, size: tuple[int, int] | None) -> Backdrop:
-    given = rectangular("background", background)
-    given = given.astype(given.dtype.newbyteorder("="), copy=False)
-    if given.dtype not in (np.uint8, np.uint16, np.float16, np.float32, np.float64):
-        raise TypeError(
-            "background must be a path, a color or an array of uint8, uint16 or float, "
-            f"got {type(background).__name__} of dtype {given.dtype}"
-        )
+    given = pixels_of("background", background, "a path, a color")
     if given.ndim == 2:
         given = np.repeat(given[..., None], 3, axis=2)
     if given.ndim != 3 or given.shape[2] not in (3, 4) or 0 in given.shape:
@@ -203,9 +151,5 @@ def _of_array(background: Any, size: tuple[int, int] | None) -> Backdrop:
     # A copy: a frame must not change because the caller's array did. One that nobody can change, as
     # that of another scene, is taken as it is.
     frozen = given.base is None and not given.flags.writeable
-    pixels = np.array(
-        given, dtype=np.float32 if kind == "f" else given.dtype, order="C",
-        copy=None if frozen else True,
-    )  # fmt: skip
-    pixels.flags.writeable = False
-    return Backdrop(own, "linear" if kind == "f" else "display", None, pixels)
+    dtype = np.float32 if kind == "f" else given.dtype
+    return _still(np.array(given, dtype=dtype, order="C", copy=None if frozen else True))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -15,8 +15,7 @@ from flurries.io import fit_nearest, open_background, open_depth
 from flurries.io.color import to_unit
 from flurries.io.files import file_of
 from flurries.io.pictures.reader import luminance
-from flurries.scene.numbered import Last, Numbered
-from flurries.scene.overscan import Display, placed
+from flurries.scene.numbered import Display, Numbered, Planes, pixels_of, placed, read_only
 
 __all__ = ["DepthMap"]
 
@@ -58,26 +57,21 @@ class DepthMap:
     """
 
     source: Any
+    _: KW_ONLY
     near: float
     far: float
     white: White = "near"
     law: Law = "linear"
 
-    def __init__(
-        self, source: Any, *, near: float, far: float, white: str = "near", law: str = "linear"
-    ) -> None:
+    def __post_init__(self) -> None:
         settle = object.__setattr__
-        settle(self, "near", real("near", near, above=0.0))
-        settle(self, "white", choice("white", white, _WHITE))
-        settle(self, "law", choice("law", law, _LAWS))
-        endless = law == "inverse" and isinstance(far, float) and far == math.inf
-        settle(self, "far", far if endless else real("far", far, above=self.near))
-        if not isinstance(source, (str, os.PathLike)):
-            source = _greys(source)
-        settle(self, "source", source)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuilt, (self.source, self.near, self.far, self.white, self.law)
+        settle(self, "near", real("near", self.near, above=0.0))
+        choice("white", self.white, _WHITE)
+        choice("law", self.law, _LAWS)
+        endless = self.law == "inverse" and isinstance(self.far, float) and self.far == math.inf
+        settle(self, "far", self.far if endless else real("far", self.far, above=self.near))
+        if not isinstance(self.source, (str, os.PathLike)):
+            settle(self, "source", _greys(self.source))
 
     def depth_of(self, grey: Array) -> Array:
         """Return the depths of greys from 0 to 1, float32 of the same shape."""
@@ -91,70 +85,14 @@ class DepthMap:
         return np.asarray(depth, np.float32)
 
 
-def _rebuilt(source: Any, near: float, far: float, white: str, law: str) -> DepthMap:
-    return DepthMap(source, near=near, far=far, white=white, law=law)
-
-
 def _greys(source: Any) -> Array:
     """Return a read-only copy of an array of greys."""
-    given = rectangular("source", source)
-    given = given.astype(given.dtype.newbyteorder("="), copy=False)
-    if given.dtype not in (np.uint8, np.uint16, np.float16, np.float32, np.float64):
-        raise TypeError(
-            "source must be a path or an array of uint8, uint16 or float, "
-            f"got {type(source).__name__} of dtype {given.dtype}"
-        )
+    given = pixels_of("source", source, "a path")
     if given.ndim != 2 or 0 in given.shape:
         raise ValueError(f"source must have shape (H, W), got {given.shape}")
     if given.dtype.kind == "f":
         require("source", given, (given >= 0.0) & (given <= 1.0), "from 0 to 1 everywhere")
-    copy = np.array(given, order="C")
-    copy.flags.writeable = False
-    return copy
-
-
-@dataclass(frozen=True, eq=False)
-class Distance:
-    """The depth of a scene's background, of the frame's size, for every frame."""
-
-    source: Any  # (H, W) float32 array, or files.
-
-    @property
-    def still(self) -> bool:
-        """Whether every frame has the same depth."""
-        if isinstance(self.source, np.ndarray):
-            return True
-        return self.source.files.span is None
-
-    @property
-    def files(self) -> Numbered | None:
-        """The files of the depth, where it has any."""
-        return None if isinstance(self.source, np.ndarray) else self.source.files
-
-    def frame(self, t: float) -> Array:
-        """Return (H, W) float32 of frame floor(t), read-only."""
-        return self.source if isinstance(self.source, np.ndarray) else self.source.frame(t)
-
-
-@dataclass
-class _Fitted:
-    """Depths from files, fitted to the frame; the last one is kept."""
-
-    files: Numbered
-    law: DepthMap | None
-    shape: tuple[int, int]
-    display: Display | None = None
-    _last: Last = field(default_factory=Last)
-
-    def frame(self, t: float) -> Array:
-        picture = self.files.frame(t)
-        return self._last.of((picture,), lambda: self._fitted(picture))
-
-    def _fitted(self, picture: Any) -> Array:
-        depth = picture.pixels if self.law is None else self.law.depth_of(luminance(picture))
-        whole = placed(depth, picture.display, self.shape, self.display, fit_nearest, np.inf)
-        # A copy where it is the file's own, which other frames may share.
-        return _read_only(np.array(whole, order="C"))
+    return read_only(np.array(given, order="C"))
 
 
 def distance_of(
@@ -165,17 +103,23 @@ def distance_of(
     extend: str = "stop",
     start: int | None = None,
     display: Display | None = None,
-) -> Distance:
+) -> Planes:
     """Return the depth of a scene's `depth` argument, or of another called `name`."""
 
-    def of_files(source: Any, law: DepthMap | None) -> Distance:
+    def of_files(source: Any, law: DepthMap | None) -> Planes:
+        def fitted(picture: Any) -> Array:
+            depth = picture.pixels if law is None else law.depth_of(luminance(picture))
+            whole = placed(depth, picture.display, shape, display, fit_nearest, np.inf)
+            # A copy where it is the file's own, which other frames may share.
+            return read_only(np.array(whole, order="C"))
+
         files = Numbered.of(name, source, extend=extend, start=start)
-        return Distance(_Fitted(files, law, shape, display))
+        return Planes(None, files, (fitted,))
 
     if isinstance(value, DepthMap):
         if isinstance(value.source, np.ndarray):
             _require_shape(f"{name}: source", value.source.shape, shape)
-            return Distance(_read_only(value.depth_of(to_unit(value.source))))
+            return Planes(read_only(value.depth_of(to_unit(value.source))))
         with file_of(name):
             return of_files(open_background(value.source, overscan=display is not None), value)
     if isinstance(value, (str, os.PathLike)):
@@ -183,7 +127,7 @@ def distance_of(
             return of_files(open_depth(value, overscan=display is not None), None)
     if not isinstance(value, (dict, set, list, tuple)) and np.ndim(value) == 0:
         wall = real(name, value, above=0.0)
-        return Distance(_read_only(np.full(shape, wall, np.float32)))
+        return Planes(read_only(np.full(shape, wall, np.float32)))
     given = rectangular(name, value)
     if given.dtype.kind != "f":
         raise TypeError(
@@ -193,14 +137,9 @@ def distance_of(
     _require_shape(name, given.shape, shape)
     plane = depths(name, np.array(given, np.float32, order="C"))
     warn_of_units(name, plane)
-    return Distance(_read_only(plane))
+    return Planes(read_only(plane))
 
 
 def _require_shape(name: str, got: tuple[int, ...], wanted: tuple[int, int]) -> None:
     if got != wanted:
         raise ValueError(f"{name} must have shape {wanted}, got {got}")
-
-
-def _read_only(plane: Array) -> Array:
-    plane.flags.writeable = False
-    return plane

@@ -18,9 +18,8 @@ from flurries.io.pictures.slate import Slate, read_slate
 from flurries.io.sources import Source, VideoSource
 from flurries.io.spans import Span, words_of
 from flurries.scene.background import Backdrop
-from flurries.scene.depth import Distance
 from flurries.scene.foreground import Mattes
-from flurries.scene.numbered import Numbered
+from flurries.scene.numbered import Numbered, Planes
 
 if TYPE_CHECKING:
     from flurries.scene.rendering import Rendering
@@ -41,7 +40,7 @@ class Sources:
     extend: Any
     _backdrop: Backdrop
     _mattes: Mattes | None
-    _distance: Distance | None
+    _distance: Planes | None
 
     def slate(self, t: float) -> Slate:
         """Return the slate of the background's frame floor(t), at the scene's rate."""

@@ -28,8 +28,6 @@ BITS = 22
 # keep its time: clocks of file systems tick that slowly.
 _TICK = 2_000_000_000
 
-_BLOCK = 1 << 20
-
 
 def fingerprint(scene: Scene) -> str:
     """Return a hash of all that a scene's frames depend on, files' contents included."""
@@ -64,11 +62,16 @@ def settings(scene: Scene) -> str:
     return digest.hexdigest()[:16]
 
 
+def short_hash(value: object) -> str:
+    """Return a hash of what a value's `repr` says."""
+    return hashlib.sha256(repr(value).encode()).hexdigest()[:16]
+
+
 def hash_of(path: Path) -> str:
     """Return the SHA-256 of a file."""
-    digest = hashlib.sha256()
     with path.open("rb") as file:
-        while block := file.read(_BLOCK):
+        digest = hashlib.sha256()
+        while block := file.read(1 << 20):
             digest.update(block)
     return digest.hexdigest()
 
@@ -125,7 +128,7 @@ class Inputs:
                 raise OSError(f"{file} changed while frames were made of it; run again")
         told = [*self._stills.values()]
         told += [self._told(source.file(number)) for source in self._sequences]
-        return hashlib.sha256(repr(told).encode()).hexdigest()[:16] if told else ""
+        return short_hash(told) if told else ""
 
     def _told(self, file: Path) -> str:
         return self._hashes[file] if file.exists() else "missing"

@@ -5,19 +5,19 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, finite, rectangular, shares, suggesting
+from flurries._contract import Array, finite, shares, suggesting
 from flurries._warnings import warn_of_levels
 from flurries.frame.matte import Deep, Front, Matte
 from flurries.io import fit, open_background
 from flurries.io.files import file_of
 from flurries.io.pictures.reader import Picture, luminance
-from flurries.scene.depth import Distance, distance_of
-from flurries.scene.numbered import Last, Numbered
-from flurries.scene.overscan import Display, placed
+from flurries.scene.depth import distance_of
+from flurries.scene.numbered import Display, Last, Numbered, Planes, pixels_of, placed
 
 __all__ = ["Foreground"]
 
@@ -63,43 +63,12 @@ class Foreground:
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
 
-@dataclass(frozen=True, eq=False)
-class _Still:
-    """A matte that is the same in every frame."""
-
-    plane: Array
-    whole: bool
-
-    still = True
-    files: Numbered | None = None
-
-    def frame(self, t: float) -> tuple[Array, bool]:
-        return self.plane, self.whole
-
-
-@dataclass(eq=False)
-class _Moving:
-    """A matte from files, fitted to the frame; the last one is kept."""
-
-    files: Numbered
-    shape: tuple[int, int]
-    display: Display | None = None
-    _last: Last = field(default_factory=Last)
-
-    @property
-    def still(self) -> bool:
-        return self.files.span is None
-
-    def frame(self, t: float) -> tuple[Array, bool]:
-        picture = self.files.frame(t)
-        return self._last.of((picture,), lambda: _of_picture(picture, self.shape, self.display))
-
-
 @dataclass(eq=False)
 class Mattes:
     """All that stands in front of a scene's weather, for every frame."""
 
-    parts: tuple[tuple[Any, Distance | None], ...]  # Back to front, each matte with its depth.
+    # Back to front, each a plane and whether it came as integers, with its depth.
+    parts: tuple[tuple[Planes, Planes | None], ...]
     _last: Last = field(default_factory=Last)
 
     @property
@@ -167,17 +136,16 @@ def mattes_of(
     parts = []
     for number, one in enumerate(listed(value), 1):
         name = "foreground" if number == 1 else f"foreground {number}"
-        matte: Any
         if isinstance(one.source, (str, os.PathLike)):
             with file_of(name):
                 source = open_background(one.source, overscan=display is not None)
             files = Numbered.of(name, source, extend=extend, start=start)
-            matte = _Moving(files, shape, display)
+            matte = Planes(None, files, (partial(_of_picture, shape=shape, display=display),))
             if matte.still:
                 # A mask that cannot be read is refused now.
                 matte.frame(0.0)
         else:
-            matte = _Still(*_of_array(one.source, shape))
+            matte = Planes(_of_array(one.source, shape))
         far = None
         if one.depth is not None:
             far = distance_of(
@@ -200,10 +168,7 @@ def _of_picture(
 
 def _of_array(value: Any, shape: tuple[int, int]) -> tuple[Array, bool]:
     """Return a plane (H, W) or (H, W, 4) from 0 to 1, and whether it came as integers."""
-    given = rectangular("foreground", value)
-    given = given.astype(given.dtype.newbyteorder("="), copy=False)
-    if given.dtype not in (np.uint8, np.uint16, np.bool_, np.float16, np.float32, np.float64):
-        raise TypeError(f"foreground must be a path or an array, got an array of {given.dtype}")
+    given = pixels_of("foreground", value, "a path", np.bool_)
     if given.shape[:2] != shape or given.ndim not in (2, 3) or given.shape[2:] not in ((), (4,)):
         raise ValueError(f"foreground must have shape {shape} or {(*shape, 4)}, got {given.shape}")
     whole = given.dtype.kind in "ub"

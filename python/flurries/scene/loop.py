@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from flurries.effects.tent_snow import TentSnow
 from flurries.frame.program import effect_seed
 from flurries.frame.view import Lap
 from flurries.motion.keys import Keys
+
+if TYPE_CHECKING:
+    from flurries.scene.rendering import Rendering
 
 Axes = tuple[bool, bool, bool]
 
@@ -37,18 +40,9 @@ class Looped(NamedTuple):
     bent: tuple[str, ...]  # What does not end as it began, and what becomes of it.
 
 
-def looped_scene(
-    lap: Lap,
-    *,
-    effects: tuple[Any, ...],
-    path: CameraPath,
-    lights: tuple[Any, ...],
-    lens: Any,
-    seed: int,
-    fps: float,
-    moves: bool,
-) -> Looped:
-    """Return the parts of a scene that repeats; `moves` says whether its background does."""
+def looped_scene(scene: Rendering, lap: Lap) -> Looped:
+    """Return the parts of a scene that repeats."""
+    effects, path, lights, fps = scene.effects, scene._path, scene.lights, scene.fps
     bent: list[str] = []
 
     def close(name: str, thing: Any) -> Any:
@@ -64,7 +58,7 @@ def looped_scene(
         name = f"effects[{index}] ({getattr(effect, 'NAME', type(effect).__name__)})"
         own = getattr(effect, "seed", None)
         one = close(name, effect)
-        drawn = effect_seed(seed, index) if own is None else own
+        drawn = effect_seed(scene.seed, index) if own is None else own
         if not (path.still and one_place(one)):
             shown += looped(one, lap, drawn)
             continue
@@ -75,7 +69,7 @@ def looped_scene(
             one = replace(one, sway=(one.sway[0], rate))
         shown.append(replace(one, seed=drawn))
     lamps = tuple(close(f"lights[{index}]", lamp) for index, lamp in enumerate(lights))
-    opening = None if lens is None else close("lens", lens)
+    opening = None if scene.lens is None else close("lens", scene.lens)
     if path.focal is not None and not isinstance(path.focal, Keys):
         path = replace(path, focal=Keys(list(enumerate(path.focal.tolist()))))
     for field in ("velocity", "focal"):
@@ -94,7 +88,7 @@ def looped_scene(
     tilts = any(isinstance(effect, (ConeRain, ConeSnow)) for effect in effects)
     path, of_camera = looped_path(path, lap.first, lap.frames, fps, stays=stays, tilts=tilts)
     bent += of_camera
-    if moves:
+    if scene.frames is not None:
         bent.append(
             f"background: it is shown from frame {lap.first} to {lap.end - 1} and begins again, as "
             "it is"

@@ -1,17 +1,23 @@
-"""Files by the shot's own frame numbers: frame 1003 is plate 1003, depth 1003 and matte 1003."""
+"""Pictures by the shot's own frame numbers: frame 1003 is plate 1003, depth 1003, matte 1003."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
+from flurries._contract import Array, rectangular
 from flurries.io.sources import VideoSource
 from flurries.io.spans import Span
 
 _Made = TypeVar("_Made")
+
+# (left, top, width, height), px.
+Display = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +45,6 @@ class Numbered:
             return 0
         return self.span.number(math.floor(t)) - self.span.first
 
-    def frame(self, t: float) -> Any:
-        """Return the picture of frame floor(t)."""
-        return self.source.frame(self.place(t))
-
     def file(self, t: float) -> Path:
         """Return the file that frame floor(t) is in."""
         found: Path = self.source.file(self.place(t))
@@ -65,7 +67,6 @@ class Last:
 
     def of(self, parts: tuple[Any, ...], make: Callable[[], _Made]) -> _Made:
         """Return what `make` makes of numbers, or of objects that are the very same."""
-        # Files give the very same picture again while they keep it.
         kept = self.kept
         if kept is None or not all(map(_same, parts, kept[0])):
             kept = self.kept = parts, make()
@@ -78,3 +79,78 @@ class Last:
 
 def _same(one: object, other: object) -> bool:
     return one is other or (type(one) is int and one == other)
+
+
+@dataclass(frozen=True, eq=False)
+class Planes:
+    """What is made of one picture, or of each of some files; the last one is kept."""
+
+    given: Any  # The picture, where there are no files.
+    files: Numbered | None = None
+    steps: tuple[Callable[[Any], Any], ...] = ()
+    last: Last = field(default_factory=Last)
+
+    @property
+    def still(self) -> bool:
+        """Whether every frame has the same."""
+        return self.files is None or self.files.span is None
+
+    def then(self, step: Callable[[Any], Any]) -> Planes:
+        """Return the same with one step more."""
+        return replace(self, steps=(*self.steps, step), last=Last())
+
+    def frame(self, t: float) -> Any:
+        """Return what frame floor(t) has."""
+        if self.files is None and not self.steps:
+            return self.given
+        place = 0 if self.files is None else self.files.place(t)
+        return self.last.of((place,), lambda: self._made(place))
+
+    def _made(self, place: int) -> Any:
+        made = self.given if self.files is None else self.files.source.frame(place)
+        for step in self.steps:
+            made = step(made)
+        return made
+
+
+def pixels_of(name: str, value: object, wanted: str, *more: type) -> Array:
+    """Return an array of pixels in the machine's own byte order, or refuse it."""
+    given = rectangular(name, value)
+    given = given.astype(given.dtype.newbyteorder("="), copy=False)
+    if given.dtype not in (np.uint8, np.uint16, np.float16, np.float32, np.float64, *more):
+        raise TypeError(
+            f"{name} must be {wanted} or an array of uint8, uint16 or float, "
+            f"got {type(value).__name__} of dtype {given.dtype}"
+        )
+    return given
+
+
+def read_only(plane: Array) -> Array:
+    plane.flags.writeable = False
+    return plane
+
+
+def placed(
+    plane: Array,
+    own: Display | None,
+    shape: tuple[int, int],
+    display: Display | None,
+    fitted: Callable[[Array, tuple[int, int]], Array],
+    outside: float,
+) -> Array:
+    """Return a plane of a depth or a matte, with the overscan that its file has, for the frame."""
+    # `own` is the display window in the plane and `display` that in the frame, None where it is
+    # all; `fitted` brings a plane to a (width, height), and `outside` stands beside the display
+    # window where the plane has none.
+    if plane.shape[:2] == shape:
+        return plane
+    if own is not None:
+        left, top, width, height = own
+        plane = np.ascontiguousarray(plane[top : top + height, left : left + width])
+    if display is None:
+        return fitted(plane, shape[::-1])
+    left, top, width, height = display
+    inner = plane if plane.shape[:2] == (height, width) else fitted(plane, (width, height))
+    whole = np.full((*shape, *inner.shape[2:]), outside, inner.dtype)
+    whole[top : top + height, left : left + width] = inner
+    return whole

@@ -52,7 +52,6 @@ class Rendering(Sources):
     space: str
     colorspace: str | None
     _path: CameraPath
-    # What was found in the background, such as its light: also of scenes derived from this one.
     _found: dict[str, tuple[int, Any]]
 
     @property
@@ -97,10 +96,7 @@ class Rendering(Sources):
     @cached_property
     def _looped(self) -> Looped:
         assert self.lap is not None
-        return looped_scene(
-            self.lap, effects=self.effects, path=self._path, lights=self.lights, lens=self.lens,
-            seed=self.seed, fps=self.fps, moves=self.frames is not None,
-        )  # fmt: skip
+        return looped_scene(self, self.lap)
 
     @property
     def bent(self) -> tuple[str, ...]:
@@ -309,23 +305,20 @@ class Rendering(Sources):
     ) -> Summary:
         """Render frames to files: a sequence, a film or a still.
 
-        Several processes, on one machine or many, may write one sequence: each makes the frames
-        that no other is making, and returns when all are there. One that is killed loses the frames
-        that it was at, which the others or the next run make again; no file is ever half-written.
-        Arguments that are fields of :class:`Output` and are not given are those of the scene's own.
+        Several processes, on one machine or many, may write one sequence: each returns when all is
+        there. What a killed one was at the others or the next run make again; no file is ever
+        half-written. Fields of :class:`Output` that are not given are those of the scene's own.
 
         Parameters
         ----------
         pattern : str or path
             ``frames/%04d.png`` (also ``####`` and ``$F4``) or ``.exr``, ``.tif``, ``.jpg``: one
-            file a frame, each written under a temporary name, checked and renamed. A name that ends
-            in .mp4, .mov, .webm or .mkv is a video. One that ends in .usd, .usda or .usdc is a USD
-            stage with the flakes as points, see `flurries.output.points.write_points`. A picture's
-            name without a token is a still: one frame. For all of these: what is there already and
-            is of this very scene stays, and is made again if it is damaged or if the background's
-            file has changed since; anything else is refused. Pictures also go to a url, such as
-            ``s3://bucket/frames/%04d.png``, through fsspec (``flurries[stores]`` and the store's
-            own driver), where the same holds.
+            file a frame. A name that ends in .mp4, .mov, .webm or .mkv is a video; one that ends in
+            .usd, .usda or .usdc a USD stage with the flakes as points; a picture's name without a
+            token a still. What is there already and is of this very scene stays, and is made again
+            if it is damaged or if the background's file has changed since; anything else is
+            refused. Pictures also go to a url, such as ``s3://bucket/frames/%04d.png``, through
+            fsspec (``flurries[stores]`` and the store's own driver).
         frames : str, int or iterable of int, optional
             "1-60", "1-100x2", "7", or numbers; not negative: those of the background's files. For a
             still one number will do. If not given, all that the background has, else the camera or

@@ -7,7 +7,7 @@ from copy import copy
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -33,15 +33,12 @@ from flurries.scene.arguments import (
     parse_size,
 )
 from flurries.scene.background import Backdrop, backdrop
-from flurries.scene.depth import DepthMap, Distance, distance_of
+from flurries.scene.depth import DepthMap, distance_of
 from flurries.scene.foreground import Foreground, Mattes, frozen, mattes_of
+from flurries.scene.numbered import Display, Planes
 from flurries.scene.output import Output
-from flurries.scene.overscan import Display
 from flurries.scene.rendering import Rendering
 from flurries.scene.words import line_of, page_of
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["Rendered", "Scene"]
 
@@ -89,10 +86,8 @@ class Scene(Rendering):
     seed : int
         Seed of all random numbers; each effect draws its own numbers.
     foreground : path, array or Foreground, or a list of them, optional
-        What stands in front of the weather: a mask (H, W) of the background's own pixels, 1 in
-        front; or a picture with alpha (H, W, 4), straight for integers, premultiplied for floats.
-        Files, sequences and films go by the frame numbers of the background. :class:`Foreground`
-        gives one a depth of its own.
+        What stands in front of the weather: a mask (H, W), 1 in front, or a picture with alpha, as
+        the `source` of a :class:`Foreground`, which gives one a depth of its own.
     space : {"auto", "display", "linear"}
         Where layers are mixed. "auto": integers in display values as the paper does, floats in
         linear light.
@@ -160,7 +155,7 @@ class Scene(Rendering):
     _mattes: Mattes | None = field(init=False)
     # What was found in the background, such as its light: also of scenes derived from this one.
     _found: dict[str, tuple[int, Any]] = field(init=False, compare=False)
-    _distance: Distance | None = field(init=False)
+    _distance: Planes | None = field(init=False)
     _path: CameraPath = field(init=False)
 
     def __init__(
@@ -206,7 +201,9 @@ class Scene(Rendering):
             raise ValueError("space must not be 'display' where a colorspace is given")
         settle("_backdrop", found if self.color is None else found.decoded(self.color))
         # Arrays are copied: the caller's may change.
-        settle("background", found.source if isinstance(background, np.ndarray) else background)
+        settle(
+            "background", found.source.given if isinstance(background, np.ndarray) else background
+        )
         settle("size", found.size)
         settle("fps", rate_of(found.fps or DEFAULT_FPS) if rate is None else rate)
         if start is None and self.range is not None:
@@ -228,7 +225,7 @@ class Scene(Rendering):
         settle("_mattes", mattes_of(front, self.shape, **numbers))
         distance = None if depth is None else distance_of(depth, self.shape, **numbers)
         settle("_distance", distance)
-        settle("depth", distance.source if distance and np.ndim(depth) == 2 else depth)  # type: ignore[arg-type]
+        settle("depth", distance.given if distance and np.ndim(depth) == 2 else depth)  # type: ignore[arg-type]
 
     def __repr__(self) -> str:
         return line_of(self)

@@ -19,7 +19,7 @@ from flurries.light.lamp import Lamp
 from flurries.light.sun import Sun
 from flurries.motion.keys import Keys
 from flurries.motion.wind import FIELDS, Wind
-from flurries.scene.arguments import require_few
+from flurries.scene.arguments import MOST_EFFECTS, require_few
 from flurries.scene.depth import DepthMap
 from flurries.scene.foreground import Foreground
 from flurries.scene.output import Output
@@ -35,11 +35,9 @@ else:
 FORMAT = 3
 
 SCENE = tuple(f.name for f in fields(Scene) if f.init)
-SUN = tuple(f.name for f in fields(Sun))
+# Tables that are objects, by their keys.
+PARTS: dict[str, Any] = {"sun": Sun, "lens": Lens, "output": Output}
 DEPTH = ("source", "near", "far", "white", "law")
-LAMP = tuple(f.name for f in fields(Lamp))
-OPENING = tuple(f.name for f in fields(Lens))
-OUTPUT = tuple(f.name for f in fields(Output))
 LENS = tuple(f.name for f in fields(Camera))
 WAY = ("position", "velocity", "orientation")
 # A field of velocities is an array, which no text holds.
@@ -84,45 +82,35 @@ def _scene(text: SceneText, values: dict[str, Any]) -> Scene:
         arguments["foreground"] = _foreground(text, arguments["foreground"])
     if "depth" in arguments:
         arguments["depth"] = _depth(text, arguments["depth"], "depth")
-    if "sun" in arguments:
-        given = text.table(arguments["sun"], SUN, "sun", "sun")
-        with text.errors(given, "sun"):
-            arguments["sun"] = Sun(**given)
-    if "lens" in arguments:
-        given = text.table(arguments["lens"], OPENING, "lens", "lens")
-        values = {key: _value(text, value, "lens", key) for key, value in given.items()}
-        with text.errors(given, "lens"):
-            arguments["lens"] = Lens(**values)
-    if "output" in arguments:
-        given = text.table(arguments["output"], OUTPUT, "output", "output")
-        with text.errors(given, "output"):
-            arguments["output"] = Output(**given)
-    if "lights" in arguments:
-        arguments["lights"] = _lights(text, arguments["lights"])
+    for name, kind in PARTS.items():
+        if name in arguments:
+            arguments[name] = _part(text, arguments[name], kind, name, name)
+    lamps = _tables(text, arguments.get("lights", []), "lights")
+    arguments["lights"] = [
+        _part(text, table, Lamp, "a light", "lights", index) for index, table in enumerate(lamps)
+    ]
     camera = arguments.pop("camera", None)
-    listed = arguments.pop("effects", [])
-    if not isinstance(listed, list):
-        raise TypeError(f"{text.where('effects')}: effects must be [[effects]] tables")
+    listed = _tables(text, arguments.pop("effects", []), "effects")
     with text.errors(("effects",)):
-        require_few(listed)
+        require_few("effects", listed, MOST_EFFECTS)
     effects = [_effect(text, table, index) for index, table in enumerate(listed)]
     with text.errors(SCENE):
         scene = Scene(**arguments, effects=effects)
     return scene if camera is None else scene.replace(camera=_camera(text, camera, scene))
 
 
-def _lights(text: SceneText, listed: Any) -> list[Lamp]:
-    """Return the lamps of [[lights]] tables."""
-    if not isinstance(listed, list):
-        raise TypeError(f"{text.where('lights')}: lights must be [[lights]] tables")
-    lamps = []
-    for index, table in enumerate(listed):
-        given = text.table(table, LAMP, "a light", "lights", index)
-        at = ("lights", index)
-        values = {key: _value(text, value, *at, key) for key, value in given.items()}
-        with text.errors(given, *at):
-            lamps.append(Lamp(**values))
-    return lamps
+def _tables(text: SceneText, value: Any, name: str) -> list[Any]:
+    if not isinstance(value, list):
+        raise TypeError(f"{text.where(name)}: {name} must be [[{name}]] tables")
+    return value
+
+
+def _part(text: SceneText, table: Any, kind: Any, name: str, *at: str | int) -> Any:
+    """Return the object whose fields a table holds."""
+    given = text.table(table, tuple(f.name for f in fields(kind)), name, *at)
+    values = {key: _value(text, value, *at, key) for key, value in given.items()}
+    with text.errors(given, *at):
+        return kind(**values)
 
 
 def _effect(text: SceneText, table: Any, index: int) -> Any:
@@ -146,12 +134,8 @@ def _foreground(text: SceneText, value: Any) -> Any:
     """Return a file, or [[foreground]] tables, each a file and perhaps a depth."""
     if isinstance(value, str):
         return str(text.path.parent / value)
-    if not isinstance(value, list):
-        raise TypeError(
-            f"{text.where('foreground')}: foreground must be a file or [[foreground]] tables"
-        )
     found = []
-    for index, table in enumerate(value):
+    for index, table in enumerate(_tables(text, value, "foreground")):
         at = ("foreground", index)
         given = {"source": table} if isinstance(table, str) else table
         entry = text.table(given, ("source", "depth"), "foreground", *at)

@@ -13,11 +13,11 @@ from flurries.camera.path import CameraPath
 from flurries.effects.kinds import kind_of
 from flurries.io import replacing
 from flurries.motion.keys import Keys
-from flurries.motion.wind import FIELDS, Wind
+from flurries.motion.wind import Wind
 from flurries.scene.depth import DepthMap
 from flurries.scene.foreground import listed
 from flurries.scene.scene import Scene, expect_scene
-from flurries.scene.toml.reader import DEPTH, FORMAT, LAMP, LENS, OPENING, SUN, WAY
+from flurries.scene.toml.reader import DEPTH, FORMAT, WAY
 
 
 def describe(
@@ -30,31 +30,23 @@ def describe(
         table["background"] = _background("background", scene.background, folder)
     if scene.foreground is not None:
         table["foreground"] = _mattes(scene.foreground, folder, leave_out)
-    for name, usual in (
-        ("extend", "stop"),
-        ("start", None),
-        ("colorspace", None),
-        ("period", None),
-    ):
-        if getattr(scene, name) != usual:
+    for name in ("extend", "start", "colorspace", "period", "space"):
+        if getattr(scene, name) not in (None, "stop", "auto"):
             table[name] = getattr(scene, name)
-    if scene.space != "auto":
-        table["space"] = scene.space
     if scene.depth is not None:
         described = _depth("depth", scene.depth, folder, bare="depth" in leave_out)
         if described is not None:
             table["depth"] = described
     if scene.sun is not None:
-        table["sun"] = {name: _toml(getattr(scene.sun, name)) for name in SUN}
+        table["sun"] = _said(scene.sun)
     if scene.lens is not None:
-        table["lens"] = _said(scene.lens, OPENING)
+        table["lens"] = _said(scene.lens)
     if "output" not in leave_out and (said := scene.output.changed()):
         table["output"] = said
     if scene.lights:
-        table["lights"] = [_said(lamp, LAMP) for lamp in scene.lights]
+        table["lights"] = [_said(lamp) for lamp in scene.lights]
     path: CameraPath = scene.camera
-    camera = {name: _toml(getattr(path.camera, name)) for name in LENS}
-    table["camera"] = {key: value for key, value in camera.items() if value is not None}
+    table["camera"] = _said(path.camera)
     for name in (*WAY, "focal"):
         value = getattr(path, name)
         if value is not None:
@@ -83,8 +75,9 @@ def describe(
     return table
 
 
-def _said(part: Any, names: tuple[str, ...]) -> dict[str, Any]:
-    """Return the fields of a lens or a lamp that say something."""
+def _said(part: Any) -> dict[str, Any]:
+    """Return the fields of an object that say something."""
+    names = [f.name for f in fields(part) if not f.name.startswith("_")]
     values = {name: getattr(part, name) for name in names}
     return {name: _toml(value) for name, value in values.items() if value is not None}
 
@@ -129,8 +122,7 @@ def _toml(value: Any) -> Any:
     if isinstance(value, Wind):
         if value.field is not None:
             raise ValueError("wind: a field is an array, which a text file cannot hold")
-        given = {name: getattr(value, name) for name in FIELDS}
-        return {name: _toml(part) for name, part in given.items() if part is not None}
+        return _said(value)
     if isinstance(value, Keys):
         return {"keys": [[frame, _toml(v)] for frame, v in value.keys]}
     if isinstance(value, np.ndarray):
