@@ -16,14 +16,6 @@ ROOT = Path(__file__).parents[1]
 CORE = {"numpy", "openimageio", "pillow", "click", "fileseq", "tqdm", "tomli", "tomli-w"}
 
 
-def test_the_core_needs_what_a_frame_needs_and_no_more():
-    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    listed = re.search(r"^dependencies = \[(.*?)^\]", project, re.M | re.S)
-    assert listed is not None
-    names = re.findall(r'^\s*"([\w-]+)', listed[1], re.M)
-    assert {name.lower() for name in names} == CORE
-
-
 @pytest.mark.parametrize("call", [
     "fl.io.VideoWriter('new.mp4', (32, 24), 24)",
     "fl.Scene((32, 24)).write('new.mp4', '1-2')",
