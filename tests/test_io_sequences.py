@@ -219,13 +219,13 @@ def test_sources_pickle_and_copy(sequence, tmp_path, monkeypatch):
 
 def test_a_forked_child_is_not_stopped_by_a_lock_that_a_lost_thread_holds(sequence):
     source = open_background(sequence)
-    held = source._own_lock()
+    held = source._lock
     held.acquire()
     child = os.fork()
     if child == 0:
         os._exit(0 if (source.frame(2).pixels == 100).all() else 1)
     assert os.waitpid(child, 0)[1] == 0
     # The control: here the lock is held indeed.
-    assert source._own_lock() is held
+    assert source._lock is held
     assert not held.acquire(blocking=False)
     held.release()

@@ -12,7 +12,7 @@ import pytest
 
 import flurries as fl
 from flurries import io
-from flurries.io.films.tags import Tags
+from flurries.io.films.reader import Tags
 from flurries.io.timecode import TimeCode
 from test_slate import SNOW, H, W
 

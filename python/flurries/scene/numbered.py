@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from flurries.io.sequences import Span
 from flurries.io.sources import VideoSource
-from flurries.io.spans import Span
 
 _Made = TypeVar("_Made")
 

@@ -16,8 +16,7 @@ from flurries.io.files import Budget
 from flurries.io.oiio import openimageio
 from flurries.io.pictures import metadata as header
 from flurries.io.pictures.header import Opened, opened_picture
-from flurries.io.pictures.integers import UINT, integers_of
-from flurries.io.pictures.rows import Band, write_parts
+from flurries.io.pictures.rows import UINT, Band, integers_of, write_parts
 from flurries.io.pictures.slate import Slate
 from flurries.io.pictures.writer import format_of, packing
 
