@@ -129,20 +129,6 @@ def test_odd_targets_are_refused_by_name(tmp_path):
     assert names(tmp_path) == before
 
 
-def test_an_error_in_the_block_names_the_file_and_not_the_hidden_one(target):
-    with pytest.raises(FileNotFoundError) as caught, replacing(target) as temporary:
-        temporary.unlink()
-        temporary.open("rb")
-    assert caught.value.filename == str(target)
-
-
-def test_a_long_name_still_has_room(tmp_path):
-    path = tmp_path / f"{'n' * 250}.png"
-    with replacing(path) as temporary:
-        temporary.write_bytes(b"x")
-    assert alone(path)
-
-
 def in_child(prepare, task):
     """Run `prepare` and `task` in a child; return what became of `task`, in words."""
     reader, writer = os.pipe()
@@ -292,10 +278,3 @@ def test_leftovers_of_the_dead_are_removed_and_those_of_the_living_are_not(tmp_p
     assert not path.exists()
     assert remove_leftovers(tmp_path) == [temporary]
     assert names(tmp_path) == []
-
-
-def test_only_our_own_leftovers_are_removed(tmp_path):
-    for name in [".flurries-short.exr", ".other", "flurries-0123456789abcdef.exr"]:
-        (tmp_path / name).write_bytes(b"x")
-    assert remove_leftovers(tmp_path) == []
-    assert len(names(tmp_path)) == 3

@@ -99,3 +99,15 @@ def test_fit_mixes_no_color_from_where_there_is_nothing():
     assert seen.sum() > 50
     assert fitted[seen][:, 1].max() <= 1
     assert fitted[seen][:, 0].min() >= 254
+
+
+def test_contain_has_bars_and_cover_has_none():
+    white = np.ones((50, 100, 4), np.float32)
+    contained = fit(white, (60, 60), "contain")
+    np.testing.assert_array_equal(contained[15:45], 1)
+    np.testing.assert_array_equal(contained[:15], 0)
+    np.testing.assert_array_equal(contained[45:], 0)
+    upright = fit(white.swapaxes(0, 1), (60, 60), "contain")
+    np.testing.assert_array_equal(upright, contained.swapaxes(0, 1))
+    np.testing.assert_array_equal(fit(white, (61, 33), "cover"), 1)
+    np.testing.assert_array_equal(fit(white, (3, 200), "contain").sum(axis=(0, 2)) > 0, True)

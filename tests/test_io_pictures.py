@@ -290,3 +290,16 @@ def test_what_a_format_cannot_hold_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"only \.exr"):
         write_layers(tmp_path / "a.png", {"rgba": four})
     assert not any(tmp_path.iterdir())
+
+
+def test_float64_and_float16(tmp_path):
+    exact = noise((9, 9, 3)).astype(np.float64) / 3
+    exact[0, 0] = [1e300, -1e300, np.inf]
+    write_picture(tmp_path / "a.exr", exact, half=False)
+    largest = np.finfo(np.float32).max
+    found = read_picture(tmp_path / "a.exr").pixels
+    np.testing.assert_array_equal(found[0, 0], [largest, -largest, np.inf])
+    np.testing.assert_array_equal(found[1:], exact[1:].astype(np.float32))
+    halves = noise((9, 9, 3)).astype(np.float16)
+    write_picture(tmp_path / "b.exr", halves)
+    np.testing.assert_array_equal(read_picture(tmp_path / "b.exr").pixels, halves)

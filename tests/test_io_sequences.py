@@ -192,16 +192,6 @@ def test_what_cannot_be_opened(tmp_path, sequence):
         open_background(sequence)
 
 
-def test_a_folder_may_hold_a_percent_sign(sequence, tmp_path, monkeypatch):
-    folder = tmp_path / "50%done"
-    folder.mkdir()
-    for path in sequence.parent.glob("plate.*.png"):
-        path.rename(folder / path.name)
-    monkeypatch.chdir(folder)
-    for spec in ("plate.%04d.png", folder / "plate.%04d.png"):
-        assert (open_background(spec).frame(1).pixels == 99).all()
-
-
 def test_sources_pickle_and_copy(sequence, tmp_path, monkeypatch):
     write_picture(tmp_path / "still.png", level(9))
     monkeypatch.chdir(tmp_path)

@@ -42,15 +42,6 @@ def test_the_citation_is_of_this_version_and_names_the_four_papers():
     assert re.findall(r"^    year: (\d+)$", text, re.M) == ["2004", "2003", "2005", "2004"]
 
 
-def test_photographs_are_what_they_say():
-    assert fl.io.photograph().shape == (427, 640, 3)
-    assert fl.io.photograph("coffee").shape == (400, 600, 3)
-    assert fl.io.photograph("coffee").mean() > 1.3 * fl.io.photograph("rocket").mean()
-    assert fl.io.photograph(size=(20, 10)).shape == (10, 20, 3)
-    with pytest.raises(ValueError, match=r"name must be .*rocket.*got 'roket'; did you mean"):
-        fl.io.photograph("roket")  # type: ignore[arg-type]
-
-
 def test_16_15_a_free_threaded_python_is_refused_with_a_sentence():
     code = (
         "import sys; sys.abiflags = 't'\ntry:\n    import flurries\nexcept ImportError as error:\n"

@@ -234,3 +234,29 @@ def test_bits_that_a_file_cannot_hold_are_refused(name: str, bits: Any, tmp_path
     with pytest.raises(ValueError, match="bits must be"):
         fl.Scene((W, H), effects=SNOW).write(tmp_path / name, "1", bits=bits)
     assert not list(tmp_path.iterdir())
+
+
+def test_snow_of_the_display_window_is_that_of_a_plate_without_overscan(tmp_path: Path):
+    """The lens is that of the display window: overscan shows more of the same snow."""
+    plate(tmp_path / "wide.exr", [], windows=WINDOWS["uneven overscan"])
+    flakes = [fl.TentSnow(flakes=400)]
+    wide = fl.Scene(None, tmp_path / "wide.exr", effects=flakes)
+    left, top, width, height = wide.display
+    black = np.zeros((height, width, 3), np.float32)
+    lens = fl.Camera(1.2 * width, aspect=1.0)
+    plain = fl.Scene(None, black, effects=flakes, camera=lens)
+    assert wide.camera.camera.focal == pytest.approx(lens.focal)
+    whole = wide.render(3, layers=True)
+    inner = plain.render(3, layers=True)
+    points = [scene.program.camera(None, 3.0).principal(scene.shape) for scene in (wide, plain)]
+    np.testing.assert_allclose(np.subtract(*points), (left, top))
+    assert whole.alpha.shape == (H, W) and inner.alpha.shape == (height, width)
+
+
+def test_the_weather_alone_of_a_plate_of_16_bits_has_16(tmp_path: Path):
+    levels = (LIGHT[..., :3] * 65535).astype(np.uint16)
+    io.write_picture(tmp_path / "plate.png", levels)
+    fl.Scene(None, tmp_path / "plate.png", effects=SNOW).write(tmp_path / "a.png", alone=True)
+    assert io.read_picture(tmp_path / "a.png").pixels.dtype == np.uint16
+    fl.Scene((W, H), effects=SNOW).write(tmp_path / "b.png", alone=True)
+    assert io.read_picture(tmp_path / "b.png").pixels.dtype == np.uint8

@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-import threading
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,8 +18,8 @@ from moto.server import ThreadedMotoServer
 
 import flurries as fl
 from flurries.cli import main
+from flurries.io.atomic import hidden_name
 from flurries.output import crew, manifest
-from flurries.output import store as stores
 from workers import group, workers
 
 SCENE = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
@@ -138,21 +137,6 @@ def test_16_14_the_command_line_renders_and_checks(place: str, capsys: Any):
     assert "0001.png is missing" in err and "0002.png has changed" in err
 
 
-def test_16_14_several_at_the_same_frames_end_with_the_same_bits(place: str, whole: Any):
-    done: list[Any] = []
-
-    def work() -> None:
-        done.append(SCENE.write(f"{place}/%04d.png", "1-12"))
-
-    three = [threading.Thread(target=work) for _ in range(3)]
-    for thread in three:
-        thread.start()
-    for thread in three:
-        thread.join(120)
-    assert all(sorted(each.written + each.kept) == list(range(1, 13)) for each in done)
-    assert contents(place) == whole
-
-
 @pytest.fixture
 def client(monkeypatch: Any) -> Iterator[Any]:
     group(3, monkeypatch)
@@ -213,6 +197,13 @@ class Sealed(Apart):
     put_file = pipe_file
 
 
+class Plain(Apart):
+    """A store in which half an object can be seen."""
+
+    protocol = "plain"
+    store: dict[str, Any] = {}  # noqa: RUF012
+
+
 class Losing(Apart):
     """A store that says yes and keeps half of it."""
 
@@ -224,7 +215,7 @@ class Losing(Apart):
         MemoryFileSystem.pipe_file(self, rpath, data[: len(data) // 2])
 
 
-for kind in (Sealed, Losing):
+for kind in (Sealed, Plain, Losing):
     fsspec.register_implementation(kind.protocol, kind, clobber=True)
 
 
@@ -239,20 +230,7 @@ def test_16_14_a_store_that_keeps_half_is_no_success():
         SCENE.write("losing://out/%04d.png", "1-3")
 
 
-MOUNT = 'mount -t tmpfs -o {0} small "$0" && cd "$0" && mkdir out; {1} "$@"; exit $?'
-
-
-def mounted(options: str, before: str, tmp_path: Path, code: str) -> Any:
-    """Run Python in a disk that it alone sees."""
-    place = tmp_path / uuid.uuid4().hex
-    place.mkdir()
-    return subprocess.run(
-        ["unshare", "--map-root-user", "--mount", "sh", "-c", MOUNT.format(options, before),
-         str(place), sys.executable, "-c", code],
-        text=True, capture_output=True, env={**os.environ, "TMPDIR": "/tmp"},
-    )  # fmt: skip
-
-
+MOUNT = 'mount -t tmpfs -o size=512k small "$0" && cd "$0" && mkdir out; {} "$@"; exit $?'
 FILLS = """
 import json, sys
 from pathlib import Path
@@ -274,8 +252,12 @@ print(json.dumps({p.name: p.read_bytes().hex() for p in Path("out").iterdir()}))
 
 
 def test_16_14_a_disk_that_fills(tmp_path: Path, whole: dict[str, bytes]):
-    filler = "head -c 440k /dev/zero > filler;"
-    done = mounted("size=512k", filler, tmp_path, FILLS)
+    # In a disk that it alone sees.
+    words = ["unshare", "--map-root-user", "--mount", "sh", "-c"]
+    words += [MOUNT.format("head -c 440k /dev/zero > filler;"), str(tmp_path)]
+    words += [sys.executable, "-c", FILLS]
+    environment = {**os.environ, "TMPDIR": "/tmp"}
+    done = subprocess.run(words, text=True, capture_output=True, env=environment)
     assert done.returncode == 0, done.stderr
     said, during, again, after = map(json.loads, done.stdout.splitlines())
     assert "No space left on device" in said and ".flurries-" not in said
@@ -287,13 +269,26 @@ def test_16_14_a_disk_that_fills(tmp_path: Path, whole: dict[str, bytes]):
     assert {name: bytes.fromhex(data) for name, data in after.items()} == whole
 
 
-def test_16_14_without_the_drivers_it_says_what_to_install(monkeypatch: Any):
-    def missing(name: str) -> Any:
-        raise ImportError(f"No module named {name!r}")
+def test_16_14_where_halves_are_seen_frames_are_renamed(whole: dict[str, bytes]):
+    dead = subprocess.Popen(["true"])
+    dead.wait()
+    own = hidden_name(".png")
+    gone = f"{own[:20]}{dead.pid:06x}{own[26:]}"
+    for name in (own, gone):
+        Plain().pipe_file(f"/out/{name}", b"half")
+    SCENE.write("plain://out/%04d.png", "1-12")
+    # What a process left that has ended is gone; another's is not.
+    assert contents("plain://out") == {**whole, own: b"half"}
 
-    monkeypatch.setattr(stores.importlib, "import_module", missing)
-    with pytest.raises(ImportError, match=r"install flurries\[stores\]"):
-        SCENE.write("memory://a/%04d.png", "1")
-    monkeypatch.undo()
-    with pytest.raises(ImportError, match=r"^gs://a/%04d\.png: .*gcsfs"):
-        SCENE.write("gs://a/%04d.png", "1")
+
+@pytest.mark.parametrize(("target", "words"), [
+    ("s3://films/film.mp4", "a video is written to this machine"),
+    ("simplecache::s3://films/%04d.png", "name the store itself"),
+    ("nothing://films/%04d.png", "Protocol not known: nothing"),
+    ("memory://a/frame%s.png", "must hold one frame token"),
+    ("memory:///%04d/x.png", "must not hold '%' in a folder"),
+])  # fmt: skip
+def test_16_14_a_url_that_cannot_be_is_one_sentence(target: str, words: str, capsys: Any):
+    code = main(["render", "#304050", "--snow", "heavy", "--frames", "1", "-o", target])
+    err = capsys.readouterr().err
+    assert code == 2 and words in err and len(err.splitlines()) == 1, err

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import copy
-import json
 import multiprocessing
-import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -14,10 +11,8 @@ import albumentations as A
 import numpy as np
 import pytest
 import torch
-import yaml
 from kornia.augmentation import (
     AugmentationSequential,
-    RandomGaussianNoise,
     RandomHorizontalFlip,
     VideoSequential,
 )
@@ -138,19 +133,6 @@ def test_kornia_weather_moves_in_clips_unless_it_is_the_same():
     assert (seen == seen[:, :1]).all() and not (seen[0] == seen[1]).all()
 
 
-@pytest.mark.parametrize("module", [fla, flt, flk], ids=["albumentations", "torchvision", "kornia"])
-@pytest.mark.parametrize("kind", KINDS)
-def test_transforms_pickle_small(module: object, kind: str):
-    transform = getattr(module, kind)(severity=3)
-    text = pickle.dumps(transform)
-    # Beside what every transform of the library carries: hooks, generators of random numbers.
-    bare = {fla: A.NoOp(), flt: torch.nn.Identity(), flk: RandomGaussianNoise()}[module]
-    assert len(text) <= 4096 + len(pickle.dumps(bare)), len(text)
-    again = pickle.loads(text)
-    assert type(again) is type(transform)
-    copy.deepcopy(transform)
-
-
 @pytest.mark.parametrize("method", ["fork", "spawn"])
 def test_loaders_give_one_set_whatever_their_workers(method: str):
     context = multiprocessing.get_context(method)
@@ -163,17 +145,6 @@ def test_loaders_give_one_set_whatever_their_workers(method: str):
         )  # fmt: skip
         assert torch.equal(torch.cat(list(loader)), alone)
     assert len(torch.unique(alone, dim=0)) == 12
-
-
-@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA"])
-def test_torchvision_keeps_what_pillow_has(mode: str):
-    picture = Image.fromarray(PHOTOGRAPH).convert(mode)
-    if mode in ("LA", "RGBA"):
-        picture.putalpha(77)
-    seen = flt.Snowfall(severity=4)(picture)
-    assert seen.mode == {"1": "L", "P": "RGB"}.get(mode, mode) and seen.size == picture.size
-    if "A" in mode:
-        assert seen.getchannel("A").getextrema() == (77, 77)
 
 
 # What comes out beside the picture ---------------------------------------------------------------
@@ -212,38 +183,6 @@ def test_albumentations_gives_alpha_and_record(kind: str):
     ]
     assert np.allclose(seen["alpha"], 1.0 - (1.0 - alphas[0]) * (1.0 - alphas[1]), atol=1e-5)
     assert set(twice(image=PHOTOGRAPH, depth=depth)) == {"image", "depth"}
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("form", ["json", "yaml"])
-def test_albumentations_is_kept_in_files(kind: str, form: str, tmp_path: Path):
-    transform = getattr(fla, kind)(
-        severity=(2, 4), ground=fl.augment.Ground(horizon=0.3), color=(0.5, 0.6, 0.7), p=1.0,
-        alpha_key="alpha",
-    )  # fmt: skip
-    path = tmp_path / f"pipeline.{form}"
-    A.save(A.Compose([transform]), path, data_format=form)
-    again = A.load(path, data_format=form)
-    (one,) = again.transforms
-    assert one._drawing == transform._drawing and one.alpha_key == "alpha"
-    record = transform._drawing.record(index=4)
-    text = yaml.safe_dump(record) if form == "yaml" else json.dumps(record)
-    back = yaml.safe_load(text) if form == "yaml" else json.loads(text)
-    assert np.array_equal(
-        fl.augment.replay(back)(PHOTOGRAPH), fl.augment.replay(record)(PHOTOGRAPH)
-    )
-
-
-def test_albumentations_takes_bands_of_a_spectrum():
-    bands = np.concatenate([PHOTOGRAPH, PHOTOGRAPH[..., :2]], axis=2)
-    for kind in KINDS:
-        transform = getattr(fla, kind)(severity=4, record_key="records", p=1.0)
-        seen = transform(image=bands, records=[])
-        grey = fl.augment.replay(seen["records"][0])(bands[..., 4])
-        assert seen["image"].shape == bands.shape
-        assert np.array_equal(seen["image"][..., 4], grey)
-    with pytest.raises(ValueError, match="got 4: give an alpha as a mask"):
-        transform(image=bands[..., :4])
 
 
 @pytest.mark.parametrize("kind", KINDS)
