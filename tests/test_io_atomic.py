@@ -33,13 +33,12 @@ def target(tmp_path):
     return path
 
 
-def alone(path):
-    """Whether the folder of `path` holds nothing else, hidden files included."""
-    return names(path.parent) == [path.name]
-
-
 def names(folder):
     return sorted(path.name for path in folder.iterdir())
+
+
+def alone(path):
+    return names(path.parent) == [path.name]
 
 
 def test_the_new_file_replaces_the_old_one(target):
@@ -53,21 +52,13 @@ def test_the_new_file_replaces_the_old_one(target):
     assert alone(target)
 
 
-@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, SystemExit, MemoryError])
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
 def test_an_exception_leaves_the_old_file(target, error):
     with pytest.raises(error), replacing(target) as temporary:
         temporary.write_bytes(b"half of the new")
         raise error
     assert target.read_bytes() == OLD
     assert alone(target)
-
-
-def test_writing_in_place_loses_the_old_file(target):
-    """The control: what the guard is there for."""
-    with pytest.raises(ValueError), target.open("wb") as stream:
-        stream.write(b"half of the new")
-        raise ValueError
-    assert target.read_bytes() != OLD
 
 
 def test_a_new_file_gets_the_permissions_of_any_new_file(target):
@@ -83,8 +74,19 @@ def test_a_new_file_gets_the_permissions_of_any_new_file(target):
 def test_nothing_written_is_an_error(target):
     with pytest.raises(OSError, match=r"picture\.png: nothing was written"), replacing(target):
         pass
-    assert target.read_bytes() == OLD
-    assert alone(target)
+    assert target.read_bytes() == OLD and alone(target)
+
+
+@pytest.mark.parametrize("name", ["old.png", "new.png"])
+def test_what_an_ordinary_user_may_not_write_is_refused_by_name(name):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, name)
+        Path(folder, "old.png").write_bytes(OLD)
+        Path(folder, "old.png").chmod(0o444)
+        Path(folder).chmod(0o555)
+        said = in_child(as_ordinary_user, lambda path=path: replacing(path).__enter__())
+        assert said.startswith("PermissionError") and name in said
+        assert names(Path(folder)) == ["old.png"]
 
 
 def test_one_missing_folder_is_made_and_no_more(tmp_path):
@@ -127,20 +129,6 @@ def test_odd_targets_are_refused_by_name(tmp_path):
     assert names(tmp_path) == before
 
 
-def test_an_error_in_the_block_names_the_file_and_not_the_hidden_one(target):
-    with pytest.raises(FileNotFoundError) as caught, replacing(target) as temporary:
-        temporary.unlink()
-        temporary.open("rb")
-    assert caught.value.filename == str(target)
-
-
-def test_a_long_name_still_has_room(tmp_path):
-    path = tmp_path / f"{'n' * 250}.png"
-    with replacing(path) as temporary:
-        temporary.write_bytes(b"x")
-    assert alone(path)
-
-
 def in_child(prepare, task):
     """Run `prepare` and `task` in a child; return what became of `task`, in words."""
     reader, writer = os.pipe()
@@ -170,34 +158,6 @@ def with_a_full_disk():
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, resource.RLIM_INFINITY))
 
 
-def test_read_only_folders_and_files_as_an_ordinary_user():
-    pixels = np.zeros((4, 4, 3), np.uint8)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        write_picture(folder / "old.png", pixels + 9)
-        (folder / "old.png").chmod(0o444)
-        (folder / "open").mkdir(mode=0o777)
-        (folder / "open").chmod(0o777)
-        write_picture(folder / "open" / "locked.png", pixels + 9)
-        (folder / "open" / "locked.png").chmod(0o444)
-        folder.chmod(0o555)
-        try:
-            for path in ("old.png", "new.png", "open/locked.png"):
-                said = in_child(
-                    as_ordinary_user, lambda path=path: write_picture(folder / path, pixels)
-                )
-                assert said.startswith("PermissionError"), said
-                assert path in said
-            said = in_child(
-                as_ordinary_user, lambda: write_picture(folder / "open" / "new.png", pixels)
-            )
-            assert said == "None"
-        finally:
-            folder.chmod(0o755)
-        assert read_picture(folder / "open" / "locked.png").pixels.max() == 9
-        assert names(folder / "open") == ["locked.png", "new.png"]
-
-
 @pytest.mark.parametrize("name", ["a.exr", "a.png", "a.tif", "a.jpg", "a.hdr"])
 def test_a_full_disk_leaves_the_old_file(tmp_path, name):
     path = tmp_path / name
@@ -209,8 +169,6 @@ def test_a_full_disk_leaves_the_old_file(tmp_path, name):
     assert name in said
     assert path.read_bytes() == old
     assert alone(path)
-    write_picture(path, noise)
-    assert read_picture(path).size == (64, 64)
 
 
 def damaging(original):
@@ -235,11 +193,6 @@ def test_a_picture_that_reads_back_wrong_is_not_kept(tmp_path, monkeypatch, name
     with pytest.raises(OSError, match=rf"{name}: (does not|cannot be) read back"):
         write_picture(path, pixels, **options)
     assert names(tmp_path) == []
-    # The control: without the check the damage goes unnoticed.
-    monkeypatch.setattr(rows, "_verify", lambda *_, **__: None)
-    write_picture(path, pixels, **options)
-    if name == "a.exr":
-        assert not np.array_equal(read_picture(path).pixels, pixels)
 
 
 def test_children_that_are_forked_while_an_exr_is_packed_write_their_own(tmp_path):
@@ -264,26 +217,6 @@ def test_children_that_are_forked_while_an_exr_is_packed_write_their_own(tmp_pat
         ended.set()
         worker.join()
     assert read_picture(tmp_path / "3.exr").size == (500, 600)
-
-
-def test_a_failure_in_the_middle_of_a_picture_leaves_the_old_one(tmp_path, monkeypatch):
-    path = tmp_path / "a.tif"
-    write_picture(path, np.full((200, 30, 3), 7, np.uint8))
-    old = path.read_bytes()
-    calls = []
-
-    def failing(first, *_):
-        calls.append(first)
-        if len(calls) == 3:
-            raise KeyboardInterrupt
-        return np.zeros((min(64, 200 - 64 * (len(calls) - 1)), 30, 3), np.uint8)
-
-    monkeypatch.setattr("flurries.io.pictures.writer._converted", failing)
-    with pytest.raises(KeyboardInterrupt):
-        write_picture(path, np.zeros((200, 30, 3), np.uint8))
-    assert len(calls) == 3
-    assert path.read_bytes() == old
-    assert alone(path)
 
 
 WRITER = """
@@ -345,27 +278,3 @@ def test_leftovers_of_the_dead_are_removed_and_those_of_the_living_are_not(tmp_p
     assert not path.exists()
     assert remove_leftovers(tmp_path) == [temporary]
     assert names(tmp_path) == []
-
-
-BETWEEN = """
-import sys
-from flurries.io import atomic
-# As when Ctrl-C falls after the file was made and before anything guards it.
-temporary = atomic._reserve(atomic.Path(sys.argv[1]))
-print(temporary.exists(), flush=True)
-raise KeyboardInterrupt
-"""
-
-
-def test_ctrl_c_between_the_making_and_the_guard_leaves_nothing(tmp_path):
-    with start(BETWEEN, tmp_path / "a.png") as writer:
-        assert writer.stdout.read().strip() == "True"
-    assert writer.returncode == -signal.SIGINT
-    assert names(tmp_path) == []
-
-
-def test_only_our_own_leftovers_are_removed(tmp_path):
-    for name in [".flurries-short.exr", ".other", "flurries-0123456789abcdef.exr"]:
-        (tmp_path / name).write_bytes(b"x")
-    assert remove_leftovers(tmp_path) == []
-    assert len(names(tmp_path)) == 3

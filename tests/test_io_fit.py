@@ -52,18 +52,6 @@ def test_fit_puts_things_where_geometry_says(size, how):
     assert not (np.abs(shifted - wanted) <= tolerance)[inside].all()
 
 
-def test_contain_has_bars_and_cover_has_none():
-    white = np.ones((50, 100, 4), np.float32)
-    contained = fit(white, (60, 60), "contain")
-    np.testing.assert_array_equal(contained[15:45], 1)
-    np.testing.assert_array_equal(contained[:15], 0)
-    np.testing.assert_array_equal(contained[45:], 0)
-    upright = fit(white.swapaxes(0, 1), (60, 60), "contain")
-    np.testing.assert_array_equal(upright, contained.swapaxes(0, 1))
-    np.testing.assert_array_equal(fit(white, (61, 33), "cover"), 1)
-    np.testing.assert_array_equal(fit(white, (3, 200), "contain").sum(axis=(0, 2)) > 0, True)
-
-
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float16, np.float32, np.float64])
 @pytest.mark.parametrize("channels", [(), (1,), (3,), (4,)])
 def test_fit_keeps_the_dtype_and_flat_areas(dtype, channels):
@@ -111,3 +99,15 @@ def test_fit_mixes_no_color_from_where_there_is_nothing():
     assert seen.sum() > 50
     assert fitted[seen][:, 1].max() <= 1
     assert fitted[seen][:, 0].min() >= 254
+
+
+def test_contain_has_bars_and_cover_has_none():
+    white = np.ones((50, 100, 4), np.float32)
+    contained = fit(white, (60, 60), "contain")
+    np.testing.assert_array_equal(contained[15:45], 1)
+    np.testing.assert_array_equal(contained[:15], 0)
+    np.testing.assert_array_equal(contained[45:], 0)
+    upright = fit(white.swapaxes(0, 1), (60, 60), "contain")
+    np.testing.assert_array_equal(upright, contained.swapaxes(0, 1))
+    np.testing.assert_array_equal(fit(white, (61, 33), "cover"), 1)
+    np.testing.assert_array_equal(fit(white, (3, 200), "contain").sum(axis=(0, 2)) > 0, True)

@@ -5,7 +5,6 @@ import OpenImageIO as oiio
 import pytest
 import skimage.data
 import skimage.transform
-import tifffile
 from PIL import Image, ImageOps
 
 from flurries.io import read_header, read_mask, read_picture, write_picture
@@ -16,16 +15,11 @@ def test_grey_palettes_bits_and_ink(tmp_path):
     photograph = np.ascontiguousarray(skimage.data.astronaut()[:48, 200:264])
     image = Image.fromarray(photograph)
     cases = {
-        "grey.png": (image.convert("L"), {}),
-        "bits.png": (image.convert("1"), {}),
         "palette.png": (image.quantize(16), {}),
         "grey-alpha.png": (image.convert("LA"), {}),
-        "progressive.jpg": (image, {"progressive": True}),
         "grey.jpg": (image.convert("L"), {"quality": 100}),
         "lzw.tif": (image, {"compression": "tiff_lzw"}),
         "plain.webp": (image, {"lossless": True}),
-        "plain.tga": (image, {}),
-        "plain.bmp": (image, {}),
     }
     for name, (written, options) in cases.items():
         written.save(tmp_path / name, **options)
@@ -35,16 +29,13 @@ def test_grey_palettes_bits_and_ink(tmp_path):
         assert error.max() <= (3 if name.endswith("jpg") else 0), name
         assert picture.pixels.dtype == np.uint8
         assert picture.encoding == "display"
-    image.convert("CMYK").save(tmp_path / "ink.tif")
-    assert read_picture(tmp_path / "ink.tif").pixels.shape == photograph.shape
 
 
 def test_straight_alpha_of_other_formats_stays_straight(tmp_path):
     pixels = levels((20, 30, 4), np.uint8)
     image = Image.fromarray(pixels)
-    options = {"a.webp": {"lossless": True, "exact": True}}
-    for name in ("a.png", "a.webp", "a.tga", "a.bmp", "a.tif"):
-        image.save(tmp_path / name, **options.get(name, {}))
+    for name in ("a.png", "a.tga", "a.tif"):
+        image.save(tmp_path / name)
         picture = read_picture(tmp_path / name)
         assert not picture.premultiplied, name
         np.testing.assert_array_equal(picture.pixels, pixels[..., :3], name)
@@ -62,31 +53,6 @@ def test_orientation_is_honoured(tmp_path, orientation):
     picture = read_picture(tmp_path / "a.jpg")
     assert np.abs(picture.pixels.astype(int) - upright).max() <= 2
     assert read_header(tmp_path / "a.jpg").size == picture.size == upright.shape[1::-1]
-    tag = [(274, "H", 1, orientation, True)]
-    tifffile.imwrite(tmp_path / "a.tif", pixels, photometric="rgb", extratags=tag)
-    np.testing.assert_array_equal(
-        read_picture(tmp_path / "a.tif").pixels, turned(pixels, orientation)
-    )
-
-
-def turned(pixels, orientation):
-    """The standard's own words: where the first row and the first column of the file belong."""
-    row_is, column_is = {
-        1: ("top", "left"),
-        2: ("top", "right"),
-        3: ("bottom", "right"),
-        4: ("bottom", "left"),
-        5: ("left", "top"),
-        6: ("right", "top"),
-        7: ("right", "bottom"),
-        8: ("left", "bottom"),
-    }[orientation]
-    if row_is in ("left", "right"):
-        pixels = pixels.swapaxes(0, 1)
-        row_is, column_is = column_is, row_is
-    if row_is == "bottom":
-        pixels = pixels[::-1]
-    return pixels[:, ::-1] if column_is == "right" else pixels
 
 
 @pytest.mark.parametrize(
@@ -161,17 +127,6 @@ def test_pictures_of_other_kinds_are_refused(tmp_path):
         read_picture(tmp_path / "deep.exr")
 
 
-def test_unusual_numbers(tmp_path):
-    whole = np.arange(12, dtype=np.uint32).reshape(3, 4) * 300_000_000
-    tifffile.imwrite(tmp_path / "wide.tif", whole)
-    picture = read_picture(tmp_path / "wide.tif")
-    assert picture.encoding == "display"
-    np.testing.assert_allclose(picture.pixels[..., 0], whole / (2**32 - 1), rtol=1e-6)
-    doubles = noise((3, 4, 3)).astype(np.float64)
-    tifffile.imwrite(tmp_path / "double.tif", doubles, photometric="rgb")
-    assert_reads_as(tmp_path / "double.tif", doubles.astype(np.float32), None, "linear")
-
-
 def test_masks(tmp_path):
     grey = np.arange(256, dtype=np.uint8).reshape(16, 16)
     write_picture(tmp_path / "grey.png", grey)
@@ -185,6 +140,3 @@ def test_masks(tmp_path):
     wild = np.array([[np.nan, np.inf, -3.0, 0.25, 9.0]], np.float32)
     write_picture(tmp_path / "wild.exr", wild, half=False)
     np.testing.assert_array_equal(read_mask(tmp_path / "wild.exr"), [[0, 1, 0, 0.25, 1]])
-    half = np.linspace(0, 1, 50, dtype=np.float32).reshape(5, 10)
-    write_picture(tmp_path / "mask.png", half, encoding="display", bits=16)
-    np.testing.assert_allclose(read_mask(tmp_path / "mask.png"), half, atol=1 / 131070)

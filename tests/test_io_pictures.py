@@ -21,10 +21,7 @@ from stills import as_read, assert_reads_as, levels, noise, same_bits
 # Newer Pythons warn when a process with threads is forked, which is what these tests are about.
 pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 
-SHAPES = [(21, 34), (21, 34, 1), (21, 34, 3), (21, 34, 4), (130, 5, 3), (1, 1, 3)]
-
-
-# Read-back
+SHAPES = [(21, 34), (21, 34, 4), (130, 5, 3), (1, 1, 3)]
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -46,9 +43,6 @@ def test_half_is_within_half_an_ulp(tmp_path, shape):
     assert (np.abs(picture.pixels - color) <= spacing / 2).all()
     assert picture.pixels.max() > 1 or pixels.size < 9
     assert (picture.alpha is None) == (alpha is None)
-    # The control: bfloat16, three bits poorer, would not pass.
-    poor = (color.view(np.uint32) & np.uint32(0xFFFF0000)).view(np.float32)
-    assert color.size < 9 or not (np.abs(poor - color) <= spacing / 2).all()
 
 
 def test_half_has_a_largest_number_and_no_infinity(tmp_path):
@@ -56,13 +50,6 @@ def test_half_has_a_largest_number_and_no_infinity(tmp_path):
     write_picture(tmp_path / "a.exr", values)
     found = read_picture(tmp_path / "a.exr").pixels[0, :, 0]
     np.testing.assert_array_equal(found, [65504] * 5 + [-65504, np.nan, 2.0])
-    # The control: OpenImageIO by itself stores infinity.
-    spec = oiio.ImageSpec(8, 1, 1, "half")
-    output = oiio.ImageOutput.create("b.exr")
-    assert output.open(str(tmp_path / "b.exr"), spec)
-    assert output.write_image(values[..., np.newaxis])
-    output.close()
-    assert np.isinf(read_picture(tmp_path / "b.exr").pixels[0, 2, 0])
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
@@ -105,22 +92,6 @@ def test_jpeg_and_hdr_are_near(tmp_path, shape):
     assert found.pixels.max() > 10
 
 
-def test_float64_and_float16(tmp_path):
-    exact = noise((9, 9, 3)).astype(np.float64) / 3
-    exact[0, 0] = [1e300, -1e300, np.inf]
-    write_picture(tmp_path / "a.exr", exact, half=False)
-    largest = np.finfo(np.float32).max
-    found = read_picture(tmp_path / "a.exr").pixels
-    np.testing.assert_array_equal(found[0, 0], [largest, -largest, np.inf])
-    np.testing.assert_array_equal(found[1:], exact[1:].astype(np.float32))
-    halves = noise((9, 9, 3)).astype(np.float16)
-    write_picture(tmp_path / "b.exr", halves)
-    np.testing.assert_array_equal(read_picture(tmp_path / "b.exr").pixels, halves)
-
-
-# Encodings and alpha
-
-
 def test_srgb_is_the_standard_formula():
     display = np.linspace(-0.5, 3, 3001)
     wanted = np.where(
@@ -129,31 +100,6 @@ def test_srgb_is_the_standard_formula():
     np.testing.assert_allclose(srgb_to_linear(display), wanted, rtol=1e-14)
     np.testing.assert_allclose(linear_to_srgb(srgb_to_linear(display)), display, atol=1e-7)
     assert abs(float(srgb_to_linear(0.5)) - 0.21404114048223255) < 1e-15
-    # The control: the usual shortcut, a power of 2.2, is far off in the shadows.
-    assert abs(0.02**2.2 - float(srgb_to_linear(0.02))) > 0.5 * float(srgb_to_linear(0.02))
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_every_level_survives_linear_light(dtype):
-    largest = np.iinfo(dtype).max
-    every = np.arange(largest + 1) / np.float32(largest)
-    back = linear_to_srgb(srgb_to_linear(every.astype(np.float32)))
-    np.testing.assert_array_equal(np.rint(back * largest), np.arange(largest + 1))
-
-
-def test_srgb_keeps_dtypes_and_nan_and_refuses_integers():
-    for dtype, kept in [
-        (np.float32, np.float32),
-        (np.float64, np.float64),
-        (np.float16, np.float32),
-    ]:
-        values = np.array([0.1, np.nan, 4.0], dtype)
-        for function in (srgb_to_linear, linear_to_srgb):
-            assert function(values).dtype == kept
-            assert np.isnan(function(values)).tolist() == [False, True, False]
-    for integers in (np.arange(4), np.zeros(3, np.uint8), 5):
-        with pytest.raises(TypeError, match="values must be floats"):
-            srgb_to_linear(integers)
 
 
 def test_light_becomes_display_values_in_png(tmp_path):
@@ -164,10 +110,6 @@ def test_light_becomes_display_values_in_png(tmp_path):
         found = read_picture(tmp_path / "a.png").pixels
         assert found.dtype == (np.uint8 if bits == 8 else np.uint16)
         np.testing.assert_array_equal(found[..., 0], np.rint(display * largest))
-    # The control: as they are, without the curve, a fifth is 51 and not 124.
-    write_picture(tmp_path / "b.png", light, encoding="display")
-    assert read_picture(tmp_path / "b.png").pixels[0, 3, 0] == 51
-    assert round(read_picture(tmp_path / "a.png").pixels[0, 3, 0] / 257) == 124
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
@@ -178,9 +120,6 @@ def test_display_values_become_light_in_exr(tmp_path, dtype):
     np.testing.assert_array_equal(read_picture(tmp_path / "a.exr").pixels, wanted)
     write_picture(tmp_path / "b.exr", pixels / np.iinfo(dtype).max, encoding="display", half=False)
     np.testing.assert_allclose(read_picture(tmp_path / "b.exr").pixels, wanted, rtol=1e-6)
-    write_picture(tmp_path / "c.exr", pixels, encoding="linear", half=False)
-    scaled = pixels.astype(np.float32) / np.float32(np.iinfo(dtype).max)
-    np.testing.assert_array_equal(read_picture(tmp_path / "c.exr").pixels, scaled)
 
 
 def test_bits_can_be_asked_for(tmp_path):
@@ -209,9 +148,6 @@ def test_alpha_is_multiplied_in_exr_and_not_in_png(tmp_path):
     back = read_picture(tmp_path / "a.png")
     np.testing.assert_array_equal(back.pixels, display[..., :3])
     np.testing.assert_array_equal(np.rint(back.alpha * 255), display[..., 3])
-    # The control: colors taken for straight are too dark where it is thin.
-    write_picture(tmp_path / "b.png", stored.pixels, alpha=stored.alpha, premultiplied=False)
-    assert read_picture(tmp_path / "b.png").pixels.mean() < back.pixels.mean() - 20
 
 
 def test_color_without_opacity_stays(tmp_path):
@@ -232,9 +168,6 @@ def test_alpha_apart_is_the_same_as_alpha_within(tmp_path):
     write_picture(tmp_path / "g.png", levels((9, 8), np.uint8), alpha=np.full((9, 8), 0.2))
     assert read_header(tmp_path / "g.png").channels == ("Y", "A")
     np.testing.assert_array_equal(read_picture(tmp_path / "g.png").alpha, np.float32(51 / 255))
-
-
-# Headers
 
 
 def test_metadata_come_back(tmp_path):
@@ -282,9 +215,6 @@ def test_bytes_depend_on_nothing_but_the_arguments(tmp_path, name):
         assert (tmp_path / name).read_bytes() != data
 
 
-# Layers
-
-
 def test_layers_come_back(tmp_path):
     layers = {
         "rgba": noise((70, 9, 4)),
@@ -314,9 +244,6 @@ def test_layers_come_back(tmp_path):
     spec = oiio.ImageInput.open(str(tmp_path / "a.exr")).spec()
     kinds = dict(zip(spec.channelnames, map(str, spec.channelformats), strict=True))
     assert (kinds["R"], kinds["depth.Z"], kinds["alpha.A"]) == ("half", "float", "half")
-    write_layers(tmp_path / "b.exr", layers, half=False)
-    for name, layer in layers.items():
-        assert same_bits(read_layers(tmp_path / "b.exr")[name], layer)
 
 
 def test_whole_numbers_come_back_to_the_bit(tmp_path):
@@ -347,9 +274,6 @@ def test_whole_numbers_come_back_to_the_bit(tmp_path):
         write_layers(tmp_path / "c.exr", {"id": numbers.astype(np.int32)})
 
 
-# Refusals
-
-
 def test_what_a_format_cannot_hold_is_refused(tmp_path):
     good, four = np.zeros((4, 5, 3), np.uint8), np.zeros((4, 5, 4))
     for name, pixels, match, options in [
@@ -366,3 +290,16 @@ def test_what_a_format_cannot_hold_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"only \.exr"):
         write_layers(tmp_path / "a.png", {"rgba": four})
     assert not any(tmp_path.iterdir())
+
+
+def test_float64_and_float16(tmp_path):
+    exact = noise((9, 9, 3)).astype(np.float64) / 3
+    exact[0, 0] = [1e300, -1e300, np.inf]
+    write_picture(tmp_path / "a.exr", exact, half=False)
+    largest = np.finfo(np.float32).max
+    found = read_picture(tmp_path / "a.exr").pixels
+    np.testing.assert_array_equal(found[0, 0], [largest, -largest, np.inf])
+    np.testing.assert_array_equal(found[1:], exact[1:].astype(np.float32))
+    halves = noise((9, 9, 3)).astype(np.float16)
+    write_picture(tmp_path / "b.exr", halves)
+    np.testing.assert_array_equal(read_picture(tmp_path / "b.exr").pixels, halves)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from skimage.metrics import peak_signal_noise_ratio
 
-from films import EXTENSIONS, encode, film, write
+from films import EXTENSIONS, film, write
 from flurries.io import VideoWriter, open_background, read_video
 from flurries.io.films.codecs import frame_rate
 
@@ -23,9 +23,6 @@ def digest(path):
 
 def only(path):
     return [entry.name for entry in path.parent.iterdir()] == [path.name]
-
-
-# Round trips
 
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
@@ -42,22 +39,6 @@ def test_what_goes_in_comes_out(tmp_path, extension):
     source = open_background(path)
     assert (source.count, source.size, source.fps, source.encoding) == (30, (96, 64), 25, "display")
     assert only(path)
-
-
-@pytest.mark.parametrize("extension", ["mp4", "webm", "mkv"])
-def test_worse_quality_is_smaller(tmp_path, extension):
-    sizes, likeness = [], []
-    for quality in ("high", "medium", "draft"):
-        path = write(tmp_path / f"{quality}.{extension}", film(12), quality=quality)
-        sizes.append(path.stat().st_size)
-        pairs = zip(film(12), read_video(path), strict=True)
-        likeness.append(min(np.abs(a.astype(int) - b).mean() for a, b in pairs))
-    if extension == "mkv":
-        assert len(set(sizes)) == 1
-        assert likeness == [0, 0, 0]
-    else:
-        assert sizes == sorted(sizes, reverse=True)
-        assert likeness[0] < likeness[2]
 
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
@@ -92,24 +73,7 @@ def test_the_same_frames_make_the_same_bytes(tmp_path, extension):
     assert not any(word in data for word in (b"elsewhere", tmp_path.name.encode(), b".flurries-"))
 
 
-def test_x264_goes_without_its_macroblock_tree(tmp_path):
-    """With it no two runs need be alike, whatever the number of threads."""
-    data = write(tmp_path / "a.mp4", film(3)).read_bytes()
-    assert b" mbtree=0 " in data
-    # The control: it is on by default.
-    assert b" mbtree=1 " in encode(tmp_path / "b.mp4", "libx264", film(3), options={}).read_bytes()
-
-
-def test_mp4_starts_at_once(tmp_path):
-    """The index comes before the frames, so that a browser need not load all of them first."""
-    data = write(tmp_path / "a.mp4", film(5)).read_bytes()
-    assert data.index(b"moov") < data.index(b"mdat")
-    # The control: by default it comes last.
-    plain = encode(tmp_path / "b.mp4", "libx264", film(5)).read_bytes()
-    assert plain.index(b"moov") > plain.index(b"mdat")
-
-
-@pytest.mark.parametrize("size", [(97, 64), (96, 65), (97, 65), (1, 1), (3, 200)])
+@pytest.mark.parametrize("size", [(97, 64), (97, 65), (1, 1)])
 @pytest.mark.parametrize("extension", ["mp4", "webm", "mkv"])
 def test_odd_sizes_get_one_more_row_or_column(tmp_path, size, extension):
     width, height = size
@@ -132,16 +96,6 @@ def test_frame_rates(given, fraction):
     assert frame_rate(given) == fraction
 
 
-def test_frame_rates_reach_the_file(tmp_path):
-    for fps in (23.976, 12.5, 60):
-        path = write(tmp_path / "a.mp4", film(3), fps)
-        wanted = float(frame_rate(fps))
-        assert abs(open_background(path).fps - wanted) < 1e-9
-
-
-# What is refused, and what is left behind
-
-
 @pytest.mark.parametrize("extension", ["mp4", "webm", "mkv"])
 def test_an_exception_leaves_the_old_video(tmp_path, extension):
     path = tmp_path / f"a.{extension}"
@@ -149,11 +103,8 @@ def test_an_exception_leaves_the_old_video(tmp_path, extension):
     good = next(film(1))
     for error, frame in [
         (KeyboardInterrupt, None),
-        (ZeroDivisionError, None),
         (TypeError, good.astype(float)),
         (ValueError, good[:-1]),
-        (ValueError, good[..., 0]),
-        (ValueError, np.zeros((64, 96, 4), np.uint8)),
     ]:
         with pytest.raises(error), VideoWriter(path, (96, 64), 24) as video:
             for wave in film(5):
@@ -185,20 +136,6 @@ def test_a_video_needs_a_frame_and_a_block(tmp_path):
     assert len(list(read_video(path))) == 1
 
 
-def test_a_video_that_lacks_frames_is_not_kept(tmp_path, monkeypatch):
-    path = tmp_path / "a.mp4"
-    original = VideoWriter._finish
-
-    def forgetful(self):
-        self.count += 1
-        original(self)
-
-    monkeypatch.setattr(VideoWriter, "_finish", forgetful)
-    with pytest.raises(OSError, match="4 frames instead of 5"):
-        write(path, film(4))
-    assert not any(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize("leaves_by", ["exit", "exception"])
 def test_a_forked_child_does_not_disturb_the_video(tmp_path, leaves_by):
     path = tmp_path / "a.mp4"
@@ -215,3 +152,17 @@ def test_a_forked_child_does_not_disturb_the_video(tmp_path, leaves_by):
                 assert os.waitpid(child, 0)[1] == 0
     assert len(list(read_video(path))) == 10
     assert only(path)
+
+
+def test_a_video_that_lacks_frames_is_not_kept(tmp_path, monkeypatch):
+    path = tmp_path / "a.mp4"
+    original = VideoWriter._finish
+
+    def forgetful(self):
+        self.count += 1
+        original(self)
+
+    monkeypatch.setattr(VideoWriter, "_finish", forgetful)
+    with pytest.raises(OSError, match="4 frames instead of 5"):
+        write(path, film(4))
+    assert not any(tmp_path.iterdir())

@@ -16,14 +16,6 @@ ROOT = Path(__file__).parents[1]
 CORE = {"numpy", "openimageio", "pillow", "click", "fileseq", "tqdm", "tomli", "tomli-w"}
 
 
-def test_the_core_needs_what_a_frame_needs_and_no_more():
-    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    listed = re.search(r"^dependencies = \[(.*?)^\]", project, re.M | re.S)
-    assert listed is not None
-    names = re.findall(r'^\s*"([\w-]+)', listed[1], re.M)
-    assert {name.lower() for name in names} == CORE
-
-
 @pytest.mark.parametrize("call", [
     "fl.io.VideoWriter('new.mp4', (32, 24), 24)",
     "fl.Scene((32, 24)).write('new.mp4', '1-2')",
@@ -48,15 +40,6 @@ def test_the_citation_is_of_this_version_and_names_the_four_papers():
     (stands,) = re.findall(r'^version = "(.*)"$', cargo, re.M)[:1]
     assert f"\nversion: {stands}\n" in text
     assert re.findall(r"^    year: (\d+)$", text, re.M) == ["2004", "2003", "2005", "2004"]
-
-
-def test_photographs_are_what_they_say():
-    assert fl.io.photograph().shape == (427, 640, 3)
-    assert fl.io.photograph("coffee").shape == (400, 600, 3)
-    assert fl.io.photograph("coffee").mean() > 1.3 * fl.io.photograph("rocket").mean()
-    assert fl.io.photograph(size=(20, 10)).shape == (10, 20, 3)
-    with pytest.raises(ValueError, match=r"name must be .*rocket.*got 'roket'; did you mean"):
-        fl.io.photograph("roket")  # type: ignore[arg-type]
 
 
 def test_16_15_a_free_threaded_python_is_refused_with_a_sentence():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ import flurries as fl
 from flurries.cli import main
 from flurries.io import read_picture, read_video, write_picture
 from flurries.output import manifest
-from flurries.output.manifest import Mark
 from flurries.output.store import check
 
 W, H = 66, 50
@@ -31,15 +29,6 @@ def test_the_two_modes_are_never_mixed(tmp_path: Path):
         assert SCENE.write(tmp_path / "%d.png", "1-3").kept == [1, 2, 3]
     finally:
         fl.set_reproducible(False)
-
-
-def test_without_the_mark_scenes_would_be_mixed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """The control: frames that do not say whose they are."""
-    monkeypatch.setattr(Mark, "settled", lambda self, path, *_: {} if path.exists() else None)
-    other = SCENE.replace(seed=9)
-    SCENE.write(tmp_path / "%d.png", "1-2")
-    assert other.write(tmp_path / "%d.png", "1-3").kept == [1, 2]
-    assert not np.array_equal(read_picture(tmp_path / "1.png").pixels, other.render(1))
 
 
 # The manifest ------------------------------------------------------------------------------------
@@ -84,13 +73,6 @@ def test_somebody_elses_file_stays(text: str, tmp_path: Path):
     SCENE.write(tmp_path / "still.png", "1")
     with pytest.raises(FileNotFoundError):
         check(tmp_path.parent)
-
-
-def test_a_damaged_list_of_ours_is_made_again(tmp_path: Path):
-    SCENE.write(tmp_path / "%d.png", "1")
-    (tmp_path / manifest.NAME).write_text(json.dumps({"flurries": "0", "files": [1]}))
-    SCENE.write(tmp_path / "%d.png", "1")
-    assert check(tmp_path)[1] == [] and list(manifest.read(tmp_path)) == ["1.png"]
 
 
 # Damaged backgrounds -----------------------------------------------------------------------------

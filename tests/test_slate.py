@@ -114,23 +114,6 @@ def test_windows_go_through_and_overscan_is_rendered(name: str, tmp_path: Path):
     assert result.maxerror == 0.0
 
 
-def test_snow_of_the_display_window_is_that_of_a_plate_without_overscan(tmp_path: Path):
-    """The lens is that of the display window: overscan shows more of the same snow."""
-    plate(tmp_path / "wide.exr", [], windows=WINDOWS["uneven overscan"])
-    flakes = [fl.TentSnow(flakes=400)]
-    wide = fl.Scene(None, tmp_path / "wide.exr", effects=flakes)
-    left, top, width, height = wide.display
-    black = np.zeros((height, width, 3), np.float32)
-    lens = fl.Camera(1.2 * width, aspect=1.0)
-    plain = fl.Scene(None, black, effects=flakes, camera=lens)
-    assert wide.camera.camera.focal == pytest.approx(lens.focal)
-    whole = wide.render(3, layers=True)
-    inner = plain.render(3, layers=True)
-    points = [scene.program.camera(None, 3.0).principal(scene.shape) for scene in (wide, plain)]
-    np.testing.assert_allclose(np.subtract(*points), (left, top))
-    assert whole.alpha.shape == (H, W) and inner.alpha.shape == (height, width)
-
-
 def test_pixels_that_are_not_square_stretch_the_lens(tmp_path: Path):
     plate(tmp_path / "plate.exr", ["PixelAspectRatio"])
     scene = fl.Scene(None, tmp_path / "plate.exr")
@@ -232,15 +215,6 @@ def test_every_plate_keeps_its_own_time_code(tmp_path: Path):
 # Bits --------------------------------------------------------------------------------------------
 
 
-def test_the_weather_alone_of_a_plate_of_16_bits_has_16(tmp_path: Path):
-    levels = (LIGHT[..., :3] * 65535).astype(np.uint16)
-    io.write_picture(tmp_path / "plate.png", levels)
-    fl.Scene(None, tmp_path / "plate.png", effects=SNOW).write(tmp_path / "a.png", alone=True)
-    assert io.read_picture(tmp_path / "a.png").pixels.dtype == np.uint16
-    fl.Scene((W, H), effects=SNOW).write(tmp_path / "b.png", alone=True)
-    assert io.read_picture(tmp_path / "b.png").pixels.dtype == np.uint8
-
-
 def test_more_bits_than_the_plate_has_are_steps_of_the_weather(tmp_path: Path):
     scene = fl.Scene((W, H), "#203040", effects=SNOW)
     scene.write(tmp_path / "a.png", 5, bits=16)
@@ -262,12 +236,27 @@ def test_bits_that_a_file_cannot_hold_are_refused(name: str, bits: Any, tmp_path
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_line_refuses_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    base = ["render", "#203040", "--snow", "heavy", "--size", "36x24", "--frames", "1", "-q"]
-    out = str(tmp_path / "a.png")
-    assert main([*base, "--float", "-o", out]) == 2
-    assert "bits must be 8, 16" in capsys.readouterr().err
-    assert main([*base, "--snow", "light", "-o", out]) == 2
-    assert "--snow is given twice" in capsys.readouterr().err
-    assert main([*base, "--bits", "16", "-o", out]) == 0
-    assert io.read_picture(out).pixels.dtype == np.uint16
+def test_snow_of_the_display_window_is_that_of_a_plate_without_overscan(tmp_path: Path):
+    """The lens is that of the display window: overscan shows more of the same snow."""
+    plate(tmp_path / "wide.exr", [], windows=WINDOWS["uneven overscan"])
+    flakes = [fl.TentSnow(flakes=400)]
+    wide = fl.Scene(None, tmp_path / "wide.exr", effects=flakes)
+    left, top, width, height = wide.display
+    black = np.zeros((height, width, 3), np.float32)
+    lens = fl.Camera(1.2 * width, aspect=1.0)
+    plain = fl.Scene(None, black, effects=flakes, camera=lens)
+    assert wide.camera.camera.focal == pytest.approx(lens.focal)
+    whole = wide.render(3, layers=True)
+    inner = plain.render(3, layers=True)
+    points = [scene.program.camera(None, 3.0).principal(scene.shape) for scene in (wide, plain)]
+    np.testing.assert_allclose(np.subtract(*points), (left, top))
+    assert whole.alpha.shape == (H, W) and inner.alpha.shape == (height, width)
+
+
+def test_the_weather_alone_of_a_plate_of_16_bits_has_16(tmp_path: Path):
+    levels = (LIGHT[..., :3] * 65535).astype(np.uint16)
+    io.write_picture(tmp_path / "plate.png", levels)
+    fl.Scene(None, tmp_path / "plate.png", effects=SNOW).write(tmp_path / "a.png", alone=True)
+    assert io.read_picture(tmp_path / "a.png").pixels.dtype == np.uint16
+    fl.Scene((W, H), effects=SNOW).write(tmp_path / "b.png", alone=True)
+    assert io.read_picture(tmp_path / "b.png").pixels.dtype == np.uint8

@@ -12,40 +12,9 @@ import pytest
 
 import flurries as fl
 from flurries import io
-from flurries.io.films.tags import Tags
+from flurries.io.films.reader import Tags
 from flurries.io.timecode import TimeCode
 from test_slate import SNOW, H, W
-
-CODECS = {"h264": ("mp4", 8), "h265": ("mp4", 10), "prores-hq": ("mov", 10), "ffv1": ("mkv", 10)}
-
-
-def pictures(path: Path) -> np.ndarray:
-    film = io.open_background(path)
-    return np.stack([film.frame(number).pixels for number in range(4)])
-
-
-@pytest.mark.parametrize("codec", CODECS)
-def test_a_film_at_amount_0_is_what_the_codec_makes_of_the_plate(codec: str, tmp_path: Path):
-    ending, bits = CODECS[codec]
-    tags = Tags(primaries=1, transfer=1, matrix=1)
-    tall, wide = 96, 128
-    rows, columns = np.mgrid[:tall, :wide] / 40.0
-    plate, ours, again = (tmp_path / f"{name}.{ending}" for name in ("plate", "ours", "again"))
-    with io.VideoWriter(plate, (wide, tall), 24, codec=codec, bits=bits, tags=tags) as film:
-        for number in range(4):
-            wave = np.stack([np.sin(k * rows + columns + 0.3 * number) for k in (1, 2, 3)], axis=2)
-            levels = (0.5 + 0.4 * wave) * (255 if bits == 8 else 65535)
-            film.write(levels.astype(np.uint8 if bits == 8 else np.uint16))
-    none = [fl.Snow.preset("heavy", amount=0.0)]
-    fl.Scene(None, plate, effects=none).write(ours, codec=codec, bits=bits)
-    before = pictures(plate)
-    with io.VideoWriter(again, (wide, tall), 24, codec=codec, bits=bits, tags=tags) as film:
-        for picture in before:
-            film.write(picture)
-    # The codec's own error, of the very pictures that the plate's film shows.
-    lost = pictures(again).astype(float) - before
-    np.testing.assert_array_equal(pictures(ours), pictures(again))
-    assert np.abs(pictures(ours).astype(float) - before).max() <= np.abs(lost).max()
 
 
 def test_time_codes_count_as_clocks_do():
@@ -167,6 +136,38 @@ def test_snow_alone_in_prores_4444(tmp_path: Path):
     assert np.abs(rgba[..., 3] - truth.alpha).max() < 0.03
     with pytest.raises(ValueError, match="alone needs codec='prores-4444'"):
         scene.write(tmp_path / "b.mp4", "1-2", alone=True)
+
+
+CODECS = {"h264": ("mp4", 8), "h265": ("mp4", 10), "prores-hq": ("mov", 10), "ffv1": ("mkv", 10)}
+
+
+def pictures(path: Path) -> np.ndarray:
+    film = io.open_background(path)
+    return np.stack([film.frame(number).pixels for number in range(4)])
+
+
+@pytest.mark.parametrize("codec", CODECS)
+def test_a_film_at_amount_0_is_what_the_codec_makes_of_the_plate(codec: str, tmp_path: Path):
+    ending, bits = CODECS[codec]
+    tags = Tags(primaries=1, transfer=1, matrix=1)
+    tall, wide = 96, 128
+    rows, columns = np.mgrid[:tall, :wide] / 40.0
+    plate, ours, again = (tmp_path / f"{name}.{ending}" for name in ("plate", "ours", "again"))
+    with io.VideoWriter(plate, (wide, tall), 24, codec=codec, bits=bits, tags=tags) as film:
+        for number in range(4):
+            wave = np.stack([np.sin(k * rows + columns + 0.3 * number) for k in (1, 2, 3)], axis=2)
+            levels = (0.5 + 0.4 * wave) * (255 if bits == 8 else 65535)
+            film.write(levels.astype(np.uint8 if bits == 8 else np.uint16))
+    none = [fl.Snow.preset("heavy", amount=0.0)]
+    fl.Scene(None, plate, effects=none).write(ours, codec=codec, bits=bits)
+    before = pictures(plate)
+    with io.VideoWriter(again, (wide, tall), 24, codec=codec, bits=bits, tags=tags) as film:
+        for picture in before:
+            film.write(picture)
+    # The codec's own error, of the very pictures that the plate's film shows.
+    lost = pictures(again).astype(float) - before
+    np.testing.assert_array_equal(pictures(ours), pictures(again))
+    assert np.abs(pictures(ours).astype(float) - before).max() <= np.abs(lost).max()
 
 
 def test_a_picture_too_small_for_h265_is_refused(tmp_path: Path):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.io import VideoWriter, open_background, read_video
+from flurries.io import VideoWriter, read_video
 from flurries.io.films.sound import Sound, has_sound
 
 RATE = 48000
@@ -94,31 +94,6 @@ def test_the_sound_goes_with_its_frames(
     assert np.abs(samples[int(1.1 * RATE) :]).max() < 0.05, "and ends with them"
     assert scene.write(out, "10-29", quality="draft", sound=False, overwrite=True).sound == "none"
     assert not has_sound(out)
-
-
-@pytest.mark.parametrize("way", ["scene", "source", "file", "command", "command with a scene"])
-def test_16_6_a_film_keeps_its_rate_and_its_sound(
-    way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    from flurries.cli import main
-
-    monkeypatch.chdir(tmp_path)
-    film_with_sound(tmp_path / "plate.mp4", "aac", frames=12)
-    Path("scene.toml").write_text(
-        'format = 3\nbackground = "plate.mp4"\n[[effects]]\nkind = "snow"\n'
-    )
-    if way == "command":
-        assert main(["render", "plate.mp4", "--snow", "light", "-o", "out.mp4"]) == 0
-    elif way == "command with a scene":
-        assert main(["render", "scene.toml", "-o", "out.mp4"]) == 0
-    else:
-        plate = open_background("plate.mp4") if way == "source" else "plate.mp4"
-        scene = fl.Scene.load("scene.toml") if way == "file" else fl.Scene(None, plate)
-        assert scene.fps == 20.0
-        assert scene.write("out.mp4").sound == "kept"
-    written = open_background("out.mp4")
-    assert (written.fps, written.count) == (20.0, 12)
-    assert has_sound("out.mp4")
 
 
 def test_16_6_a_rate_that_is_given_counts_and_30_where_there_is_none(tmp_path: Path):

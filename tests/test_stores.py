@@ -6,24 +6,20 @@ import json
 import os
 import subprocess
 import sys
-import threading
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import fsspec
-import numpy as np
 import pytest
 from fsspec.implementations.memory import MemoryFileSystem
 from moto.server import ThreadedMotoServer
 
 import flurries as fl
 from flurries.cli import main
-from flurries.io import write_picture
 from flurries.io.atomic import hidden_name
 from flurries.output import crew, manifest
-from flurries.output import store as stores
 from workers import group, workers
 
 SCENE = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
@@ -94,9 +90,6 @@ def place(request: Any, tmp_path: Path) -> str:
     }[request.param]  # fmt: skip
 
 
-# What holds in every store -----------------------------------------------------------------------
-
-
 def test_16_14_frames_are_the_same_bytes_in_every_store(place: str, whole: dict[str, bytes]):
     done = SCENE.write(f"{place}/%04d.png", "1-12")
     assert done.written == list(range(1, 13)) and contents(place) == whole
@@ -126,11 +119,6 @@ def test_16_14_what_is_not_ours_is_refused(place: str, tmp_path: Path):
         SCENE.replace(seed=5).write(f"{place}/%04d.png", "1-3")
     assert "/tmp/flurries-" not in str(error.value)
     assert contents(place) == before
-    system, folder = named(place)
-    write_picture(tmp_path / "photo.png", np.full((30, 40, 3), 90, np.uint8))
-    system.put_file(str(tmp_path / "photo.png"), f"{folder}/0002.png")
-    with pytest.raises(ValueError, match=r"0002\.png is there already and is something else"):
-        SCENE.write(f"{place}/%04d.png", "1-3")
     assert SCENE.write(f"{place}/%04d.png", "1-2", overwrite=True).written == [1, 2]
     assert contents(place) == before
 
@@ -147,25 +135,6 @@ def test_16_14_the_command_line_renders_and_checks(place: str, capsys: Any):
     assert main(["check", place]) == 3
     err = capsys.readouterr().err
     assert "0001.png is missing" in err and "0002.png has changed" in err
-    assert main([*words, "--frames", "1", "-o", f"{place}/still.png"]) == 0
-
-
-def test_16_14_several_at_the_same_frames_end_with_the_same_bits(place: str, whole: Any):
-    done: list[Any] = []
-
-    def work() -> None:
-        done.append(SCENE.write(f"{place}/%04d.png", "1-12"))
-
-    three = [threading.Thread(target=work) for _ in range(3)]
-    for thread in three:
-        thread.start()
-    for thread in three:
-        thread.join(120)
-    assert all(sorted(each.written + each.kept) == list(range(1, 13)) for each in done)
-    assert contents(place) == whole
-
-
-# Workers ------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -188,9 +157,6 @@ def test_16_14_workers_write_to_s3(server: Server, client: Any, whole: Any, monk
         SCENE.write("memory://apart/%04d.png", "1-12", dask=client, manifest=False)
 
 
-# Stores that fail ---------------------------------------------------------------------------------
-
-
 def test_16_14_a_store_that_vanishes(server: Server, whole: dict[str, bytes]):
     place = f"s3://films/{uuid.uuid4().hex}"
 
@@ -210,9 +176,6 @@ def test_16_14_a_store_that_vanishes(server: Server, whole: dict[str, bytes]):
     assert frames.items() <= whole.items()
     done = SCENE.write(f"{place}/%04d.png", "1-12")
     assert len(done.written) + len(done.kept) == 12 and contents(place) == whole
-    # One that was never there.
-    with pytest.raises(OSError, match=r"^s3://nowhere/out/"):
-        SCENE.write("s3://nowhere/out/%04d.png", "1-2")
 
 
 class Apart(MemoryFileSystem):
@@ -265,37 +228,9 @@ def test_16_14_a_read_only_store():
 def test_16_14_a_store_that_keeps_half_is_no_success():
     with pytest.raises(OSError, match=r"losing://.*png: does not read back as what was written"):
         SCENE.write("losing://out/%04d.png", "1-3")
-    # The next run finds out, too.
-    with pytest.raises(OSError, match="does not read back"):
-        SCENE.write("losing://out/%04d.png", "1-3")
 
 
-def test_16_14_where_halves_are_seen_frames_are_renamed(whole: dict[str, bytes]):
-    dead = subprocess.Popen(["true"])
-    dead.wait()
-    own = hidden_name(".png")
-    gone = f"{own[:20]}{dead.pid:06x}{own[26:]}"
-    for name in (own, gone):
-        Plain().pipe_file(f"/out/{name}", b"half")
-    SCENE.write("plain://out/%04d.png", "1-12")
-    # What a process left that has ended is gone; another's is not.
-    assert contents("plain://out") == {**whole, own: b"half"}
-
-
-MOUNT = 'mount -t tmpfs -o {0} small "$0" && cd "$0" && mkdir out; {1} "$@"; exit $?'
-
-
-def mounted(options: str, before: str, tmp_path: Path, code: str) -> Any:
-    """Run Python in a disk that it alone sees."""
-    place = tmp_path / uuid.uuid4().hex
-    place.mkdir()
-    return subprocess.run(
-        ["unshare", "--map-root-user", "--mount", "sh", "-c", MOUNT.format(options, before),
-         str(place), sys.executable, "-c", code],
-        text=True, capture_output=True, env={**os.environ, "TMPDIR": "/tmp"},
-    )  # fmt: skip
-
-
+MOUNT = 'mount -t tmpfs -o size=512k small "$0" && cd "$0" && mkdir out; {} "$@"; exit $?'
 FILLS = """
 import json, sys
 from pathlib import Path
@@ -317,8 +252,12 @@ print(json.dumps({p.name: p.read_bytes().hex() for p in Path("out").iterdir()}))
 
 
 def test_16_14_a_disk_that_fills(tmp_path: Path, whole: dict[str, bytes]):
-    filler = "head -c 440k /dev/zero > filler;"
-    done = mounted("size=512k", filler, tmp_path, FILLS)
+    # In a disk that it alone sees.
+    words = ["unshare", "--map-root-user", "--mount", "sh", "-c"]
+    words += [MOUNT.format("head -c 440k /dev/zero > filler;"), str(tmp_path)]
+    words += [sys.executable, "-c", FILLS]
+    environment = {**os.environ, "TMPDIR": "/tmp"}
+    done = subprocess.run(words, text=True, capture_output=True, env=environment)
     assert done.returncode == 0, done.stderr
     said, during, again, after = map(json.loads, done.stdout.splitlines())
     assert "No space left on device" in said and ".flurries-" not in said
@@ -330,15 +269,16 @@ def test_16_14_a_disk_that_fills(tmp_path: Path, whole: dict[str, bytes]):
     assert {name: bytes.fromhex(data) for name, data in after.items()} == whole
 
 
-def test_16_14_a_read_only_disk(tmp_path: Path):
-    done = mounted("size=512k", "mount -o remount,ro .;", tmp_path, FILLS)
-    assert done.returncode == 0, done.stderr
-    said, during, again, after = map(json.loads, done.stdout.splitlines())
-    assert "Read-only file system" in said and "Read-only file system" in again
-    assert during == after == {}
-
-
-# What is no store ---------------------------------------------------------------------------------
+def test_16_14_where_halves_are_seen_frames_are_renamed(whole: dict[str, bytes]):
+    dead = subprocess.Popen(["true"])
+    dead.wait()
+    own = hidden_name(".png")
+    gone = f"{own[:20]}{dead.pid:06x}{own[26:]}"
+    for name in (own, gone):
+        Plain().pipe_file(f"/out/{name}", b"half")
+    SCENE.write("plain://out/%04d.png", "1-12")
+    # What a process left that has ended is gone; another's is not.
+    assert contents("plain://out") == {**whole, own: b"half"}
 
 
 @pytest.mark.parametrize(("target", "words"), [
@@ -352,15 +292,3 @@ def test_16_14_a_url_that_cannot_be_is_one_sentence(target: str, words: str, cap
     code = main(["render", "#304050", "--snow", "heavy", "--frames", "1", "-o", target])
     err = capsys.readouterr().err
     assert code == 2 and words in err and len(err.splitlines()) == 1, err
-
-
-def test_16_14_without_the_drivers_it_says_what_to_install(monkeypatch: Any):
-    def missing(name: str) -> Any:
-        raise ImportError(f"No module named {name!r}")
-
-    monkeypatch.setattr(stores.importlib, "import_module", missing)
-    with pytest.raises(ImportError, match=r"install flurries\[stores\]"):
-        SCENE.write("memory://a/%04d.png", "1")
-    monkeypatch.undo()
-    with pytest.raises(ImportError, match=r"^gs://a/%04d\.png: .*gcsfs"):
-        SCENE.write("gs://a/%04d.png", "1")

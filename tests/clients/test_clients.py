@@ -21,8 +21,8 @@ import pytest
 import flurries as fl
 import flurries.camera.importers
 from flurries import io
+from flurries.io.films.reader import Tags
 from flurries.io.films.sound import has_sound
-from flurries.io.films.tags import Tags
 from flurries.io.layers.deep import CHANNELS, read_deep
 from flurries.io.timecode import TimeCode
 

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import copy
-import inspect
-import json
 import multiprocessing
-import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -15,10 +11,8 @@ import albumentations as A
 import numpy as np
 import pytest
 import torch
-import yaml
 from kornia.augmentation import (
     AugmentationSequential,
-    RandomGaussianNoise,
     RandomHorizontalFlip,
     VideoSequential,
 )
@@ -58,11 +52,6 @@ def test_an_example_runs(path: Path, tmp_path: Path):
         assert np.asarray(Image.open(picture)).std() > 10.0
 
 
-def test_there_is_an_example_for_each():
-    assert [path.stem for path in EXAMPLES] == ["with_albumentations", "with_kornia",
-                                                "with_torchvision"]  # fmt: skip
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_albumentations_is_seeded_by_its_pipeline(kind: str):
     def made(seed: int) -> list[np.ndarray]:
@@ -74,35 +63,6 @@ def test_albumentations_is_seeded_by_its_pipeline(kind: str):
         assert np.array_equal(one, two)
     assert not np.array_equal(first[0], first[1])
     assert not np.array_equal(first[0], other[0])
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_albumentations_replays(kind: str):
-    pipeline = A.ReplayCompose([getattr(fla, kind)(severity=4, p=1.0)])
-    seen = pipeline(image=PHOTOGRAPH)
-    again = A.ReplayCompose.replay(seen["replay"], image=PHOTOGRAPH)
-    assert np.array_equal(seen["image"], again["image"])
-
-
-def test_albumentations_takes_a_depth():
-    near = np.full(PHOTOGRAPH.shape[:2], 1.0)
-    far = np.full(PHOTOGRAPH.shape[:2], 500.0)
-    pipeline = A.Compose(
-        [fla.Fog(visibility=100.0, patches=0.0, color=1.0, depth_key="depth", p=1.0)], seed=1
-    )
-    thin, thick = (pipeline(image=PHOTOGRAPH, depth=d)["image"].mean() for d in (near, far))
-    assert thin < PHOTOGRAPH.mean() + 10.0 and thick > 250.0
-
-
-def test_albumentations_leaves_labels_alone():
-    boxes = [[10.0, 20.0, 60.0, 80.0]]
-    mask = (PHOTOGRAPH[..., 0] > 100).astype(np.uint8)
-    pipeline = A.Compose(
-        [fla.Snowfall(p=1.0)], bbox_params=A.BboxParams("pascal_voc", label_fields=["labels"])
-    )
-    seen = pipeline(image=PHOTOGRAPH, mask=mask, bboxes=boxes, labels=[1])
-    assert np.array_equal(seen["mask"], mask)
-    assert np.allclose(seen["bboxes"], boxes)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -145,17 +105,6 @@ def test_torchvision_is_the_plain_weather():
     assert np.array_equal(seen.permute(1, 2, 0).numpy(), want)
 
 
-def test_torchvision_probability():
-    planes = torch.from_numpy(PHOTOGRAPH).permute(2, 0, 1).contiguous()
-    never = flt.Snowfall(p=0.0)
-    assert torch.equal(never(planes), planes)
-    torch.manual_seed(0)
-    half = flt.Snowfall(p=0.5, severity=5)
-    changed = sum(not torch.equal(half(planes), planes) for _ in range(40))
-    # Within four standard deviations of 20.
-    assert 7 <= changed <= 33
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_kornia_pictures_are_the_plain_weather(kind: str):
     batch = torch.from_numpy(PHOTOGRAPH).permute(2, 0, 1).float()[None].repeat(3, 1, 1, 1) / 255.0
@@ -184,32 +133,6 @@ def test_kornia_weather_moves_in_clips_unless_it_is_the_same():
     assert (seen == seen[:, :1]).all() and not (seen[0] == seen[1]).all()
 
 
-def test_kornia_replays_its_parameters():
-    batch = torch.rand(2, 3, 40, 50)
-    pipeline = AugmentationSequential(flk.Rainfall(p=1.0), data_keys=["input"])
-    seen = pipeline(batch)
-    assert torch.equal(pipeline(batch, params=pipeline._params), seen)
-
-
-@pytest.mark.parametrize("module", [fla, flt, flk], ids=["albumentations", "torchvision", "kornia"])
-@pytest.mark.parametrize("kind", KINDS)
-def test_transforms_pickle_small(module: object, kind: str):
-    transform = getattr(module, kind)(severity=3)
-    text = pickle.dumps(transform)
-    # Beside what every transform of the library carries: hooks, generators of random numbers.
-    bare = {fla: A.NoOp(), flt: torch.nn.Identity(), flk: RandomGaussianNoise()}[module]
-    assert len(text) <= 4096 + len(pickle.dumps(bare)), len(text)
-    again = pickle.loads(text)
-    assert type(again) is type(transform)
-    copy.deepcopy(transform)
-
-
-@pytest.mark.parametrize("module", [fla, flt, flk], ids=["albumentations", "torchvision", "kornia"])
-def test_a_seed_of_its_own_is_refused(module: object):
-    with pytest.raises(TypeError, match="seed"):
-        module.Snowfall(seed=3)  # type: ignore[attr-defined]
-
-
 @pytest.mark.parametrize("method", ["fork", "spawn"])
 def test_loaders_give_one_set_whatever_their_workers(method: str):
     context = multiprocessing.get_context(method)
@@ -222,72 +145,6 @@ def test_loaders_give_one_set_whatever_their_workers(method: str):
         )  # fmt: skip
         assert torch.equal(torch.cat(list(loader)), alone)
     assert len(torch.unique(alone, dim=0)) == 12
-
-
-@pytest.mark.parametrize("method", ["fork", "spawn"])
-def test_workers_do_not_repeat_each_other(method: str):
-    loader = DataLoader(
-        Snowed(False), batch_size=3, num_workers=3, timeout=300,
-        multiprocessing_context=multiprocessing.get_context(method),
-    )  # fmt: skip
-    assert len(torch.unique(torch.cat(list(loader)), dim=0)) == 12
-
-
-def test_torchvision_takes_a_depth():
-    planes = torch.from_numpy(PHOTOGRAPH).permute(2, 0, 1).contiguous()
-    fog = flt.Fog(visibility=100.0, patches=0.0, color=1.0)
-    means = []
-    for metres in (1.0, 500.0):
-        depth = flt.Depth(torch.full(PHOTOGRAPH.shape[:2], metres))
-        seen, behind = fog(tv_tensors.Image(planes), depth)
-        assert isinstance(behind, flt.Depth) and torch.equal(behind, depth)
-        means.append(float(seen.float().mean()))
-    assert means[0] < PHOTOGRAPH.mean() + 10.0 and means[1] > 250.0
-    with pytest.raises(ValueError, match="one Depth"):
-        fog(tv_tensors.Image(planes), depth, depth)
-
-
-@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA"])
-def test_torchvision_keeps_what_pillow_has(mode: str):
-    picture = Image.fromarray(PHOTOGRAPH).convert(mode)
-    if mode in ("LA", "RGBA"):
-        picture.putalpha(77)
-    seen = flt.Snowfall(severity=4)(picture)
-    assert seen.mode == {"1": "L", "P": "RGB"}.get(mode, mode) and seen.size == picture.size
-    if "A" in mode:
-        assert seen.getchannel("A").getextrema() == (77, 77)
-
-
-def test_what_is_empty_or_short_stays_so():
-    transform = flt.Rainfall(severity=3)
-    empty = torch.zeros(0, 3, 32, 32)
-    assert transform(empty).shape == empty.shape
-    assert flk.Rainfall(severity=3, p=1.0)(empty).shape == empty.shape
-    half = torch.rand(3, 32, 32).to(torch.bfloat16).requires_grad_()
-    seen = transform(half)
-    assert seen.dtype == torch.bfloat16 and seen.requires_grad
-
-
-@pytest.mark.parametrize("module", [fla, flt, flk])
-@pytest.mark.parametrize("kind", KINDS)
-def test_names_that_nobody_knows_are_answered(module: object, kind: str):
-    with pytest.raises(TypeError, match="did you mean 'severity'"):
-        getattr(module, kind)(severty=3)
-    with pytest.raises(TypeError, match="seed belongs to the pipeline"):
-        getattr(module, kind)(seed=3)
-
-
-@pytest.mark.parametrize("module", [fla, flt, flk])
-@pytest.mark.parametrize("kind", KINDS)
-def test_signatures_are_those_of_the_weathers(module: object, kind: str):
-    plain = inspect.signature(getattr(fl.augment, kind)).parameters
-    found = inspect.signature(getattr(module, kind)).parameters
-    for name, parameter in plain.items():
-        if name != "seed":
-            assert found[name].default == parameter.default
-            assert found[name].kind is parameter.kind is inspect.Parameter.KEYWORD_ONLY
-    assert "seed" not in found
-    assert not any(p.kind is p.VAR_KEYWORD for p in found.values())
 
 
 # What comes out beside the picture ---------------------------------------------------------------
@@ -326,38 +183,6 @@ def test_albumentations_gives_alpha_and_record(kind: str):
     ]
     assert np.allclose(seen["alpha"], 1.0 - (1.0 - alphas[0]) * (1.0 - alphas[1]), atol=1e-5)
     assert set(twice(image=PHOTOGRAPH, depth=depth)) == {"image", "depth"}
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("form", ["json", "yaml"])
-def test_albumentations_is_kept_in_files(kind: str, form: str, tmp_path: Path):
-    transform = getattr(fla, kind)(
-        severity=(2, 4), ground=fl.augment.Ground(horizon=0.3), color=(0.5, 0.6, 0.7), p=1.0,
-        alpha_key="alpha",
-    )  # fmt: skip
-    path = tmp_path / f"pipeline.{form}"
-    A.save(A.Compose([transform]), path, data_format=form)
-    again = A.load(path, data_format=form)
-    (one,) = again.transforms
-    assert one._drawing == transform._drawing and one.alpha_key == "alpha"
-    record = transform._drawing.record(index=4)
-    text = yaml.safe_dump(record) if form == "yaml" else json.dumps(record)
-    back = yaml.safe_load(text) if form == "yaml" else json.loads(text)
-    assert np.array_equal(
-        fl.augment.replay(back)(PHOTOGRAPH), fl.augment.replay(record)(PHOTOGRAPH)
-    )
-
-
-def test_albumentations_takes_bands_of_a_spectrum():
-    bands = np.concatenate([PHOTOGRAPH, PHOTOGRAPH[..., :2]], axis=2)
-    for kind in KINDS:
-        transform = getattr(fla, kind)(severity=4, record_key="records", p=1.0)
-        seen = transform(image=bands, records=[])
-        grey = fl.augment.replay(seen["records"][0])(bands[..., 4])
-        assert seen["image"].shape == bands.shape
-        assert np.array_equal(seen["image"][..., 4], grey)
-    with pytest.raises(ValueError, match="got 4: give an alpha as a mask"):
-        transform(image=bands[..., :4])
 
 
 @pytest.mark.parametrize("kind", KINDS)

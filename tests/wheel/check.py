@@ -3,14 +3,9 @@
     python tests/wheel/check.py dist [--all]
     python tests/wheel/check.py dist --bare python3.10 python3.12 python3.13
 
-The wheel is installed into a new environment in which no `cargo` can be found, and the suite runs
-against it from a copy of tests/ that cannot see the repository: a good part of it, with --all
-everything that needs no other file of the repository. Then a wheel is built from the source
-archive, which must hold the same files.
-
-With --bare nothing else is done: each Python named gets an environment with the wheel alone, and
-the seconds of installing it and of `flurries render`, and the megabytes that came in, are printed
-and held to a minute and 150 MB.
+The suite runs against the wheel from a copy of tests/ in a new environment without `cargo`. Then a
+wheel is built from the source archive, which must hold the same files. With --bare each Python
+named gets an environment with the wheel alone, and its seconds and megabytes are held to a limit.
 """
 
 from __future__ import annotations
@@ -133,7 +128,6 @@ def try_bare(python: str, wheel: Path, folder: Path) -> None:
 
 
 def megabytes(folder: Path) -> float:
-    """Return what `du` says of a folder."""
     said = subprocess.run(["du", "-sk", str(folder)], capture_output=True, text=True, check=True)
     return int(said.stdout.split()[0]) / 1000.0
 

@@ -15,7 +15,7 @@ from flurries.cli.options import FILE, OneOf, join, numbers, option, weather_opt
 from flurries.effects import ConeRain, ConeSnow, Mist, Rain, Snow, TentRain, TentSnow
 from flurries.io import open_background
 from flurries.io.files import file_of
-from flurries.io.spans import EXTEND
+from flurries.io.sequences import EXTEND
 from flurries.scene.arguments import parse_size
 from flurries.scene.foreground import Foreground
 from flurries.scene.scene import Scene

@@ -13,7 +13,6 @@ from flurries.io.color import linear_to_srgb, srgb_to_linear
 from flurries.io.files import Budget
 from flurries.io.films.reader import read_video
 from flurries.io.films.writer import VideoWriter
-from flurries.io.layers.depth import read_depth
 from flurries.io.layers.planes import (
     read_layers,
     read_views,
@@ -24,7 +23,7 @@ from flurries.io.layers.planes import (
 from flurries.io.photographs import photograph
 from flurries.io.pictures.fitting import fit, fit_nearest
 from flurries.io.pictures.header import Header, read_header
-from flurries.io.pictures.reader import Picture, read_mask, read_picture
+from flurries.io.pictures.reader import Picture, read_depth, read_mask, read_picture
 from flurries.io.pictures.slate import Slate, read_slate
 from flurries.io.pictures.writer import write_picture
 from flurries.io.sequences import Pattern, frame_range

@@ -11,7 +11,6 @@ would not tell, as folders on a network may have locks that only one machine see
 from __future__ import annotations
 
 import atexit
-import contextlib
 import errno
 import hashlib
 import os
@@ -20,15 +19,17 @@ import stat
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from flurries.io.files import path_text
 
 PREFIX = ".flurries-"
 
 # Of a token: the machine and the process.
 _OWNER = 16
 
-# A hidden file of another machine that has not changed for so long, in seconds, was left behind.
+# A hidden file of another machine that has not changed for so many seconds was left behind.
 HOUR = 3600.0
 
 # The temporary files of this process, and which process that is. Ctrl-C can fall between the making
@@ -40,28 +41,23 @@ _unfinished: dict[Path, int] = {}
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path to write to; on success it replaces `path` in one step.
 
-    The temporary file lies in the same folder and has the same extension, so that writers which
-    look at the extension recognise it. Whoever uses it may read it back before leaving the block
-    and raise if it is not what was meant: then, as for any other exception, KeyboardInterrupt
-    included, it is removed and `path` stays as it was. The folder is made if only its last part
-    is missing.
+    After any exception in the block, KeyboardInterrupt included, `path` is as it was.
 
     Parameters
     ----------
     path : str or path
-        The file to make or replace.
+        The file to make or replace. Its folder is made if only the last part is missing.
 
     Yields
     ------
     Path
-        Where to write to. The file exists and is empty.
+        An empty file in the same folder, with the same extension.
 
     Raises
     ------
     OSError
-        If the folder cannot be written, if `path` is a folder, a symbolic link, a FIFO or
-        anything else but a plain file, if it is read-only, if the disk is full, or if nothing was
-        written. The message names the file.
+        If the folder cannot be written, if `path` is anything else but a plain file, if it is
+        read-only, if the disk is full, or if nothing was written. The message names the file.
     ValueError
         If `path` is empty or holds a NUL byte.
     """
@@ -88,18 +84,15 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     except BaseException:
         _remove(temporary, owner)
         raise
-    _flush_folder(target.parent)
+    # The rename itself shall last; some file systems cannot, and the file is whole anyway.
+    if sys.platform != "win32":
+        with suppress(OSError):
+            _flush(target.parent, os.O_RDONLY)
 
 
 def checked_target(path: str | os.PathLike[str]) -> Path:
     """Return `path` as a Path that a plain file can be written to, its folder made if need be."""
-    text = os.fspath(path)
-    if not isinstance(text, str):
-        raise TypeError(f"path must be a string or a path, got {type(path).__name__}")
-    if not text:
-        raise ValueError("path must not be empty")
-    if "\0" in text:
-        raise ValueError(f"path must not hold a NUL byte, got {text!r}")
+    text = path_text("path", path)
     target = Path(text)
     if text.endswith(("/", os.sep)) or not target.name or target.name == "..":
         raise IsADirectoryError(errno.EISDIR, "This names a folder, not a file", text)
@@ -147,7 +140,7 @@ def remove_leftovers(folder: str | os.PathLike[str]) -> list[Path]:
     for found in sorted(Path(folder).glob(f"{PREFIX}{'?' * _OWNER}*")):
         if _is_left(found):
             # Another process may be tidying up too.
-            with contextlib.suppress(OSError):
+            with suppress(OSError):
                 found.unlink()
                 removed.append(found)
     return removed
@@ -157,7 +150,7 @@ def owner_of_new_files() -> str:
     """Return this process and its machine, as the names of its hidden files begin."""
     # Containers may share a name but not their numbers of processes.
     parts = [socket.gethostname()]
-    with contextlib.suppress(OSError):
+    with suppress(OSError):
         parts.append(Path("/proc/sys/kernel/random/boot_id").read_text())
         parts.append(str(Path("/proc/self/ns/pid").stat().st_ino))
     machine = hashlib.sha256("\n".join(parts).encode()).hexdigest()
@@ -171,10 +164,9 @@ def _is_left(file: Path) -> bool:
         found = file.lstat()
     except OSError:
         return False
-    if not stat.S_ISREG(found.st_mode):
-        return False
     ended = has_ended(file.name)
-    return time.time() - found.st_mtime > HOUR if ended is None else ended
+    old = time.time() - found.st_mtime > HOUR if ended is None else ended
+    return old and stat.S_ISREG(found.st_mode)
 
 
 def hidden_name(suffix: str) -> str:
@@ -186,7 +178,7 @@ def has_ended(name: str) -> bool | None:
     """Return whether the owner of a hidden file has ended, or None of another machine's."""
     own, owner = owner_of_new_files(), name[len(PREFIX) :][:_OWNER]
     if sys.platform != "win32" and len(owner) == _OWNER and owner[:-6] == own[:-6]:
-        with contextlib.suppress(ValueError):
+        with suppress(ValueError):
             return not _is_alive(int(owner[-6:], 16))
     return None
 
@@ -194,10 +186,8 @@ def has_ended(name: str) -> bool | None:
 def _is_alive(process: int) -> bool:
     try:
         os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
+    except OSError as error:
+        return not isinstance(error, ProcessLookupError)
     return True
 
 
@@ -224,40 +214,26 @@ def _reserve(target: Path) -> Path:
             # Mode 0o666 less the umask: what any program gives a new file. A private temporary
             # file would become a private picture.
             os.close(os.open(temporary, flags, 0o666))
-        except FileExistsError:
-            del _unfinished[temporary]
+            return temporary
         except OSError as error:
             del _unfinished[temporary]
-            raise OSError(error.errno, error.strerror, str(target)) from error
-        else:
-            return temporary
+            if not isinstance(error, FileExistsError):
+                raise OSError(error.errno, error.strerror, str(target)) from error
 
 
-def _flush(path: Path) -> None:
-    """Wait until the file's bytes are on the disk, so that the new name never shows less."""
-    descriptor = os.open(path, os.O_RDWR)
+def _flush(path: Path, flags: int = os.O_RDWR) -> None:
+    """Wait until the bytes are on the disk, so that the new name never shows less."""
+    descriptor = os.open(path, flags)
     try:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
 
 
-def _flush_folder(folder: Path) -> None:
-    """Make the rename itself last; some file systems cannot, and the file is whole anyway."""
-    if sys.platform == "win32":
-        return
-    with contextlib.suppress(OSError):
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
-
-
 def _remove(temporary: Path, owner: int) -> None:
     # A forked child that ends unwinds the same block: the file is its parent's, not its own.
     if os.getpid() == owner:
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             temporary.unlink()
     _unfinished.pop(temporary, None)
 

@@ -11,20 +11,31 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
+from weakref import WeakSet
 
-from flurries.io import forks
 from flurries.io.color import Encoding
 from flurries.io.files import Budget, path_text
 from flurries.io.films.index import READABLE
 from flurries.io.films.reader import VideoReader
-from flurries.io.layers.depth import read_depth, require_depth
-from flurries.io.pictures.header import Header, read_header
-from flurries.io.pictures.reader import Picture, read_picture
+from flurries.io.pictures.header import read_header
+from flurries.io.pictures.reader import Picture, read_depth, read_picture, require_depth
 from flurries.io.sequences import Pattern, with_percent
 
 # Two eyes ask for the same frame, and a player steps back and forth by one.
 _KEPT = 3
+
+_sources: WeakSet[Source] = WeakSet()
+
+
+def _renew_sources() -> None:
+    # A thread that is gone may hold a lock, and a codec's file is the parent's.
+    for source in list(_sources):
+        source._renew()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_renew_sources)
 
 
 class Source(ABC):
@@ -86,7 +97,7 @@ class Source(ABC):
             If `i` is not an integer.
         """
         number = self._number(i)
-        with self._own_lock():
+        with self._lock:
             if number in self._kept:
                 self._kept.move_to_end(number)
                 return self._kept[number]
@@ -109,7 +120,7 @@ class Source(ABC):
 
     def close(self) -> None:
         """Close files and forget pictures; asking for a frame opens them again."""
-        with self._own_lock():
+        with self._lock:
             self._kept.clear()
 
     def _number(self, i: int) -> int:
@@ -138,22 +149,10 @@ class Source(ABC):
                 return picture
             raise error
 
-    def _take(self, header: Header) -> None:
-        self.size, self.encoding, self.display = header.size, header.encoding, header.display
-        self.aspect = header.aspect
-        self.fps = None if header.rate is None else float(header.rate)
-
     def _renew(self) -> None:
         self._lock = threading.Lock()
-        self._process = os.getpid()
         self._kept: OrderedDict[int, Picture] = OrderedDict()
-
-    def _own_lock(self) -> threading.Lock:
-        """Return the lock; a forked child gets a new one, as a lost thread may hold the old."""
-        with forks.guard:
-            if self._process != os.getpid():
-                self._renew()
-            return self._lock
+        _sources.add(self)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if not name.startswith("_")}
@@ -163,14 +162,12 @@ class Source(ABC):
         self._renew()
 
 
-# What reads a picture of a still or a sequence.
-Reader: TypeAlias = "Callable[[Path], Picture]"
-
-
 class PictureSource(Source):
     """One picture for all frames, or a file for each; frame 0 has the lowest number."""
 
-    def __init__(self, path: Path, damaged: str, read: Reader, overscan: bool = False) -> None:
+    def __init__(
+        self, path: Path, damaged: str, read: Callable[[Path], Picture], overscan: bool = False
+    ) -> None:
         super().__init__(str(path), damaged)
         self.read, self.overscan = read, overscan
         # Only the name is a pattern: a folder may be called "50%".
@@ -182,7 +179,10 @@ class PictureSource(Source):
                     errno.ENOENT, "No frame of this sequence is there", str(path)
                 )
             self.first, self.count = numbers[0], numbers[-1] - numbers[0] + 1
-        self._take(read_header(self.file(0), overscan=overscan))
+        header = read_header(self.file(0), overscan=overscan)
+        self.size, self.encoding, self.display = header.size, header.encoding, header.display
+        self.aspect = header.aspect
+        self.fps = None if header.rate is None else float(header.rate)
 
     def file(self, i: int) -> Path:
         path = Path(self.spec)
@@ -230,28 +230,29 @@ class VideoSource(Source):
         self.size, self.count, self.fps = reader.size, reader.count, reader.fps
         self.tags = reader.tags
         self.aspect = float(self.tags.aspect)
-        refused = (
-            "interlaced, two moments in a frame: make it progressive first, such as by ffmpeg's "
-            "filter bwdif"
-            if self.tags.interlaced
-            else f"HDR ({self.tags.hdr}), whose values are no display values: convert it to an EXR "
-            "sequence first"
-            if self.tags.hdr is not None
-            else None
-        )
-        if refused is not None:
+        if self.tags.interlaced:
             reader.close()
-            raise ValueError(f"{spec} is {refused}")
+            raise ValueError(
+                f"{spec} is interlaced, two moments in a frame: make it progressive first, such as "
+                "by ffmpeg's filter bwdif"
+            )
+        # ITU-R BT.2100's curves.
+        hdr = {16: "PQ", 18: "HLG"}.get(self.tags.transfer)
+        if hdr is not None:
+            reader.close()
+            raise ValueError(
+                f"{spec} is HDR ({hdr}), whose values are no display values: convert it to an EXR "
+                "sequence first"
+            )
 
     def close(self) -> None:
         super().close()
-        with self._own_lock():
+        with self._lock:
             reader, self._reader = self._reader, None
             if reader is not None:
                 reader.close()
 
     def _renew(self) -> None:
-        # In a child: the parent goes on reading through the same open file.
         super()._renew()
         self._reader = None
 
@@ -268,13 +269,13 @@ def open_background(
     budget: Budget | None = None,
     overscan: bool = False,
 ) -> Source:
-    """Open a background: a picture, a numbered sequence of pictures, or a video.
+    """Open a background.
 
     Parameters
     ----------
     spec : str or path
-        ``plate.exr``, ``plate.%04d.png`` (or ``####``, ``$F4``) or ``plate.mov``. A sequence starts
-        at the lowest number that is there.
+        A picture, ``plate.exr``; a numbered sequence from the lowest number that is there,
+        ``plate.%04d.png`` (or ``####``, ``$F4``); or a video, ``plate.mov``.
     damaged : {"stop", "hold"}
         Whether a frame that is missing or damaged is an error, or the last good frame before it
         stands in for it.

@@ -15,8 +15,8 @@ from flurries import _core
 from flurries._threads import reproducible, threads
 from flurries.io import VideoWriter
 from flurries.io.films.codecs import bits_for, frame_rate
+from flurries.io.films.reader import Tags
 from flurries.io.films.sound import Sound, has_sound
-from flurries.io.films.tags import Tags
 from flurries.io.films.writer import comment_of
 from flurries.output.contents import Frames, is_readable
 from flurries.output.groups import images

@@ -15,8 +15,8 @@ from flurries.camera.path import CameraPath
 from flurries.io import frame_range
 from flurries.io.films.codecs import frame_rate
 from flurries.io.pictures.slate import Slate, read_slate
+from flurries.io.sequences import Span, words_of
 from flurries.io.sources import Source, VideoSource
-from flurries.io.spans import Span, words_of
 from flurries.scene.background import Backdrop
 from flurries.scene.foreground import Mattes
 from flurries.scene.numbered import Numbered, Planes

@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from flurries._contract import Array, rectangular
+from flurries.io.sequences import Span
 from flurries.io.sources import VideoSource
-from flurries.io.spans import Span
 
 _Made = TypeVar("_Made")
 

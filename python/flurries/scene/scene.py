@@ -20,9 +20,8 @@ from flurries.camera.path import CameraPath, as_path
 from flurries.frame.effect import Effect
 from flurries.frame.truth import Rendered
 from flurries.io import open_background
-from flurries.io.sequences import MOST_FRAMES
+from flurries.io.sequences import EXTEND, MOST_FRAMES
 from flurries.io.sources import Source
-from flurries.io.spans import EXTEND
 from flurries.light.lamp import Lamp
 from flurries.light.sun import Sun
 from flurries.scene.arguments import (

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
+import struct
 from bisect import bisect_right
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
+from weakref import WeakSet
 
 from flurries.io.files import Budget
 
@@ -54,26 +59,22 @@ class FrameIndex:
     counted: bool = False  # Whether the file does not tell times.
     seekable: bool = True  # Whether the file can be entered at a key frame.
 
-    def __post_init__(self) -> None:
-        numbers = {time: number for number, time in enumerate(self.times)}
-        object.__setattr__(self, "_numbers", numbers)
+    @cached_property
+    def numbers(self) -> dict[int | None, int]:
+        """The frame that is shown at each time."""
+        return {time: number for number, time in enumerate(self.times)}
+
+    @cached_property
+    def reach(self) -> list[int]:
+        """The last of the frames that are decoded no later than each frame."""
         reach, last = [0] * len(self.times), 0
         for number in sorted(range(len(self.times)), key=self.order.__getitem__):
             last = max(last, number)
             reach[number] = last
-        object.__setattr__(self, "_reach", reach)
-
-    def number_at(self, time: int | None) -> int | None:
-        found: int | None = vars(self)["_numbers"].get(time)
-        return found
+        return reach
 
     def key_of(self, number: int) -> int:
         return self.keys[bisect_right(self.keys, number) - 1]
-
-    def reach_of(self, number: int) -> int:
-        """Return the last frame of those that are decoded no later than this one."""
-        reach: int = vars(self)["_reach"][number]
-        return reach
 
     def builds_on(self, number: int, other: int) -> bool:
         """Return whether `other` is decoded between the key frame of a frame and the frame."""
@@ -161,3 +162,99 @@ def _count_frames(path: Path, budget: Budget | None) -> int:
             except av.FFmpegError:
                 continue
     return count
+
+
+_holders: WeakSet[object] = WeakSet()
+
+
+def never_free_in_children(holder: object) -> None:
+    """Make `holder`, and what it refers to, immortal in every child that is forked from now on."""
+    # A codec has threads, locks and open files: to free it in a child waits for threads that are
+    # not there, or writes into the parent's file.
+    _holders.add(holder)
+
+
+def _keep_holders() -> None:
+    for holder in list(_holders):
+        # A reference that is never given back keeps the garbage collector away.
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(holder))
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_keep_holders)
+
+
+_EBML = b"\x1a\x45\xdf\xa3"
+_SEGMENT = b"\x18\x53\x80\x67"
+
+
+def check_structure(path: Path) -> None:
+    """Raise OSError if a film is empty or ends before its own structure says that it should."""
+    # Decoders stop early and call it a success; a copy that broke off is common.
+    size = path.stat().st_size
+    if size == 0:
+        raise OSError(f"{path}: the file is empty")
+    with path.open("rb") as stream:
+        head = stream.read(12)
+        stream.seek(0)
+        if head[4:8] in (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip"):
+            _check_boxes(path, stream, size)
+        elif head.startswith(_EBML):
+            _check_matroska(path, stream, size)
+        elif head.startswith(b"RIFF") and head[8:12] == b"AVI ":
+            _check_end(path, 8 + struct.unpack("<I", head[4:8])[0], size)
+
+
+def _check_boxes(path: Path, stream: BinaryIO, size: int) -> None:
+    """Walk the outermost boxes of an MP4 or MOV file: each must end within the file."""
+    position = 0
+    while position < size:
+        stream.seek(position)
+        header = stream.read(16)
+        if len(header) < 8:
+            raise OSError(f"{path}: the video is cut short")
+        length = struct.unpack(">I", header[:4])[0]
+        if length == 0:
+            return  # This box reaches to the end, wherever that is.
+        if length == 1:
+            if len(header) < 16:
+                raise OSError(f"{path}: the video is cut short")
+            length = struct.unpack(">Q", header[8:16])[0]
+        if length < 8:
+            raise OSError(f"{path}: the video is damaged: a part of it has an impossible length")
+        position += length
+    _check_end(path, position, size)
+
+
+def _check_matroska(path: Path, stream: BinaryIO, size: int) -> None:
+    """Compare the length that the outermost element of a WebM or Matroska file states."""
+    position = len(_EBML)
+    length, width = _variable_integer(stream, position)
+    position += width + (length or 0)
+    stream.seek(position)
+    if stream.read(4) != _SEGMENT:
+        raise OSError(f"{path}: the video is cut short or damaged: it has no segment")
+    length, width = _variable_integer(stream, position + 4)
+    if width == 0:
+        raise OSError(f"{path}: the video is cut short")
+    if length is not None:
+        _check_end(path, position + 4 + width + length, size)
+
+
+def _variable_integer(stream: BinaryIO, position: int) -> tuple[int | None, int]:
+    """Read a length as Matroska writes it; None means that it is not stated, as in live streams."""
+    stream.seek(position)
+    data = stream.read(8)
+    if not data or data[0] == 0:
+        return None, 0
+    width = 9 - data[0].bit_length()
+    if len(data) < width:
+        return None, 0
+    largest = 2 ** (7 * width) - 1
+    value = int.from_bytes(data[:width], "big") & largest
+    return (None if value == largest else value), width
+
+
+def _check_end(path: Path, stated: int, size: int) -> None:
+    if stated > size:
+        raise OSError(f"{path}: the video is cut short: {size} of {stated} bytes are there")

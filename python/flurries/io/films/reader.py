@@ -9,18 +9,62 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from flurries.io.color import Array
 from flurries.io.files import Budget, plain_file
-from flurries.io.films.index import SCALING, index_frames, open_video
-from flurries.io.films.tags import Tags
-from flurries.io.forks import never_free_in_children
-from flurries.io.structure import check_structure
+from flurries.io.films.index import (
+    SCALING,
+    check_structure,
+    index_frames,
+    never_free_in_children,
+    open_video,
+)
+from flurries.io.timecode import TimeCode
 
-_UNSPECIFIED = 2  # AVCOL_SPC_UNSPECIFIED
+UNSPECIFIED = 2
+
+_FULL = 2
+
+
+@dataclass(frozen=True)
+class Tags:
+    primaries: int = UNSPECIFIED
+    transfer: int = UNSPECIFIED
+    matrix: int = UNSPECIFIED  # As ITU-T H.273 counts them; 2 is not said.
+    full: bool = False  # Whether numbers go from 0 to the largest, not from 16 to 235.
+    aspect: Fraction = Fraction(1)  # Width of a pixel over its height.
+    bits: int = 8  # Of a color.
+    timecode: TimeCode | None = None  # Of the first frame.
+    interlaced: bool = False  # Whether a frame holds two moments.
+
+    @staticmethod
+    def of(container: Any, stream: Any, frame: Any) -> Tags:
+        context = stream.codec_context
+
+        def said(name: str) -> int:
+            own = int(getattr(frame, name))
+            return int(getattr(context, name)) if own in (0, UNSPECIFIED) else own
+
+        aspect = Fraction(stream.sample_aspect_ratio or context.sample_aspect_ratio or 1)
+        rate = stream.average_rate or stream.guessed_rate
+        said_of = [container.metadata, *(one.metadata for one in container.streams)]
+        texts = [text for one in said_of for key, text in one.items() if key.lower() == "timecode"]
+        codes = [TimeCode.of_text(text, Fraction(rate)) for text in texts if rate]
+        return Tags(
+            primaries=said("color_primaries"),
+            transfer=said("color_trc"),
+            matrix=UNSPECIFIED if frame.format.is_rgb else said("colorspace"),
+            full=said("color_range") == _FULL or frame.format.name.startswith("yuvj"),
+            aspect=aspect if Fraction(1, 20) <= aspect <= 20 else Fraction(1),
+            bits=max(part.bits for part in frame.format.components),
+            timecode=next((code for code in codes if code is not None), None),
+            interlaced=bool(frame.interlaced_frame),
+        )
 
 
 class VideoReader:
@@ -62,12 +106,12 @@ class VideoReader:
             self._go_to(key)
         # Damage shows when a frame is yielded. So all frames decoded before this one are awaited,
         # also those that are shown later, and frames do not depend on what was asked for before.
-        overshot = self._read_to(self._index.reach_of(number), key)
+        overshot = self._read_to(self._index.reach[number], key)
         if overshot and self._seeks and key:
             # Some files seek to a later key frame than they were asked for: never seek in them.
             self._seeks = False
             self._go_to(key)
-            self._read_to(self._index.reach_of(number), key)
+            self._read_to(self._index.reach[number], key)
         for past in [place for place in self._ready if place < number]:
             del self._ready[past]
         found = self._ready.get(number)
@@ -100,7 +144,7 @@ class VideoReader:
             if frame is None:
                 self._next = self.count
                 return False
-            place = self._next if self._index.counted else self._index.number_at(frame.pts)
+            place = self._next if self._index.counted else self._index.numbers.get(frame.pts)
             if place is None:
                 continue
             if fresh and place > key:
@@ -121,7 +165,7 @@ class VideoReader:
                 try:
                     yield from packet.decode()
                 except av.FFmpegError:
-                    place = self._index.number_at(packet.pts)
+                    place = self._index.numbers.get(packet.pts)
                     # Without a time, the frame that comes next is as near as can be told.
                     self._broken.add(min(self._next, self.count - 1) if place is None else place)
         except av.FFmpegError:
@@ -152,7 +196,7 @@ def _to_rgb(frame: Any) -> Array:
     from av.video.reformatter import Colorspace
 
     wishes = dict(SCALING)
-    if frame.colorspace == _UNSPECIFIED and not frame.format.is_rgb:
+    if frame.colorspace == UNSPECIFIED and not frame.format.is_rgb:
         # Unmarked video follows the convention of its size.
         wishes["src_colorspace"] = Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601
     deep = max(part.bits for part in frame.format.components) > 8

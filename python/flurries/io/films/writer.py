@@ -17,12 +17,15 @@ import numpy.typing as npt
 from flurries._contract import choice
 from flurries.io.atomic import replacing
 from flurries.io.films.codecs import QUALITIES, Encoder, encoder_for, encoder_threads, frame_rate
-from flurries.io.films.index import SCALING, require_library
+from flurries.io.films.index import (
+    SCALING,
+    check_structure,
+    never_free_in_children,
+    require_library,
+)
+from flurries.io.films.reader import UNSPECIFIED, Tags
 from flurries.io.films.sound import Sound, SoundTrack
-from flurries.io.films.tags import UNSPECIFIED, Tags
-from flurries.io.forks import never_free_in_children
 from flurries.io.sequences import VIDEO_EXTENSIONS
-from flurries.io.structure import check_structure
 
 
 class VideoWriter:

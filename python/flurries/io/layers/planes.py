@@ -16,8 +16,7 @@ from flurries.io.files import Budget
 from flurries.io.oiio import openimageio
 from flurries.io.pictures import metadata as header
 from flurries.io.pictures.header import Opened, opened_picture
-from flurries.io.pictures.integers import UINT, integers_of
-from flurries.io.pictures.rows import Band, write_parts
+from flurries.io.pictures.rows import UINT, Band, integers_of, write_parts
 from flurries.io.pictures.slate import Slate
 from flurries.io.pictures.writer import format_of, packing
 
@@ -77,11 +76,7 @@ def write_layers(
         If the file cannot be written or does not read back.
     """
     require_exr(path, "layers")
-    strings, said = header.checked(metadata), Slate.of(slate)
-    specification, band = part_of(layers, half)
-    header.put(specification, strings, "openexr")
-    said.put(specification, "openexr", "linear")
-    write_parts(path, [(specification, band)])
+    _write(path, {"": layers}, half, metadata, slate)
 
 
 def write_layer_views(
@@ -99,30 +94,44 @@ def write_layer_views(
     path : str or path
         Ends in .exr.
     views : mapping of str to mapping
-        The layers of each view, as `write_layers` takes them: usually of "left" and "right". Each
-        view becomes a part of the file that is called as the view and says so in its header, as
-        stereo programs expect it.
+        The layers of each view, usually of "left" and "right". Each becomes a part of the file
+        that is called as the view and says so in its header.
     half, metadata, slate
         As `write_layers`; in the header of each part.
 
     Raises
     ------
-    ValueError
-        If a name is no name or the file does not end in .exr, and as `write_layers`.
-    TypeError, OSError
-        As `write_layers`.
+    ValueError, TypeError, OSError
+        As `write_layers`; ValueError also if a name is no name.
     """
     require_exr(path, "views")
     if not mapping("views", views):
         raise ValueError("views must name at least one view, got none")
+    for name in views:
+        if not isinstance(name, str) or not name.isidentifier():
+            raise ValueError(f"views must be called like 'left' and 'right', got {name!r}")
+    _write(path, views, half, metadata, slate)
+
+
+def _write(
+    path: str | os.PathLike[str],
+    views: Mapping[str, Mapping[str, npt.ArrayLike]],
+    half: bool,
+    metadata: Mapping[str, object] | None,
+    slate: Slate | None,
+    several: tuple[str, ...] = (),
+) -> None:
+    """Write a part for each view; one without a name is not marked, or holds several."""
     strings, said = header.checked(metadata), Slate.of(slate)
     parts = []
     for name, layers in views.items():
-        if not isinstance(name, str) or not name.isidentifier():
-            raise ValueError(f"views must be called like 'left' and 'right', got {name!r}")
         specification, band = part_of(layers, half)
-        specification.attribute("view", name)
-        specification.attribute("oiio:subimagename", name)
+        if name:
+            specification.attribute("view", name)
+            specification.attribute("oiio:subimagename", name)
+        if several:
+            kind = openimageio().TypeDesc(f"string[{len(several)}]")
+            specification.attribute("multiView", kind, several)
         header.put(specification, strings, "openexr")
         said.put(specification, "openexr", "linear")
         parts.append((specification, band))
@@ -150,19 +159,13 @@ def write_views(
         "parts": two parts, each named and marked as a view, with the channels R, G, B (A).
         "views": one part with the channels of the left eye as they are and the right eye's as
         ``right.R``, and the attribute ``multiView``. Programs read the first more often.
-    half : bool, default True
-        Store as half, 16 bits; False stores 32.
-    metadata : mapping, optional
+    half, metadata
         As `write_picture`.
 
     Raises
     ------
-    ValueError
-        If shapes or the extension are not as above.
-    TypeError
-        If a picture does not hold floats.
-    OSError
-        If the file cannot be written or does not read back.
+    ValueError, TypeError, OSError
+        As `write_layers`.
     """
     require_exr(path, "two views")
     choice("layout", layout, get_args(Layout))
@@ -173,10 +176,7 @@ def write_views(
         views = {name: {MAIN: eye} for name, eye in zip(VIEWS, eyes, strict=True)}
         write_layer_views(path, views, half=half, metadata=metadata)
         return
-    specification, band = part_of({MAIN: eyes[0], "right": eyes[1]}, half)
-    specification.attribute("multiView", openimageio().TypeDesc("string[2]"), VIEWS)
-    header.put(specification, header.checked(metadata), "openexr")
-    write_parts(path, [(specification, band)])
+    _write(path, {"": {MAIN: eyes[0], "right": eyes[1]}}, half, metadata, None, VIEWS)
 
 
 def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -> dict[str, Array]:
@@ -227,8 +227,7 @@ def read_views(
 
     Parameters
     ----------
-    path : str or path
-    budget : Budget, optional
+    path, budget
         As `read_picture`, for each eye.
 
     Returns

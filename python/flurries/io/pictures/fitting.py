@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Sequence
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,6 @@ _FILTER = "lanczos3"
 # Pixels that are turned into light at a time.
 _CHUNK = 1 << 20
 Fit: TypeAlias = Literal["cover", "contain", "stretch"]
-_MODES = get_args(Fit)
 
 
 def fit(
@@ -27,10 +26,8 @@ def fit(
 ) -> Array:
     """Resize a picture to `size`, through a Lanczos filter of three lobes.
 
-    Filtering happens in linear light: a bright star between dark pixels keeps its light when the
-    picture shrinks. The filter's ringing is cut at the smallest and the largest value of each
-    channel, so black stays black around lamps; a lamp of a single pixel gains light by that, up to
-    a third.
+    Filtering happens in linear light. The filter's ringing is cut at the smallest and the largest
+    value of each channel; a lamp of a single pixel gains light by that, up to a third.
 
     Parameters
     ----------
@@ -69,7 +66,7 @@ def fit(
     ):
         raise ValueError(f"pixels must be (H, W) or (H, W, 1, 3 or 4), got {array.shape}")
     width, height = _checked_size(size)
-    choice("how", how, _MODES)
+    choice("how", how, get_args(Fit))
     integers = array.dtype.kind == "u"
     if encoding is None:
         encoding = "display" if integers else "linear"
@@ -184,6 +181,7 @@ def _from_light(light: Array, encoding: str, *, straight: bool) -> Array:
 
 def _resize(light: _Light, width: int, height: int, how: str) -> Array:
     """Scale the picture and take the central part, or put it in the middle of a black frame."""
+    library = openimageio()
     rows, columns, channels = light.shape
     across, down = width / columns, height / rows
     if how != "stretch":
@@ -191,15 +189,25 @@ def _resize(light: _Light, width: int, height: int, how: str) -> Array:
     scaled_width = _scaled(columns * across, width)
     scaled_height = _scaled(rows * down, height)
     left, top = (scaled_width - width) // 2, (scaled_height - height) // 2
-    window = (max(left, 0), max(top, 0), min(scaled_width, width), min(scaled_height, height))
-    resized = _filtered(light, (scaled_width, scaled_height), window)
-    resized = np.clip(resized, light.low, light.high)
-    if resized.shape[:2] == (height, width):
+    across, down = min(scaled_width, width), min(scaled_height, height)
+    spec = library.ImageSpec(across, down, channels, "float")
+    spec.x, spec.y = max(left, 0), max(top, 0)
+    spec.full_x, spec.full_y = 0, 0
+    spec.full_width, spec.full_height = scaled_width, scaled_height
+    target = library.ImageBuf(spec)
+    region = library.ROI(spec.x, spec.x + across, spec.y, spec.y + down, 0, 1, 0, channels)
+    if not library.ImageBufAlgo.resize(target, light.buffer, _FILTER, 0.0, region):
+        words = last_error(target, light.buffer)
+        if "allocate" in words:
+            raise MemoryError(f"size {across} x {down}: {words}")
+        raise RuntimeError(f"the picture could not be resized: {words}")
+    pixels = np.asarray(target.get_pixels("float"), np.float32).reshape(down, across, channels)
+    resized = np.clip(pixels, light.low, light.high)
+    if (down, across) == (height, width):
         return resized
     framed = np.zeros((height, width, channels), np.float32)
-    framed[-top if top < 0 else 0 :, -left if left < 0 else 0 :][
-        : resized.shape[0], : resized.shape[1]
-    ] = resized
+    y, x = max(-top, 0), max(-left, 0)
+    framed[y : y + down, x : x + across] = resized
     return framed
 
 
@@ -210,23 +218,3 @@ def _scaled(exact: float, wanted: int) -> int:
         return wanted
     scaled = wanted + 2 * round((exact - wanted) / 2)
     return scaled if scaled > 0 else 1 + (wanted + 1) % 2
-
-
-def _filtered(light: _Light, scaled: tuple[int, int], window: tuple[int, int, int, int]) -> Array:
-    """Scale `light` to the size `scaled` and return the part in `window` (x, y, width, height)."""
-    library = openimageio()
-    channels = light.shape[2]
-    left, top, width, height = window
-    specification = library.ImageSpec(width, height, channels, "float")
-    specification.x, specification.y = left, top
-    specification.full_x, specification.full_y = 0, 0
-    specification.full_width, specification.full_height = scaled
-    target = library.ImageBuf(specification)
-    region = library.ROI(left, left + width, top, top + height, 0, 1, 0, channels)
-    if not library.ImageBufAlgo.resize(target, light.buffer, _FILTER, 0.0, region):
-        words = last_error(target, light.buffer)
-        if "allocate" in words:
-            raise MemoryError(f"size {width} x {height}: {words}")
-        raise RuntimeError(f"the picture could not be resized: {words}")
-    resized: Any = target.get_pixels("float")
-    return np.asarray(resized, np.float32).reshape(height, width, channels)

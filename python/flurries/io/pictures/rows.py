@@ -6,9 +6,9 @@ type is ever made.
 
 from __future__ import annotations
 
+import mmap
 import os
-import shutil
-import sys
+import struct
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -21,7 +21,6 @@ from flurries import _core
 from flurries.io.atomic import replacing
 from flurries.io.color import Array
 from flurries.io.oiio import last_error, let_open, openimageio, packing_threads
-from flurries.io.pictures.integers import as_floats, declare_integers
 from flurries.io.pictures.metadata import seal
 
 # A whole number of the strips and blocks in which EXR and TIFF compress; of wide pictures, whose
@@ -34,10 +33,6 @@ _BLOCK_ROWS = 16
 
 # A picture of fewer pixels is not worth threads.
 _LARGE = 1 << 18
-
-# Others write to the same disk meanwhile: room for several such files must be there.
-_OTHERS = 8
-_SPARE = 1 << 26
 
 Band: TypeAlias = Callable[[int, int], Array]
 Checksums: TypeAlias = list[tuple[np.dtype[Any], int]]
@@ -71,40 +66,18 @@ def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -
         _verify(os.fspath(path), temporary, specification, unknown, lossless=False)
 
 
-@contextmanager
-def _roomy(file: Path, specification: Any) -> Iterator[str]:
-    """Yield a name to write a picture to, which is then in the file.
-
-    Where a disk is full, libpng prints words of its own and gives no reason. So where there may be
-    too little room a PNG goes to memory first.
-    """
-    most = specification.image_bytes() * 17 // 16 + (1 << 16)
-    room = _OTHERS * most + _SPARE <= shutil.disk_usage(file.parent).free
-    if room or file.suffix.lower() != ".png" or not sys.platform.startswith("linux"):
-        yield str(file)
-        return
-    memory = os.memfd_create("flurries")
-    try:
-        # Opened by its name, as any file, and gone with its descriptor.
-        yield f"/proc/self/fd/{memory}"
-        with Path(f"/proc/self/fd/{memory}").open("rb") as source, file.open("wb") as target:
-            shutil.copyfileobj(source, target, 1 << 20)
-    finally:
-        os.close(memory)
-
-
 def _write(target: str, temporary: Path, parts: Sequence[tuple[Any, Band]]) -> list[Checksums]:
     """Write all bands of all parts; return the type and the checksum of each."""
     checksums = []
     first, *_ = specifications = tuple(specification for specification, _ in parts)
     large = temporary.suffix.lower() == ".exr" and first.width * first.height >= _LARGE
     threads = packing_threads() if large else nullcontext()
-    with threads, _roomy(temporary, first) as name, _output(target, temporary) as output:
+    with threads, _output(target, temporary) as output:
         for number, (specification, band) in enumerate(parts):
             if number:
-                opened = output.open(name, specification, "AppendSubimage")
+                opened = output.open(str(temporary), specification, "AppendSubimage")
             else:
-                opened = output.open(name, specifications if parts[1:] else first)
+                opened = output.open(str(temporary), specifications if parts[1:] else first)
             if not opened:
                 raise OSError(f"{target}: cannot be written: {last_error(output)}")
             checksums.append(_write_rows(target, output, specification, band))
@@ -187,3 +160,81 @@ def _verify(
     finally:
         reader.close()
         last_error(reader)
+
+
+# Whole numbers of 32 bits beside halves and floats in an EXR. OpenImageIO turns what it writes to
+# channels of several types into floats on the way, which know 24 bits. So whole numbers are written
+# as floats of the same bits, and then the header is told what they are: EXR holds and packs both
+# types alike, as four bytes, but for the compressions that round.
+#
+# OpenImageIO's name of the type, and its number in a list of channels.
+UINT = "uint"
+_NUMBER = struct.pack("<i", 0)
+
+# Magic number and version come before the first header.
+_FIRST = 8
+
+# Of a channel in the list, after its name: type, four bytes, and how often it is sampled.
+_CHANNEL = 16
+
+
+def integers_of(specification: Any) -> dict[str, int]:
+    """Return the channels that hold whole numbers of 32 bits, by name, with their places."""
+    kind = openimageio().TypeDesc(UINT)
+    names = enumerate(specification.channelnames)
+    return {name: place for place, name in names if specification.channelformat(place) == kind}
+
+
+def as_floats(specification: Any) -> Any:
+    """Return a specification of the same picture with floats for whole numbers of 32 bits."""
+    numbers = integers_of(specification).values()
+    if not numbers:
+        return specification
+    library = openimageio()
+    made = library.ImageSpec(specification)
+    kinds = [specification.channelformat(place) for place in range(made.nchannels)]
+    kinds = [
+        library.TypeDesc("float") if place in numbers else kind for place, kind in enumerate(kinds)
+    ]
+    # Where all channels are alike the common type counts.
+    made.set_format(max(kinds, key=[str(kind) for kind in kinds].count))
+    made.channelformats = tuple(kinds) if len(set(map(str, kinds))) > 1 else ()
+    return made
+
+
+def declare_integers(path: Path, specifications: Sequence[Any]) -> None:
+    """Say in the headers of an EXR's parts which channels are whole numbers."""
+    wanted = [integers_of(specification) for specification in specifications]
+    if not any(wanted):
+        return
+    with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as data:
+        at = _FIRST
+        for names in wanted:
+            while data[at]:
+                _, at = _word(data, at)
+                kind, at = _word(data, at)
+                (size,) = struct.unpack_from("<i", data, at)
+                at += 4
+                if kind == "chlist":
+                    _declare(data, at, names)
+                at += size
+            at += 1
+    reader = openimageio().ImageInput.open(str(path))
+    found = [] if reader is None else [reader.spec(part) for part in range(len(wanted))]
+    if [set(integers_of(part)) for part in found] != [set(names) for names in wanted]:
+        raise OSError(f"{path}: does not say which of its channels are whole numbers")
+
+
+def _declare(data: mmap.mmap, at: int, names: dict[str, int]) -> None:
+    """Change the type of channels in the list that begins at a byte."""
+    while data[at]:
+        name, at = _word(data, at)
+        if name in names:
+            data[at : at + len(_NUMBER)] = _NUMBER
+        at += _CHANNEL
+
+
+def _word(data: mmap.mmap, at: int) -> tuple[str, int]:
+    """Return the name that begins at a byte, and where what follows it begins."""
+    end = data.find(b"\0", at)
+    return data[at:end].decode(), end + 1
