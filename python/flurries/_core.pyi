@@ -13,7 +13,6 @@ from flurries.spectral.volume import Film
 
 __all__ = [
     "BallImages",
-    "FieldBands",
     "FlakeSheet",
     "InternalError",
     "SortedFlakes",
@@ -37,8 +36,6 @@ __all__ = [
     "encode_bytes",
     "fall",
     "field",
-    "field_bands",
-    "field_take",
     "flake_choices",
     "flake_frame",
     "flake_patterns",
@@ -78,7 +75,6 @@ __all__ = [
     "sheet_read",
     "smooth",
     "snow",
-    "snowfall",
     "temporal_filter",
     "temporal_gain",
     "tent_rate",
@@ -136,14 +132,6 @@ def field(
     out: _Array, request: Request, map: _Map | None = None, preserve_mean: bool = False
 ) -> int: ...
 
-@final
-class FieldBands:
-    """The rows of a window of the field, to be taken from the top down."""
-
-def field_bands(
-    request: Request, map: _Map | None = None, preserve_mean: bool = False
-) -> FieldBands: ...
-def field_take(bands: FieldBands, out: _Array, first: int) -> int: ...
 def flake_patterns(
     out: _Array,
     counts: _Float64,
@@ -154,16 +142,6 @@ def flake_choices(
     pattern: npt.NDArray[np.int32], shift: _Float64, seed: int, patterns: int, tile: int
 ) -> None: ...
 def flake_frame(out: _Array, spectra: _Array, request: FlakeRequest) -> None: ...
-def snowfall(
-    out: _Array,
-    background: _Array,
-    request: Request,
-    map: _Map,
-    preserve_mean: bool,
-    haze: float,
-    intensity: list[float],
-    flakes: _Array | SortedFlakes | None = None,
-) -> int: ...
 def all_finite(values: _Array) -> bool: ...
 def all_within(values: _Array, low: float, high: float) -> bool: ...
 def volume(out: _Array, film: Film, times: _Float64) -> int: ...

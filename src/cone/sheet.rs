@@ -59,17 +59,3 @@ pub fn level(log: f32, levels: usize) -> usize {
     // Half a step is added and the rest cut off: rounded, for what is not negative.
     ((2.0 * log + 0.5).max(0.0) as usize).min(levels - 1)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn levels_are_rounded_and_kept_in_range() {
-        let levels = 19;
-        for (log, wanted) in [(-20.0, 0), (0.0, 0), (0.24, 0), (0.26, 1), (1.0, 2), (30.0, 18)] {
-            assert_eq!(level(log, levels), wanted, "{log}");
-        }
-        assert_eq!(level(f32::NAN, levels), 0);
-    }
-}

@@ -4,7 +4,6 @@ pub mod coding;
 pub mod composite;
 pub mod grid;
 pub mod mix;
-pub mod onepass;
 pub mod plate;
 pub mod sample;
 pub mod shade;

@@ -59,25 +59,3 @@ impl Bands {
         &self.entries[self.starts[band]..self.starts[band + 1]]
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_band_lists_what_touches_it_in_order() {
-        let sprite = |rows, columns| Sprite { rows, columns, ..Sprite::NONE };
-        let sprites = [
-            sprite([0, 200], [3, 9]),
-            sprite([64, 65], [1, 2]),
-            sprite([0, 0], [0, 5]),
-            sprite([63, 64], [4, 5]),
-        ];
-        let bands = Bands::of(&sprites, &[3, 1, 2, 0], 200).unwrap();
-        let places = |band| bands.band(band).iter().map(|e| e.sprite).collect::<Vec<_>>();
-        assert_eq!(places(0), [3, 0]);
-        assert_eq!(places(1), [1, 0]);
-        assert_eq!(places(3), [0]);
-        assert_eq!(bands.band(1)[0], Entry { sprite: 1, left: 1, right: 2 });
-    }
-}

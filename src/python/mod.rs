@@ -15,7 +15,6 @@ mod gas;
 mod gate;
 mod laws;
 mod lookup;
-mod onepass;
 mod particles;
 mod random;
 mod scan;
@@ -55,8 +54,6 @@ mod core {
         smooth,
     };
     #[pymodule_export]
-    use super::onepass::snowfall;
-    #[pymodule_export]
     use super::particles::{
         SortedFlakes, particle_draw, particle_draw_lit, particle_ids, particle_splat,
     };
@@ -70,9 +67,9 @@ mod core {
     use super::shown::{layer_finish, layer_rgba, layer_seen};
     #[pymodule_export]
     use super::spectral::{
-        FieldBands, advance_phase, band_amplitude, blend_tiles, field, field_bands, field_take,
-        inverse_transform, opacity, random_phase, temporal_filter, temporal_gain, tent_rate,
-        tile_count, tile_shares, wave_depth,
+        advance_phase, band_amplitude, blend_tiles, field, inverse_transform, opacity,
+        random_phase, temporal_filter, temporal_gain, tent_rate, tile_count, tile_shares,
+        wave_depth,
     };
     #[pymodule_export]
     use super::threads::{reproducible, set_reproducible, set_scope, set_threads, threads};

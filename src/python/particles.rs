@@ -129,11 +129,6 @@ pub struct SortedFlakes {
 }
 
 impl SortedFlakes {
-    /// The flakes themselves.
-    pub(super) fn sorted(&self) -> &Sorted {
-        &self.sorted
-    }
-
     /// The images of a list of flakes.
     pub(super) fn listed(
         sorted: Sorted,

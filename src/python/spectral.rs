@@ -18,7 +18,6 @@ use crate::spectral::phase::random_phase as random_kernel;
 use crate::spectral::stripes::Mapped;
 use crate::spectral::tent::{self, Motion};
 use crate::spectral::tiles::{Blend, Row, blend_tiles as blend_kernel};
-use crate::spectral::topdown::TopDown;
 use crate::spectral::transform::inverse_transform as transform_kernel;
 
 /// Rough nanoseconds for a pixel of a tiled frame on one thread; only decides who watches Ctrl-C.
@@ -194,7 +193,7 @@ fn map_plane<T: Real>(
 }
 
 /// The map of (mean, spread, power, amount).
-pub const fn opacity_map((mean, spread, power, amount): (f64, f64, f64, f64)) -> Opacity {
+const fn opacity_map((mean, spread, power, amount): (f64, f64, f64, f64)) -> Opacity {
     Opacity { mean, spread, power, amount }
 }
 
@@ -291,7 +290,7 @@ pub fn field(
 
 /// Rough nanoseconds of a frame: all pixels of all tiles, many times the frame's where they overlap a
 /// lot.
-pub fn estimate(field: &Field<'_>, window: &Window) -> f64 {
+fn estimate(field: &Field<'_>, window: &Window) -> f64 {
     let tiles = |length: usize, tile: usize| {
         1.0 + length as f64 / tile.saturating_sub(field.overlap).max(1) as f64
     };
@@ -314,48 +313,4 @@ fn render<T: Real>(
         ready.render(window, out, map.map(|map| Mapped { map, preserve_mean }), cancel)?;
         Ok(ready.transformed())
     })
-}
-
-/// The rows of a request's window from the top down, to be taken band by band.
-#[pyclass(module = "flurries._core")]
-pub struct FieldBands {
-    bands: TopDown<f32>,
-    /// A rough estimate of a row.
-    nanoseconds: f64,
-    /// Rows that a row of tiles finishes.
-    rows_of_tile: f64,
-}
-
-/// Begins a frame of the field, or of its opacity, that is taken band by band; see `field`.
-#[pyfunction]
-#[pyo3(signature = (request, map=None, preserve_mean=false))]
-pub fn field_bands(
-    py: Python<'_>,
-    request: Request<'_>,
-    map: Option<(f64, f64, f64, f64)>,
-    preserve_mean: bool,
-) -> PyResult<FieldBands> {
-    let map = map.map(|map| opacity_map(map).checked("power")).transpose()?;
-    let mapped = map.map(|map| Mapped { map, preserve_mean });
-    request.with_field(|field, window| {
-        let nanoseconds = estimate(field, window) / window.rows.len().max(1) as f64;
-        let bands = gate::run(py, 0.0, |_| TopDown::new(field, window, mapped))?;
-        let rows_of_tile = (field.tile.0 - field.overlap) as f64;
-        Ok(FieldBands { bands, nanoseconds, rows_of_tile })
-    })
-}
-
-/// Writes rows from `first` on into `out` (h, w), those before it are skipped; returns how many tiles were transformed.
-#[pyfunction]
-pub fn field_take(
-    py: Python<'_>,
-    bands: &mut FieldBands,
-    mut out: PyReadwriteArray2<'_, f32>,
-    first: usize,
-) -> PyResult<usize> {
-    let out = out.as_array_mut();
-    // A band of one row can be the first of a row of tiles.
-    let rows = (out.nrows() as f64).max(bands.rows_of_tile);
-    let FieldBands { bands, nanoseconds, .. } = bands;
-    gate::run(py, rows * *nanoseconds, |cancel| bands.take(first, out, cancel))
 }

@@ -83,11 +83,6 @@ pub struct Ready<'f, 'a, T: Real> {
 }
 
 impl<T: Real> Ready<'_, '_, T> {
-    /// Size of the frame, px.
-    pub fn shape(&self) -> (usize, usize) {
-        self.field.shape
-    }
-
     /// How many tiles with waves were made so far; those between two workers count twice.
     pub fn transformed(&self) -> usize {
         self.transformed.load(Ordering::Relaxed)
@@ -171,93 +166,5 @@ impl<'a> Field<'a> {
         }
         let parts = parts::<T>(self, down, across)?;
         Ok(Ready { field: self, down, across, parts, transformed: AtomicUsize::new(0) })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::base::error::Cancel;
-    use crate::spectral::filter::Alias;
-    use ndarray::{Array2, Array4};
-
-    fn with_field<R>(
-        shape: (usize, usize),
-        tile: usize,
-        overlap: usize,
-        use_it: impl FnOnce(&Field<'_>) -> R,
-    ) -> R {
-        let still = Array4::zeros((1, 1, 1, 2));
-        let moved = Array4::from_shape_vec((1, 1, 1, 2), vec![3.0, -7.5]).unwrap();
-        use_it(&Field {
-            shape,
-            tile: (tile, tile),
-            overlap,
-            blend: Blend::Power,
-            band: Band { shortest: 2.0, longest: 8.0, exponent: 1.0 },
-            seed: 5,
-            jitter: false,
-            ring_edges: &[],
-            ring_gains: &[],
-            drift: moved.view(),
-            shift: still.view(),
-            velocity: still.view(),
-            shift_rate: still.view(),
-            filter: TemporalFilter { alias: Alias::Keep, soft_from: 0.4, shutter: 0.0 },
-            shortest: None,
-            lap: None,
-        })
-    }
-
-    fn render(field: &Field<'_>, window: &Window) -> Array2<f64> {
-        let mut out = Array2::from_elem((window.rows.len(), window.cols.len()), f64::NAN);
-        let ready = field.ready::<f64>().unwrap();
-        ready.render(window, out.view_mut(), None, &Cancel::new()).unwrap();
-        out
-    }
-
-    #[test]
-    fn a_window_has_the_bits_of_the_whole() {
-        for (tile, overlap) in [(16, 3), (16, 15), (11, 7), (50, 0)] {
-            with_field((40, 33), tile, overlap, |field| {
-                let whole = render(field, &Window { rows: 0..40, cols: 0..33 });
-                assert!(whole.iter().all(|z| z.is_finite()));
-                for (rows, cols) in [(0..1, 0..1), (7..31, 5..6), (38..40, 20..33), (13..14, 0..33)]
-                {
-                    let part = render(field, &Window { rows: rows.clone(), cols: cols.clone() });
-                    assert_eq!(part, whole.slice(ndarray::s![rows, cols]));
-                }
-            });
-        }
-    }
-
-    #[test]
-    fn the_frame_is_the_blend_of_its_tiles() {
-        use crate::spectral::{band, phase, tent, tiles, transform};
-        with_field((40, 33), 16, 5, |field| {
-            let whole = render(field, &Window { rows: 0..40, cols: 0..33 });
-            let ready = field.ready::<f64>().unwrap();
-            let grid = (ready.down.count(), ready.across.count());
-            let mut all = Array4::<f64>::zeros((grid.0, grid.1, 16, 16));
-            for row in 0..grid.0 {
-                for col in 0..grid.1 {
-                    let mut amplitude = Array2::zeros((16, 16));
-                    band::band_amplitude(amplitude.view_mut(), field.band).unwrap();
-                    let mut rest = Array2::zeros((16, 16));
-                    phase::random_phase(rest.view_mut(), 5, (row as i64, col as i64));
-                    let motion = Motion { drift: [3.0 / 8.0, -7.5 / 8.0], shift: [0.0; 2] };
-                    let mut phase = Array2::zeros((16, 16));
-                    tent::advance_phase(phase.view_mut(), rest.view(), motion);
-                    let tile = all.slice_mut(ndarray::s![row, col, .., ..]);
-                    let cancel = Cancel::new();
-                    transform::inverse_transform(tile, amplitude.view(), phase.view(), &cancel)
-                        .unwrap();
-                }
-            }
-            let mut blended = Array2::zeros((40, 33));
-            tiles::blend_tiles(blended.view_mut(), all.view(), 5, Blend::Power).unwrap();
-            let worst = (&whole - &blended).iter().fold(0.0_f64, |m, d| m.max(d.abs()));
-            assert!(worst < 1e-13, "{worst:e}");
-        });
     }
 }

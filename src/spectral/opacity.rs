@@ -300,17 +300,4 @@ mod tests {
             }
         }
     }
-
-    #[test]
-    fn values_are_clipped_to_the_interval() {
-        let mut out = [0.0; 3];
-        PAPER.map_row(&[-10.0, 0.0, 10.0], &mut out);
-        assert_eq!(out, [0.0, 0.25, 1.0]);
-        let block = Block { rows: 1, cols: 3, field: (&[-10.0, 0.0, 10.0], 3), out: (&mut out, 3) };
-        PAPER.map_block(block, Lifted::Each(&[-1e-9, 0.25, 0.5]));
-        assert_eq!(out, [0.0, 0.5, 1.0]);
-        let block = Block { rows: 1, cols: 3, field: (&[-10.0, 0.0, 10.0], 3), out: (&mut out, 3) };
-        PAPER.map_block(block, Lifted::All(0.25));
-        assert_eq!(out, [0.25, 0.5, 1.0]);
-    }
 }

@@ -32,24 +32,3 @@ pub fn choice(
         shift: [upto(1, tile), upto(2, tile)],
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn choices_are_spread_evenly() {
-        let mut counts = [0; 8];
-        for row in 0..64 {
-            for col in 0..64 {
-                let found = choice(5, 2, (row, col), 8, 64);
-                assert!(found.shift.iter().all(|s| (0.0..64.0).contains(s)));
-                counts[found.pattern] += 1;
-            }
-        }
-        // Five standard deviations of a binomial count of 4096.
-        assert!(counts.iter().all(|&n| (n - 512_i64).abs() < 106), "{counts:?}");
-        let found = |layer| choice(5, layer, (3, 4), 8, 64);
-        assert_ne!(found(0).shift, found(1).shift);
-    }
-}

@@ -13,5 +13,3 @@ pub mod frame;
 pub mod pattern;
 pub mod prepared;
 pub mod product;
-#[cfg(test)]
-mod twin;
