@@ -232,13 +232,9 @@ pub fn footprints(mut out: ArrayViewMut3<'_, f32>, view: &View, course: &Course)
 
 /// The planes of a band: BLOCK rows, or what is left of the picture, one after the other.
 pub struct Band<'a> {
-    /// See [`Chart::across`].
     pub across: &'a mut [u32],
-    /// See [`Chart::along`].
     pub along: &'a mut [u32],
-    /// See [`Chart::fade`].
     pub fade: &'a mut [f32],
-    /// See [`Chart::state`].
     pub state: &'a mut [u8],
 }
 

@@ -7,9 +7,7 @@ use crate::base::error::Error;
 pub struct Table<'a> {
     /// Row after row; see [`super::table`].
     pub entries: &'a [u32],
-    /// log2 of the columns.
     pub columns: u32,
-    /// log2 of the rows.
     pub rows: u32,
 }
 

@@ -23,11 +23,8 @@ pub const FADE: [f64; 2] = [0.6, 0.95];
 /// A camera inside a double cone.
 #[derive(Debug, Clone, Copy)]
 pub struct View {
-    /// In camera axes.
     pub basis: Basis,
-    /// Pixels.
     pub focal: f64,
-    /// Principal point, pixels.
     pub center: [f64; 2],
     /// Radius over height of the cone; 0 is a cylinder.
     pub slope: f64,

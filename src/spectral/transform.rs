@@ -1,6 +1,6 @@
 //! From amplitudes and phases of all bins to the real field, through half of the spectrum.
 
-use flurries_fft::FftError;
+use flurries_fft::ComplexToReal;
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 use num_complex::Complex;
 
@@ -9,12 +9,6 @@ use crate::base::error::{Cancel, Error, spare, zeroed};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::{PORTABLE, reproducible};
-
-/// The row transform's own complaint would be a defect of ours: lengths are right by construction
-/// and the imaginary parts that must vanish are set to zero.
-fn defect(error: FftError) -> Error {
-    Error::Internal(error.to_string())
-}
 
 /// Refuses a shape whose plans would not find the memory: a planner asks for it without a way to
 /// fail. Plans of awkward lengths (Bluestein's) hold ten numbers for each point.
@@ -69,22 +63,40 @@ pub fn inverse_transform<T: Real>(
         tasks.push((run, part));
         out = rest;
     }
-    pool::for_each(tasks, |(run, mut part)| {
-        let mut line = zeroed::<Complex<T>>(half)?;
-        let mut scratch = zeroed(to_real.get_scratch_len())?;
-        for (row, mut pixels) in run.zip(part.rows_mut()) {
-            cancel.check()?;
-            line.fill(Complex::new(T::zero(), T::zero()));
-            for (column, &col) in columns.chunks(height).zip(&used) {
-                line[col] = column[row];
-            }
-            line[0].im = T::zero();
-            if width % 2 == 0 {
-                line[half - 1].im = T::zero();
-            }
-            let pixels = pixels.as_slice_mut().ok_or_else(|| Error::Internal("layout".into()))?;
-            to_real.process_with_scratch(&mut line, pixels, &mut scratch).map_err(defect)?;
-        }
-        Ok(())
+    pool::for_each(tasks, |(run, part)| {
+        real_rows(part, run.start, &columns, &used, to_real.as_ref(), cancel)
     })
+}
+
+/// Fills `out` with rows of pixels from row `first` on, from the transforms along y of the columns
+/// `used`, one after the other.
+pub(super) fn real_rows<T: Real>(
+    mut out: ArrayViewMut2<'_, T>,
+    first: usize,
+    columns: &[Complex<T>],
+    used: &[usize],
+    to_real: &dyn ComplexToReal<T>,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let width = out.ncols();
+    let mut line = zeroed::<Complex<T>>(width / 2 + 1)?;
+    let mut scratch = zeroed(to_real.get_scratch_len())?;
+    let height = columns.len() / used.len().max(1);
+    for (row, mut pixels) in (first..).zip(out.rows_mut()) {
+        cancel.check()?;
+        line.fill(Complex::new(T::zero(), T::zero()));
+        for (column, &col) in columns.chunks(height.max(1)).zip(used) {
+            line[col] = column[row];
+        }
+        // Imaginary parts that vanish but for rounding.
+        line[0].im = T::zero();
+        if width.is_multiple_of(2) {
+            line[width / 2].im = T::zero();
+        }
+        let pixels = pixels.as_slice_mut().ok_or_else(|| Error::Internal("layout".into()))?;
+        to_real
+            .process_with_scratch(&mut line, pixels, &mut scratch)
+            .map_err(|error| Error::Internal(error.to_string()))?;
+    }
+    Ok(())
 }

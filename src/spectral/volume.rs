@@ -15,9 +15,9 @@ use super::filter::TemporalFilter;
 use super::grid::position;
 use super::phase::{leader_phase, reduce, tile_hash};
 use super::tent::Motion;
-use super::transform::room_for_plans;
+use super::transform::{real_rows, room_for_plans};
 use super::waves::{Draw, Waves};
-use crate::base::error::{Cancel, Error, zeroed};
+use crate::base::error::{Cancel, Error, pushed, zeroed};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::{PORTABLE, reproducible};
@@ -39,7 +39,6 @@ pub enum Cells {
 }
 
 impl Cells {
-    /// The option of that name.
     pub fn named(name: &str) -> Result<Self, Error> {
         match name {
             "one" => Ok(Self::One),
@@ -52,21 +51,13 @@ impl Cells {
 /// Everything that defines a film that repeats.
 #[derive(Debug, Clone, Copy)]
 pub struct Volume {
-    /// (H, W).
     pub shape: (usize, usize),
-    /// T.
     pub frames: usize,
-    /// Which waves, how strong.
     pub band: Band,
-    /// Random seed.
     pub seed: i64,
-    /// Drift per frame.
     pub velocity: Motion,
-    /// What sampling in time does to the waves.
     pub filter: TemporalFilter,
-    /// Whether tent directions are spread over the bin's cell.
     pub jitter: bool,
-    /// Which cells.
     pub cells: Cells,
 }
 
@@ -142,17 +133,15 @@ impl Volume {
                     Cells::Overlap => leader_phase(hash.word(CELL).word(n as i64)),
                 };
                 squares.add(2.0 * wave.amplitude * wave.amplitude);
-                cells
-                    .try_reserve(1)
-                    .map_err(|_| Error::Memory { bytes: 2 * cells.len() * size_of::<Cell>() })?;
-                cells.push(Cell {
+                let cell = Cell {
                     column: columns.len() - 1,
                     row: position(wave.ky, self.shape.0),
                     // The remainder of a float is exact, however fast the wave.
                     turns: n % frames,
                     phase,
                     amplitude: wave.amplitude * filter.gain(n / frames),
-                });
+                };
+                pushed(&mut cells, cell)?;
             }
         }
         // The squares before the filter sum to 1: it lowers the contrast, as blur does.
@@ -190,11 +179,6 @@ impl Spectrum {
         2 * self.cells.len()
     }
 
-    /// Whether none does.
-    pub fn is_empty(&self) -> bool {
-        self.cells.is_empty()
-    }
-
     /// Fills `out`, (times H, W), with the film at the given times, one frame below the other.
     pub fn render<T: Real>(
         &self,
@@ -229,29 +213,15 @@ impl Spectrum {
         let (down, across) = (T::inverse(height, plain), T::to_real(width, plain));
         let zero = Complex::new(T::zero(), T::zero());
         let mut columns = zeroed::<Complex<T>>(self.columns.len() * height)?;
-        let mut line = zeroed::<Complex<T>>(width / 2 + 1)?;
         let mut scratch = zeroed(down.get_inplace_scratch_len())?;
-        let mut real_scratch = zeroed(across.get_scratch_len())?;
-        for (&time, mut frame) in times.iter().zip(out.axis_chunks_iter_mut(Axis(0), height)) {
+        for (&time, frame) in times.iter().zip(out.axis_chunks_iter_mut(Axis(0), height)) {
             cancel.check()?;
             columns.fill(zero);
             self.at(time, &mut columns);
             for column in columns.chunks_mut(height) {
                 down.process_with_scratch(column, &mut scratch);
             }
-            for (y, mut pixels) in frame.rows_mut().into_iter().enumerate() {
-                line.fill(zero);
-                for (column, &kx) in columns.chunks(height).zip(&self.columns) {
-                    line[kx] = column[y];
-                }
-                // No Nyquist bin is ever in the band; of dc's column rounding leaves a rest.
-                line[0].im = T::zero();
-                let layout = || Error::Internal("layout".into());
-                let pixels = pixels.as_slice_mut().ok_or_else(layout)?;
-                across
-                    .process_with_scratch(&mut line, pixels, &mut real_scratch)
-                    .map_err(|error| Error::Internal(error.to_string()))?;
-            }
+            real_rows(frame, 0, &columns, &self.columns, across.as_ref(), cancel)?;
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 use super::band::{Band, Sum};
 use super::grid::{Role, direction, magnitude, odd_frequency, role};
 use super::phase::tile_hash;
-use crate::base::error::Error;
+use crate::base::error::{Error, pushed};
 use crate::base::random::Hash;
 
 /// One pair of bins (k, -k), by its leader.
@@ -55,9 +55,7 @@ impl Waves {
                 let weight = band.weight(ky, kx, tile);
                 squares.add(2.0 * weight * weight);
                 let wavelength = 1.0 / magnitude(ky, kx, tile);
-                list.try_reserve(1)
-                    .map_err(|_| Error::Memory { bytes: 2 * size_of_val(&list[..]) })?;
-                list.push(Wave {
+                let wave = Wave {
                     ky,
                     kx,
                     direction: direction(ky, kx, tile),
@@ -65,7 +63,8 @@ impl Waves {
                     amplitude: weight,
                     wavelength,
                     ring: ring_of(wavelength, ring_edges),
-                });
+                };
+                pushed(&mut list, wave)?;
             }
         }
         let factor = band.normaliser(squares.value(), tile)?;

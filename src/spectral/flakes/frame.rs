@@ -11,12 +11,16 @@ use super::prepared::Prepared;
 use super::product::{Scratch, Term, render};
 use crate::base::error::{Cancel, Error, pushed};
 use crate::base::normal::most;
+use crate::base::random::Hash;
 use crate::base::real::Real;
 use crate::base::simd::dispatch;
 use crate::spectral::field::Window;
 use crate::spectral::opacity::Block;
 use crate::spectral::stripes::{Maker, Tiles};
 use crate::spectral::tiles::{Blend, Row};
+
+/// What the numbers of a seed are for.
+const PATTERN: i64 = 0x666c_616b_6531;
 
 /// What tiles show of L layers. Arrays are (rows, cols, ..), an axis of 1 for all tiles alike.
 #[derive(Debug, Clone)]
@@ -29,7 +33,6 @@ pub struct Layers<'a> {
     pub streak: Option<ArrayView4<'a, f64>>,
     /// (L,): factors of patterns without their mean.
     pub gain: ArrayView1<'a, f64>,
-    /// Mean optical depth.
     pub mean: f64,
 }
 
@@ -77,7 +80,6 @@ impl<'a, T: Real> Frame<'a, T> {
         Ok(Self { patterns, layers, blurred, down, across, weights })
     }
 
-    /// Makes it.
     pub fn render(&self, out: ArrayViewMut2<'_, T>, cancel: &Cancel) -> Result<(), Error> {
         if out.dim() != (self.down.length, self.across.length) {
             return Err(Error::invalid("out", "must have the shape of the frame"));
@@ -106,6 +108,21 @@ impl<'a, T: Real> Frame<'a, T> {
         }
         Ok(())
     }
+}
+
+/// The pattern of `patterns` that the tile (row, column) takes for a layer, and the pixels (x, y) that
+/// the torus is shifted by.
+pub fn choice(
+    seed: i64,
+    layer: usize,
+    (row, col): (usize, usize),
+    patterns: usize,
+    tile: usize,
+) -> (usize, [f64; 2]) {
+    let hash = [PATTERN, layer as i64, row as i64, col as i64, 0];
+    let hash = hash.into_iter().fold(Hash::seeded(seed), Hash::word);
+    let upto = |word: i64, most: usize| hash.word(word).unit() * most as f64;
+    ((upto(0, patterns) as usize).min(patterns - 1), [upto(1, tile), upto(2, tile)])
 }
 
 /// One worker.

@@ -8,7 +8,6 @@
 //! Its waves are k = (a, b - shear a) / M cycles per pixel, shear = h / M, y down.
 
 pub mod blur;
-pub mod choice;
 pub mod frame;
 pub mod pattern;
 pub mod prepared;

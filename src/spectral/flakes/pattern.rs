@@ -34,9 +34,7 @@ pub struct Law {
     pub tile: usize,
     /// h / M of the torus.
     pub shear: f64,
-    /// Of a flake's middle.
     pub opacity: f64,
-    /// Of the places.
     pub seed: i64,
 }
 
