@@ -4,11 +4,13 @@
 //! S(b) and S(-b) of a column make S(b) + S(-b) and i (S(b) - S(-b)), both conjugate. Waves of mean 0
 //! stand there: the mean is not blended.
 
-use ndarray::{ArrayView2, ArrayView3, Axis};
+#![expect(unsafe_code, reason = "complex numbers as the pairs that they are")]
+
+use ndarray::{ArrayView3, Axis};
 use num_complex::Complex;
 
 use crate::base::aligned::Aligned;
-use crate::base::error::Error;
+use crate::base::error::{Error, collected};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::dispatch;
@@ -25,6 +27,7 @@ pub struct Prepared<T> {
     pub shear: f64,
     /// Indices a and b of waves are below it.
     pub half: usize,
+    /// The two passes.
     pub dense: Dense<T>,
     /// For each row of pixels the cosines and sines of all columns that the shear turns by.
     pub turns: Aligned<T>,
@@ -51,7 +54,17 @@ impl<T: Real> Prepared<T> {
         let mut values = Aligned::zeroed(number * size)?;
         let tasks = values.chunks_exact_mut(size).zip(spectra.axis_iter(Axis(0)));
         pool::for_each(tasks, |(values, spectrum)| {
-            if fold(values, &spectrum, (tile, half, stride)) {
+            let spectrum = spectrum.to_slice();
+            let spectrum = spectrum.ok_or_else(|| Error::Internal("patterns have gaps".into()))?;
+            let numbers = parts(spectrum);
+            let trace = match T::own(numbers) {
+                Some(numbers) => fold(values, numbers, (tile, half, stride)),
+                None => {
+                    let other = collected(numbers.iter().map(|value| T::of(value.wide())))?;
+                    fold(values, &other, (tile, half, stride))
+                }
+            };
+            if trace == T::zero() {
                 return Ok(());
             }
             Err(Error::invalid("patterns", "must be finite, got NaN or infinity"))
@@ -59,10 +72,12 @@ impl<T: Real> Prepared<T> {
         Ok(Self { tile, shear, half, dense, turns, values })
     }
 
+    /// How many there are.
     pub fn count(&self) -> usize {
         self.values.len() / self.size()
     }
 
+    /// Numbers of a pattern.
     fn size(&self) -> usize {
         PARTS * self.dense.stride() * self.half
     }
@@ -71,6 +86,12 @@ impl<T: Real> Prepared<T> {
     pub fn pattern(&self, index: usize) -> &[T] {
         &self.values[index * self.size()..(index + 1) * self.size()]
     }
+}
+
+/// Real and imaginary parts in turn.
+const fn parts<S>(spectrum: &[Complex<S>]) -> &[S] {
+    // SAFETY: `Complex` is two numbers, one behind the other, with the alignment of one.
+    unsafe { std::slice::from_raw_parts(spectrum.as_ptr().cast(), 2 * spectrum.len()) }
 }
 
 /// For each row y of pixels cosines and sines of 2 pi shear a y / M.
@@ -93,32 +114,58 @@ dispatch! {
     fn shear_turns<T: Real>(turns: &mut [T], shear: f64, tile: usize) = shear_turns_with
 }
 
-/// Folds one spectrum into `values`; whether all of its numbers are finite.
-fn fold<T: Real, S: Real>(
+/// Folds one spectrum, real and imaginary parts in turn, into `values`. The result is 0 if all numbers
+/// are finite: infinity and NaN times 0 are not.
+#[inline(always)]
+fn fold_with<T: Real, const LEVEL: u8>(
     values: &mut [T],
-    spectrum: &ArrayView2<'_, Complex<S>>,
+    spectrum: &[T],
     (tile, half, stride): (usize, usize, usize),
-) -> bool {
-    let wave = |b: usize, a: usize| {
-        let wave = spectrum[(b % tile, a)];
-        (T::of(wave.re.wide()), T::of(wave.im.wide()))
-    };
-    let mut finite = true;
+) -> T {
+    let columns = 2 * (tile / 2 + 1);
+    let row = |b: usize| &spectrum[b * columns..][..2 * half];
+    // One for each lane: a single sum would be a chain.
+    let mut traces = [T::zero(); 16];
     for (b, values) in values.chunks_exact_mut(PARTS * stride).enumerate() {
+        let (up, down) = (row(b), row((tile - b) % tile));
+        let (sums, differences) = values.split_at_mut(2 * stride);
+        let (sum_re, sum_im) = sums.split_at_mut(stride);
+        let (difference_re, difference_im) = differences.split_at_mut(stride);
+        let (sum_re, sum_im) = (&mut sum_re[..half], &mut sum_im[..half]);
+        let (difference_re, difference_im) =
+            (&mut difference_re[..half], &mut difference_im[..half]);
         for a in 0..half {
-            let (up, down) = (wave(b, a), wave(tile - b, a));
-            let sum = (up.0 + down.0, -(up.1 + down.1));
-            finite &= sum.0.is_finite() & sum.1.is_finite();
-            // b = 0 is its own opposite, and its sines are 0.
-            let difference = (down.1 - up.1, down.0 - up.0);
-            let folded =
-                if b > 0 { (sum, difference) } else { ((up.0, -up.1), (T::zero(), T::zero())) };
-            (values[a], values[stride + a]) = folded.0;
-            (values[2 * stride + a], values[3 * stride + a]) = folded.1;
+            let (re, im) = ((up[2 * a], down[2 * a]), (up[2 * a + 1], down[2 * a + 1]));
+            sum_re[a] = re.0 + re.1;
+            sum_im[a] = -(im.0 + im.1);
+            difference_re[a] = im.1 - im.0;
+            difference_im[a] = re.1 - re.0;
+        }
+        for row in [&*sum_re, &*sum_im] {
+            for part in row.chunks(16) {
+                for (trace, value) in traces.iter_mut().zip(part) {
+                    *trace += *value * T::zero();
+                }
+            }
         }
     }
+    // b = 0 is its own opposite, and its sines are 0.
+    let (first, rest) = values[..PARTS * stride].split_at_mut(2 * stride);
+    for (a, wave) in row(0).chunks_exact(2).enumerate() {
+        first[a] = wave[0];
+        first[stride + a] = -wave[1];
+    }
+    rest.fill(T::zero());
     // The mean.
-    values[0] = T::zero();
-    values[stride] = T::zero();
-    finite
+    first[0] = T::zero();
+    first[stride] = T::zero();
+    traces.iter().fold(T::zero(), |sum, &trace| sum + trace)
+}
+
+dispatch! {
+    fn fold<T: Real>(
+        values: &mut [T],
+        spectrum: &[T],
+        sizes: (usize, usize, usize),
+    ) -> T = fold_with
 }

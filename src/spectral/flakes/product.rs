@@ -7,18 +7,23 @@
 //! All is conjugate and folded, as [`Prepared`] has it: with c + i s the turn of b, and E and O the sum
 //! and the difference of a pattern, the tile's are the turn of a times c E + s O and c O - s E.
 
+#![expect(unsafe_code, reason = "products of waves by `Lanes`")]
+
 use super::blur::Blur;
 use super::prepared::{PARTS, Prepared};
 use crate::base::aligned::Aligned;
 use crate::base::error::Error;
+use crate::base::lanes::Lanes;
 use crate::base::real::Real;
-use crate::base::simd::{dispatch, multiply_add};
+use crate::base::simd::{AVX2, AVX512, dispatch};
 use crate::spectral::dense::{Work, passes_on};
 
 /// One pattern in a tile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Term {
+    /// Its number.
     pub pattern: usize,
+    /// Factor.
     pub gain: f64,
     /// Pixels (x, y) that it is moved by.
     pub shift: [f64; 2],
@@ -90,14 +95,25 @@ fn render_with<T: Real, const LEVEL: u8>(
             scratch.blur.begin::<LEVEL>(i, slant(term.streak), (stride, half));
         }
     }
-    sum::<T, LEVEL>(patterns, terms, blurred, scratch);
+    match LEVEL {
+        AVX512 => sum::<T, T::Avx512, LEVEL>(patterns, terms, blurred, scratch),
+        AVX2 => sum::<T, T::Avx2, LEVEL>(patterns, terms, blurred, scratch),
+        _ => sum::<T, T::Portable, LEVEL>(patterns, terms, blurred, scratch),
+    }
     let turns = (patterns.shear != 0.0).then_some(&patterns.turns[..]);
     passes_on::<T, LEVEL>(&patterns.dense, &mut scratch.work, turns, pixels);
 }
 
+/// Real and imaginary parts of a sum and a difference.
+#[derive(Clone, Copy)]
+struct Pair<V> {
+    sum: [V; 2],
+    difference: [V; 2],
+}
+
 /// The folded spectrum of a tile.
 #[inline(always)]
-fn sum<T: Real, const LEVEL: u8>(
+fn sum<T: Real, V: Lanes<T>, const LEVEL: u8>(
     patterns: &Prepared<T>,
     terms: &[Term],
     blurred: bool,
@@ -105,45 +121,89 @@ fn sum<T: Real, const LEVEL: u8>(
 ) {
     let (half, stride) = (patterns.half, patterns.dense.stride());
     let Scratch { across, down, blur, work } = scratch;
-    let add = multiply_add::<T, LEVEL>;
+    // What the reads and writes below rely on.
+    assert!(
+        stride.is_multiple_of(V::N) && terms.iter().all(|term| term.pattern < patterns.count())
+    );
+    assert!(across.len() >= 2 * stride * terms.len() && down.len() >= 2 * half * terms.len());
+    assert!(!blurred || blur.rows.len() >= 2 * stride * terms.len());
+    assert!(work.cos.len() >= 2 * stride * half && work.sin.len() >= 2 * stride * half);
     for b in 0..half {
         if blurred {
             blur.row::<LEVEL>(b, terms.len(), (stride, half));
         }
-        let cos = &mut work.cos[2 * stride * b..][..2 * stride];
-        let sin = &mut work.sin[2 * stride * b..][..2 * stride];
-        cos.fill(T::zero());
-        sin.fill(T::zero());
-        let ((cos_re, cos_im), (sin_re, sin_im)) =
-            (cos.split_at_mut(stride), sin.split_at_mut(stride));
-        for (i, term) in terms.iter().enumerate() {
-            let folded = &patterns.pattern(term.pattern)[PARTS * stride * b..][..PARTS * stride];
-            let ((e_re, e_im), (o_re, o_im)) = {
-                let (sums, differences) = folded.split_at(2 * stride);
-                (sums.split_at(stride), differences.split_at(stride))
-            };
-            let (turn_re, turn_im) = across[2 * stride * i..][..2 * stride].split_at(stride);
-            let (c, s) = (down[2 * half * i + b], down[2 * half * i + half + b]);
-            for a in 0..stride {
-                let (e, o) = ([e_re[a], e_im[a]], [o_re[a], o_im[a]]);
-                let mut x = [0, 1].map(|part| add(c, e[part], s * o[part]));
-                let mut y = [0, 1].map(|part| add(-s, e[part], c * o[part]));
-                if blurred {
-                    // What blur leaves of the waves b and -b: half their sum, half their difference.
-                    let rows = &blur.rows[2 * stride * i..][..2 * stride];
-                    let (kept, mixed) = (rows[a], rows[stride + a]);
-                    (x, y) = (
-                        [add(-mixed, y[1], kept * x[0]), add(mixed, y[0], kept * x[1])],
-                        [add(mixed, x[1], kept * y[0]), add(-mixed, x[0], kept * y[1])],
-                    );
+        for at in (0..stride).step_by(V::N) {
+            // SAFETY: b is below `half`, `at` + N at most `stride`, and the lengths are those above.
+            unsafe {
+                let zero = V::splat(T::zero());
+                let mut total = Pair { sum: [zero; 2], difference: [zero; 2] };
+                for (i, term) in terms.iter().enumerate() {
+                    let folded = patterns.pattern(term.pattern).as_ptr();
+                    let folded = folded.add(PARTS * stride * b + at);
+                    let e = [V::load(folded), V::load(folded.add(stride))];
+                    let o = [V::load(folded.add(2 * stride)), V::load(folded.add(3 * stride))];
+                    let down = down.as_ptr().add(2 * half * i + b);
+                    let (c, s) = (V::splat(*down), V::splat(*down.add(half)));
+                    let mut moved = Pair {
+                        sum: [c.multiply_add(e[0], s.mul(o[0])), c.multiply_add(e[1], s.mul(o[1]))],
+                        difference: [
+                            s.product_from(e[0], c.mul(o[0])),
+                            s.product_from(e[1], c.mul(o[1])),
+                        ],
+                    };
+                    if blurred {
+                        let blur = blur.rows.as_ptr().add(2 * stride * i + at);
+                        moved = moved.blurred(V::load(blur), V::load(blur.add(stride)));
+                    }
+                    let across = across.as_ptr().add(2 * stride * i + at);
+                    let turn = [V::load(across), V::load(across.add(stride))];
+                    total.sum = plus(total.sum, moved.sum, turn);
+                    total.difference = plus(total.difference, moved.difference, turn);
                 }
-                let turn = [turn_re[a], turn_im[a]];
-                cos_re[a] = add(-x[1], turn[1], add(x[0], turn[0], cos_re[a]));
-                cos_im[a] = add(x[1], turn[0], add(x[0], turn[1], cos_im[a]));
-                sin_re[a] = add(-y[1], turn[1], add(y[0], turn[0], sin_re[a]));
-                sin_im[a] = add(y[1], turn[0], add(y[0], turn[1], sin_im[a]));
+                let place = 2 * stride * b + at;
+                let (cos, sin) = (work.cos.as_mut_ptr(), work.sin.as_mut_ptr());
+                total.sum[0].store(cos.add(place));
+                total.sum[1].store(cos.add(place + stride));
+                total.difference[0].store(sin.add(place));
+                total.difference[1].store(sin.add(place + stride));
             }
         }
+    }
+}
+
+impl<V> Pair<V> {
+    /// By what blur leaves of the waves b and -b: half their sum, and half their difference.
+    #[inline(always)]
+    unsafe fn blurred<T: Real>(self, kept: V, mixed: V) -> Self
+    where
+        V: Lanes<T>,
+    {
+        let Self { sum: x, difference: y } = self;
+        // SAFETY: the caller has the instructions.
+        unsafe {
+            Self {
+                sum: [
+                    mixed.product_from(y[1], kept.mul(x[0])),
+                    mixed.multiply_add(y[0], kept.mul(x[1])),
+                ],
+                difference: [
+                    mixed.multiply_add(x[1], kept.mul(y[0])),
+                    mixed.product_from(x[0], kept.mul(y[1])),
+                ],
+            }
+        }
+    }
+}
+
+/// A complex sum plus a product.
+#[inline(always)]
+unsafe fn plus<T: Real, V: Lanes<T>>(sum: [V; 2], a: [V; 2], b: [V; 2]) -> [V; 2] {
+    // SAFETY: the caller has the instructions.
+    unsafe {
+        [
+            a[1].product_from(b[1], a[0].multiply_add(b[0], sum[0])),
+            a[1].multiply_add(b[0], a[0].multiply_add(b[1], sum[1])),
+        ]
     }
 }
 
