@@ -17,10 +17,12 @@
 //! | `python` | the binding, behind the feature of that name | |
 
 #![deny(unsafe_code)]
+// Without the binding only tests and benches call kernels.
+#![cfg_attr(not(feature = "python"), allow(dead_code))]
 
 pub mod air;
 pub mod base;
-pub mod cone;
+mod cone;
 pub mod encode;
 pub mod falling;
 pub mod frame;

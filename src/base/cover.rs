@@ -17,18 +17,3 @@ pub fn pixels(low: f64, high: f64, count: usize) -> Option<Range<usize>> {
     let end = end as i64 as usize;
     if start < end { Some(start..end) } else { None }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn pixels_are_those_whose_centres_lie_inside() {
-        assert_eq!(pixels(0.5, 2.5, 10), Some(0..3));
-        assert_eq!(pixels(0.6, 2.4, 10), Some(1..2));
-        assert_eq!(pixels(-1e30, 1e30, 10), Some(0..10));
-        assert_eq!(pixels(f64::NEG_INFINITY, f64::INFINITY, 10), Some(0..10));
-        assert_eq!(pixels(10.0, 1e30, 10), None);
-        assert_eq!(pixels(3.6, 4.4, 10), None);
-    }
-}

@@ -119,27 +119,3 @@ impl Cancel {
         if self.0.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(()) }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn messages_name_the_argument() {
-        let error = finite("drift", f64::NAN).unwrap_err();
-        assert_eq!(error.to_string(), "drift: must be finite, got NaN");
-    }
-
-    #[test]
-    fn a_request_beyond_memory_is_an_error() {
-        assert!(matches!(zeroed::<f64>(usize::MAX / 16), Err(Error::Memory { .. })));
-    }
-
-    #[test]
-    fn a_raised_flag_stops() {
-        let cancel = Cancel::new();
-        assert_eq!(cancel.check(), Ok(()));
-        cancel.raise();
-        assert_eq!(cancel.check(), Err(Error::Cancelled));
-    }
-}

@@ -148,33 +148,12 @@ mod tests {
     use crate::base::error::guarded;
 
     #[test]
-    fn the_environment_is_a_number_of_threads_or_refused() {
-        assert_eq!(parsed(Some(" 3 ")), Ok(Some(3)));
-        assert_eq!(parsed(Some("")), Ok(None));
-        assert_eq!(parsed(None), Ok(None));
-        for wrong in ["0", "-1", "abc", "257", "1000000", "2.0"] {
-            assert!(parsed(Some(wrong)).unwrap_err().to_string().contains("FLURRIES_NUM_THREADS"));
-        }
-    }
-
-    #[test]
     fn runs_cover_the_length_once() {
         for (length, parts) in [(0, 3), (1, 3), (7, 3), (19, 2), (64, 64), (5, 9)] {
             let runs = split(length, parts);
             assert_eq!(runs.iter().map(ExactSizeIterator::len).sum::<usize>(), length);
             assert!(runs.windows(2).all(|pair| pair[0].end == pair[1].start));
         }
-    }
-
-    #[test]
-    fn every_item_is_worked_on() {
-        let mut values = vec![0_u32; 1000];
-        for_each(values.iter_mut().enumerate(), |(i, value)| {
-            *value = i as u32;
-            Ok(())
-        })
-        .unwrap();
-        assert!(values.iter().enumerate().all(|(i, &value)| value == i as u32));
     }
 
     #[test]

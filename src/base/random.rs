@@ -49,26 +49,3 @@ pub fn uniform(out: &mut [f64], seed: i64, stream: i64) {
         *value = hash.word(index as i64).unit();
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn mix64_has_the_published_first_value() {
-        assert_eq!(mix64(0), 0xE220_A839_7B1D_CDAF);
-    }
-
-    #[test]
-    fn negative_words_are_twos_complement() {
-        assert_eq!(Hash::seeded(-1).bits(), mix64(u64::MAX));
-    }
-
-    #[test]
-    fn units_are_uniform() {
-        let n = 100_000;
-        let mean = (0..n).map(|i| Hash::seeded(7).word(i).unit()).sum::<f64>() / n as f64;
-        // Five standard errors of a uniform mean.
-        assert!((mean - 0.5).abs() < 5.0 / (12.0 * n as f64).sqrt(), "{mean}");
-    }
-}

@@ -18,20 +18,3 @@ pub const LEAST_SIGMA: f64 = 0.3;
 pub fn sampled(variance: f64) -> f64 {
     (variance + PIXEL_VARIANCE).max(LEAST_VARIANCE)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_sum_of_samples_hardly_depends_on_the_place() {
-        // The least width, at the worst places: on a pixel's centre and on its edge.
-        let sum = |variance: f64, at: f64| -> f64 {
-            (-9..=9).map(|i| (-0.5 * (f64::from(i) - at).powi(2) / variance).exp()).sum()
-        };
-        let swing = |variance: f64| (sum(variance, 0.0) / sum(variance, 0.5) - 1.0).abs();
-        assert!(swing(sampled(0.0)) < 2.3e-3, "{}", swing(sampled(0.0)));
-        assert!(swing(0.2) > 0.05);
-        assert_eq!(sampled(1.0), 1.0 + 1.0 / 12.0);
-    }
-}

@@ -74,17 +74,4 @@ mod tests {
         });
         assert_eq!(Scope::now(), Scope::default());
     }
-
-    #[test]
-    fn one_scope_lies_in_another() {
-        let outer = Scope { threads: Some(2), reproducible: None };
-        let entered = outer.enter();
-        {
-            let _inner = Scope { threads: Some(3), reproducible: Some(true) }.enter();
-            assert_eq!((pool::threads(), simd::reproducible()), (3, true));
-        }
-        assert_eq!(Scope::now(), outer);
-        drop(entered);
-        assert_eq!(Scope::now(), Scope::default());
-    }
 }

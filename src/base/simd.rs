@@ -163,17 +163,3 @@ macro_rules! dispatch {
     };
 }
 pub(crate) use dispatch;
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_environment_names_a_level_or_is_refused() {
-        assert_eq!(parsed(Some("avx2")), Ok(Some(Level::Avx2)));
-        assert_eq!(parsed(Some("portable")), Ok(Some(Level::Portable)));
-        assert_eq!(parsed(Some("avx512")), Ok(Some(Level::Avx512)));
-        assert_eq!(parsed(None), Ok(None));
-        assert!(parsed(Some("bogus")).unwrap_err().to_string().contains("FLURRIES_SIMD"));
-    }
-}

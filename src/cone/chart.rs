@@ -232,13 +232,9 @@ pub fn footprints(mut out: ArrayViewMut3<'_, f32>, view: &View, course: &Course)
 
 /// The planes of a band: BLOCK rows, or what is left of the picture, one after the other.
 pub struct Band<'a> {
-    /// See [`Chart::across`].
     pub across: &'a mut [u32],
-    /// See [`Chart::along`].
     pub along: &'a mut [u32],
-    /// See [`Chart::fade`].
     pub fade: &'a mut [f32],
-    /// See [`Chart::state`].
     pub state: &'a mut [u8],
 }
 
@@ -289,60 +285,4 @@ pub fn chart(chart: Chart<'_>, view: &View, course: &Course, cancel: &Cancel) ->
         band(planes, view, course, course.top + index * BLOCK, blocks);
         Ok(())
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::cone::basis::Basis;
-    use ndarray::Array2;
-
-    fn apart(a: u32, b: f64) -> f64 {
-        let difference = f64::from(a) / 4_294_967_296.0 - b;
-        (difference - difference.round()).abs()
-    }
-
-    #[test]
-    fn a_chart_is_the_view_in_float32() {
-        for axis in [[0.0, 1.0, 0.0], [0.2, 0.9, -0.3], [0.1, 0.3, 1.0], [1.0, 0.02, 0.0]] {
-            for eye in [[0.0; 3], [0.02, -0.01, 0.005]] {
-                let basis = Basis::of(axis).unwrap();
-                let (center, slope) = ([60.0, 41.0], 0.2);
-                let view = View { basis, focal: 90.0, center, slope, eye };
-                let mut across = Array2::zeros((80, 128));
-                let mut along = Array2::zeros((80, 128));
-                let mut fades = Array2::ones((80, 128));
-                let mut state = Array2::zeros((80, 8));
-                let planes = Chart {
-                    across: across.view_mut(),
-                    along: along.view_mut(),
-                    fade: fades.view_mut(),
-                    state: state.view_mut(),
-                };
-                let course = Course { tiles: 4, stretch: 1.5, top: 0 };
-                chart(planes, &view, &course, &Cancel::new()).unwrap();
-                for row in 0..80 {
-                    for column in 0..128 {
-                        let point = view.point(column as f64 + 0.5, row as f64 + 0.5);
-                        let shown = match state[[row, column / 16]] {
-                            SHOWN => 1.0,
-                            HIDDEN => 0.0,
-                            _ => fades[[row, column]],
-                        };
-                        assert!((f64::from(shown) - point.fade).abs() < 1e-5);
-                        if point.fade == 0.0 {
-                            continue;
-                        }
-                        let around = apart(across[[row, column]], 4.0 * point.azimuth);
-                        // A place in the picture is right to 1e-5 px; the step says what that is here.
-                        assert!(around < 1e-6 + 1e-4 * point.azimuth_step, "{axis:?} {around:e}");
-                        let tiles = 4.0 / (TAU * 1.5);
-                        let high = apart(along[[row, column]], tiles * point.height);
-                        let limit = 1e-6 * (1.0 + point.height.abs()) + 1e-4 * point.height_step;
-                        assert!(high < limit, "{axis:?} {high:e}");
-                    }
-                }
-            }
-        }
-    }
 }

@@ -21,7 +21,6 @@ pub struct Layer {
     pub stretch: f64,
     /// Tiles, across and along.
     pub offset: [f64; 2],
-    /// Factor of the texture's opacity.
     pub gain: f64,
 }
 

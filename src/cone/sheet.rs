@@ -7,9 +7,7 @@ use crate::base::error::Error;
 pub struct Table<'a> {
     /// Row after row; see [`super::table`].
     pub entries: &'a [u32],
-    /// log2 of the columns.
     pub columns: u32,
-    /// log2 of the rows.
     pub rows: u32,
 }
 
@@ -58,18 +56,4 @@ impl Tables<'_> {
 pub fn level(log: f32, levels: usize) -> usize {
     // Half a step is added and the rest cut off: rounded, for what is not negative.
     ((2.0 * log + 0.5).max(0.0) as usize).min(levels - 1)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn levels_are_rounded_and_kept_in_range() {
-        let levels = 19;
-        for (log, wanted) in [(-20.0, 0), (0.0, 0), (0.24, 0), (0.26, 1), (1.0, 2), (30.0, 18)] {
-            assert_eq!(level(log, levels), wanted, "{log}");
-        }
-        assert_eq!(level(f32::NAN, levels), 0);
-    }
 }

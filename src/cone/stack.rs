@@ -20,13 +20,9 @@ use crate::base::simd::{dispatch, multiply_add};
 /// The planes that a stack is read from; see [`super::chart::Chart`].
 #[derive(Debug, Clone, Copy)]
 pub struct Charted<'a> {
-    /// Azimuth.
     pub across: ArrayView2<'a, u32>,
-    /// Height.
     pub along: ArrayView2<'a, u32>,
-    /// How much is shown.
     pub fade: ArrayView2<'a, f32>,
-    /// What the blocks are.
     pub state: ArrayView2<'a, u8>,
     /// log2 of the footprints.
     pub footprint: ArrayView3<'a, f32>,

@@ -55,30 +55,3 @@ pub fn table(
     }
     Ok(())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use ndarray::Array2;
-
-    #[test]
-    fn an_entry_holds_its_neighbours() {
-        let texture = Array2::from_shape_fn((4, 4), |(i, j)| 0.1 * i as f64 + 0.05 * j as f64);
-        let area = Area::of(texture.view()).unwrap();
-        let mut out = Array2::zeros((4, 8));
-        table(out.view_mut(), &area, 1.5, 1.0, 0.5, &Cancel::new()).unwrap();
-        for row in 0..4 {
-            for column in 0..8 {
-                let value = |row: usize, column: usize| {
-                    let (x, y) = ((column % 8) as f64 * 0.5 + 0.25, (row % 4) as f64 + 0.5);
-                    (area.mean(x, y, 1.5, 1.0) * 510.0).round() as u32
-                };
-                let wanted = value(row, column)
-                    | value(row, column + 1) << 8
-                    | value(row + 1, column) << 16
-                    | value(row + 1, column + 1) << 24;
-                assert_eq!(out[[row, column]], wanted);
-            }
-        }
-    }
-}

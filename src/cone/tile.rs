@@ -89,37 +89,3 @@ pub fn tile<T: Real>(
         Ok(())
     })
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use ndarray::{Array2, array};
-
-    #[test]
-    fn a_drop_on_the_edge_is_whole() {
-        let draw = |u: f64, v: f64| {
-            let mut out = Array2::<f64>::zeros((32, 32));
-            tile(out.view_mut(), array![[u, v, 1.5, 4.0, 1e-3]].view(), &Cancel::new()).unwrap();
-            out
-        };
-        let (middle, corner) = (draw(16.0, 16.0), draw(0.0, 0.0));
-        for ((row, column), &value) in middle.indexed_iter() {
-            let moved = corner[[(row + 16) % 32, (column + 16) % 32]];
-            assert!((value - moved).abs() < 1e-18);
-        }
-    }
-
-    #[test]
-    fn the_energy_is_the_same_at_every_place_between_texels() {
-        for sigma in [0.2, 0.5, 1.0] {
-            for place in 0..8 {
-                let at = 10.0 + 0.125 * f64::from(place);
-                let mut out = Array2::<f64>::zeros((24, 24));
-                tile(out.view_mut(), array![[at, at, sigma, 0.0, 1e-4]].view(), &Cancel::new())
-                    .unwrap();
-                let wanted = 1e-4 * TAU * sigma * sigma;
-                assert!((out.sum() / wanted - 1.0).abs() < 3e-3, "{sigma} {at}");
-            }
-        }
-    }
-}

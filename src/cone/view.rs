@@ -23,11 +23,8 @@ pub const FADE: [f64; 2] = [0.6, 0.95];
 /// A camera inside a double cone.
 #[derive(Debug, Clone, Copy)]
 pub struct View {
-    /// In camera axes.
     pub basis: Basis,
-    /// Pixels.
     pub focal: f64,
-    /// Principal point, pixels.
     pub center: [f64; 2],
     /// Radius over height of the cone; 0 is a cylinder.
     pub slope: f64,
@@ -122,72 +119,4 @@ pub fn fade(across: f64, along: f64) -> f64 {
     let bent = FADE_SLOPE * along.abs();
     let t = (bent / (across + bent).max(f64::MIN_POSITIVE) - FADE[0]) / (FADE[1] - FADE[0]);
     1.0 - smoothstep(t)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::cone::basis::DOWN;
-
-    fn view(axis: Vector, slope: f64) -> View {
-        let basis = Basis::of(axis).unwrap();
-        View { basis, focal: 500.0, center: [320.0, 240.0], slope, eye: [0.0; 3] }
-    }
-
-    #[test]
-    fn the_steps_are_the_derivatives() {
-        for (axis, slope) in [(DOWN, 0.0), ([0.3, 0.9, -0.4], 0.2), ([0.1, 0.2, 1.0], 0.1)] {
-            let view = view(axis, slope);
-            for (x, y) in [(10.3, 17.0), (400.0, 300.0), (630.0, 30.0), (200.0, 470.0)] {
-                let at = |dx: f64, dy: f64| view.point(x + dx, y + dy);
-                let h = 1e-3;
-                let slope_of = |f: &dyn Fn(Point) -> f64| {
-                    let dx = (f(at(h, 0.0)) - f(at(-h, 0.0))) / (2.0 * h);
-                    let dy = (f(at(0.0, h)) - f(at(0.0, -h))) / (2.0 * h);
-                    dx.hypot(dy)
-                };
-                let here = at(0.0, 0.0);
-                let turning = slope_of(&|p| p.azimuth);
-                assert!((here.azimuth_step / turning - 1.0).abs() < 1e-6, "{axis:?} {x} {y}");
-                let rising = slope_of(&|p| p.height);
-                assert!((here.height_step / rising - 1.0).abs() < 1e-6, "{axis:?} {x} {y}");
-            }
-        }
-    }
-
-    #[test]
-    fn the_axis_itself_is_finite_and_hidden() {
-        let view = view([0.0, 0.0, 1.0], 0.0);
-        let point = view.point(320.0, 240.0);
-        assert_eq!(point.fade, 0.0);
-        let all = [point.azimuth, point.height, point.azimuth_step, point.height_step];
-        assert!(all.iter().all(|value| value.is_finite()), "{point:?}");
-    }
-
-    #[test]
-    fn an_eye_off_the_axis_sees_the_same_point_of_the_cone() {
-        let eye = [0.03, -0.01, 0.02];
-        for slope in [0.0, 0.25] {
-            let moved = View { eye, ..view([0.3, 0.9, -0.4], slope) };
-            for (x, y) in [(10.0, 20.0), (600.0, 400.0), (320.0, 240.0)] {
-                let (seen, reach) = moved.ray(x, y);
-                // The point of the cone, from the middle, radius 1; then the eye's ray to it.
-                let hit: Vector = seen.map(|part| part / reach);
-                let to: Vector = [0, 1, 2].map(|i| hit[i] - eye[i]);
-                assert!((to[0] / to[2] * 500.0 + 320.0 - x).abs() < 1e-9);
-                assert!((to[1] / to[2] * 500.0 + 240.0 - y).abs() < 1e-9);
-                assert!((moved.depth(x, y) - to[2]).abs() < 1e-12);
-            }
-        }
-    }
-
-    #[test]
-    fn the_fade_begins_and_ends_where_it_says() {
-        let at = |degrees: f64| fade(degrees.to_radians().cos(), degrees.to_radians().sin());
-        assert_eq!(at(82.3), 1.0);
-        assert!(at(82.5) < 1.0);
-        assert!(at(89.3) > 0.0);
-        assert_eq!(at(89.45), 0.0);
-        assert_eq!(at(-89.45), 0.0);
-    }
 }

@@ -40,7 +40,6 @@ pub struct Batch<P> {
 }
 
 impl<P: Normal> Batch<P> {
-    /// Nothing to draw.
     #[inline(always)]
     pub fn empty() -> Self {
         let row = Row([P::zero(); TILE]);
@@ -87,7 +86,6 @@ impl<P: Normal> Batch<P> {
         }
     }
 
-    /// Draws all that wait.
     #[inline(always)]
     pub fn draw<const LEVEL: u8>(&mut self, tile: &mut Tile<'_, P>) {
         if self.count == 0 {

@@ -36,7 +36,6 @@ pub enum Wall {
 pub struct Cut {
     /// Whether the near plane ends the line integral.
     pub near: bool,
-    /// What stands behind.
     pub wall: Wall,
 }
 

@@ -8,10 +8,10 @@
 //! set that the function is compiled for, and would run many times slower.
 
 use super::batch::Batch;
-use super::bins::Entry;
 use super::cut::{self, Cut, Ground};
 use super::footprint::{self, Edge, Scale};
 use super::lattice::Lattice;
+use super::picture::Entry;
 use super::ray::{Canvas, Source};
 use super::rays::{PART, Rays, Sheet};
 use super::sprite::{Form, Look, Sprite};
@@ -42,11 +42,9 @@ const LOOK: usize = 16;
 
 /// All that is drawn: sprites in no order, the colors of the particles, and how.
 pub struct Drawing<'a> {
-    /// The images.
     pub sprites: &'a [Sprite],
     /// Linear RGB of each particle, by its index; one for all if there is one.
     pub colors: &'a [[f64; 3]],
-    /// How.
     pub look: &'a Look,
 }
 
@@ -58,13 +56,10 @@ pub struct Tile<'a, P> {
     pub through: &'a mut Plane<P>,
     /// Premultiplied light, three planes; None if all particles have one color.
     pub light: Option<&'a mut [Plane<P>; 3]>,
-    /// Where its pixels lie.
     pub sheet: Sheet,
     /// Room for the pixels' rays, filled where a particle needs them; None if none does.
     pub rays: Option<&'a mut Rays<P, TILE>>,
-    /// What stands in the picture.
     pub ground: Option<&'a Ground<'a, P, TILE>>,
-    /// What changes slowly is drawn here.
     pub lattice: Option<&'a mut Lattice<P>>,
 }
 

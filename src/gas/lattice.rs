@@ -24,7 +24,6 @@ use super::footprint::{Scale, point};
 use super::ray::{Canvas, Source};
 use super::rays::{Rays, Sheet};
 use super::sprite::{Eye, Form, Look, Sprite};
-use crate::base::error::Error;
 use crate::base::normal::{Normal, least, most};
 use crate::base::simd::multiply_add;
 
@@ -149,7 +148,6 @@ impl<P: Normal> Lattice<P> {
         Some(near.map(|near| Cut { wall, ..near }))
     }
 
-    /// Draws a particle.
     #[inline(always)]
     pub fn draw<const LEVEL: u8>(
         &mut self,
@@ -270,9 +268,4 @@ fn between_pixels(sample: usize) -> (usize, f64) {
     let place = (sample as f64 - 1.0) * SPACING - 0.5;
     let first = place.floor().clamp(0.0, (TILE - 2) as f64);
     (first as usize, place - first)
-}
-
-/// A boxed lattice, which is too large for the stack.
-pub fn boxed<P: Normal>() -> Result<Box<Lattice<P>>, Error> {
-    Ok(Box::new(Lattice::none()))
 }

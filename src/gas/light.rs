@@ -64,29 +64,3 @@ pub fn light(
     }
     Ok(())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use ndarray::{Array1, array};
-
-    #[test]
-    fn a_row_of_particles_darkens_step_by_step() {
-        let centers = array![[0.0, 0.0, 2.0], [0.0, 0.0, 1.0], [5.0, 0.0, 3.0]];
-        let (radius, density) = (array![0.5], array![0.4]);
-        let cloud = Cloud {
-            centers: centers.view(),
-            radius: radius.view(),
-            density: density.view(),
-            colors: &[[1.0; 3]],
-        };
-        let lit = |forward: f64| {
-            let mut out = Array1::zeros(3);
-            light(out.view_mut(), &cloud, [0.0, 0.0, 2.0], forward, &Cancel::new()).unwrap();
-            out
-        };
-        assert!((lit(0.0) - array![0.6, 1.0, 1.0]).iter().all(|d: &f64| d.abs() < 1e-15));
-        assert!((lit(0.25) - array![0.7, 1.0, 1.0]).iter().all(|d: &f64| d.abs() < 1e-15));
-        assert!((lit(1.0) - array![1.0, 1.0, 1.0]).iter().all(|d: &f64| d.abs() < 1e-15));
-    }
-}

@@ -4,10 +4,9 @@ use std::ops::Range;
 
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 
-use super::bins::Bands;
 use super::cut::Ground;
 use super::draw::{Drawing, Plane, TILE, Tile, draw};
-use super::lattice::{self, Lattice};
+use super::lattice::Lattice;
 use super::rays::{Rays, Sheet};
 use super::sprite::{Eye, Form, Sprite};
 use crate::base::error::{Cancel, Error, collected, pushed};
@@ -27,42 +26,61 @@ fn order(sprites: &[Sprite], sorted: bool) -> Result<Vec<u32>, Error> {
     Ok(order)
 }
 
-/// What a finished tile is stored from.
-pub struct Finished<'a, P> {
-    /// What the tile lets through.
-    pub through: &'a Plane<P>,
-    /// Premultiplied light, if particles differ in color.
-    pub light: Option<&'a [Plane<P>; 3]>,
+/// A particle in a band: its place among the sprites, and the columns that it can touch.
+#[derive(Debug, Clone, Copy)]
+pub struct Entry {
+    pub sprite: u32,
+    pub left: u32,
+    pub right: u32,
 }
 
-/// All that the tiles of a picture share.
-pub struct Picture<'a, P, M> {
-    /// (H, W), px.
+/// What sprites touch, found once for any number of pictures of their frame.
+pub struct Touched {
+    /// For each row of tiles what touches it, in drawing order. Not for each tile: a particle near the
+    /// eye covers thousands of tiles, and few bands.
+    bands: Vec<Vec<Entry>>,
+    smooth: bool,
+    by_ray: bool,
+    colored: bool,
+}
+
+impl Touched {
+    /// Lists the sprites of a frame of so many rows; they are drawn in order if they differ in color.
+    pub fn of(sprites: &[Sprite], colors: &[[f64; 3]], height: usize) -> Result<Self, Error> {
+        let colored = colors.iter().any(|color| *color != colors[0]);
+        let order = order(sprites, colored)?;
+        let mut bands = vec![Vec::new(); height.div_ceil(TILE)];
+        let (mut smooth, mut by_ray) = (false, false);
+        for place in order {
+            let seen = &sprites[place as usize];
+            let ([top, bottom], [left, right]) = (seen.rows.map(|row| row as usize), seen.columns);
+            for band in &mut bands[top / TILE..bottom.div_ceil(TILE)] {
+                pushed(band, Entry { sprite: place, left, right })?;
+            }
+            smooth |= seen.smooth;
+            by_ray |= seen.form == Form::Ray;
+        }
+        Ok(Self { bands, smooth, by_ray, colored })
+    }
+}
+
+/// A frame of gas.
+pub struct Picture<'a, M> {
     pub shape: (usize, usize),
-    /// The eye.
     pub eye: &'a Eye,
-    /// What is drawn.
     pub drawing: Drawing<'a>,
-    /// Which bands it touches.
-    pub bands: &'a Bands,
-    /// Whether particles differ in color.
-    pub colored: bool,
-    /// Whether a particle changes so slowly that it is drawn on a lattice.
-    pub smooth: bool,
-    /// Whether a particle's footprint is computed from each pixel's ray.
-    pub by_ray: bool,
+    pub touched: &'a Touched,
     /// Depth of what stands in the picture.
     pub depth: Option<ArrayView2<'a, M>>,
-    /// The pixels' type.
-    pub pixel: std::marker::PhantomData<P>,
 }
 
 /// Buffers of one tile, kept from tile to tile.
-pub struct Scratch<P> {
-    through: Box<[Plane<P>; 1]>,
+struct Scratch<P> {
+    through: Box<Plane<P>>,
+    /// Premultiplied light, if particles differ in color.
     light: Option<Box<[Plane<P>; 3]>>,
-    depth: Option<Box<[Plane<P>; 1]>>,
-    rays: Option<Box<[Rays<P, TILE>; 1]>>,
+    depth: Option<Box<Plane<P>>>,
+    rays: Option<Box<Rays<P, TILE>>>,
     lattice: Option<Box<Lattice<P>>>,
 }
 
@@ -71,35 +89,28 @@ fn nothing<P: Normal>() -> Plane<P> {
     Plane([[P::zero(); TILE]; TILE])
 }
 
-/// A boxed array, which never stands on the stack.
-fn boxed<T: Clone, const N: usize>(value: T) -> Result<Box<[T; N]>, Error> {
-    let values = collected((0..N).map(|_| value.clone()))?;
-    values
-        .into_boxed_slice()
-        .try_into()
-        .map_err(|_| Error::Internal("a plane has the wrong size".into()))
-}
-
-impl<P: Normal, M: Real> Picture<'_, P, M> {
-    /// Buffers for its tiles.
-    pub fn scratch(&self) -> Result<Scratch<P>, Error> {
-        let light = if self.colored { Some(boxed(nothing())?) } else { None };
-        let depth = if self.depth.is_some() { Some(boxed(nothing())?) } else { None };
-        let lattice = if self.smooth { Some(lattice::boxed()?) } else { None };
-        let rays = if self.by_ray { Some(boxed(Rays::none())?) } else { None };
-        Ok(Scratch { through: boxed(nothing())?, light, depth, rays, lattice })
+impl<M: Real> Picture<'_, M> {
+    fn scratch<P: Normal>(&self) -> Scratch<P> {
+        let Touched { smooth, by_ray, colored, .. } = *self.touched;
+        Scratch {
+            through: Box::new(nothing()),
+            light: colored.then(|| Box::new([nothing(), nothing(), nothing()])),
+            depth: self.depth.map(|_| Box::new(nothing())),
+            rays: by_ray.then(|| Box::new(Rays::none())),
+            lattice: smooth.then(|| Box::new(Lattice::none())),
+        }
     }
 
     /// Draws the tile whose corner is at `origin` (x, y).
-    pub fn tile<'s>(
+    fn tile<P: Normal>(
         &self,
         origin: [usize; 2],
-        scratch: &'s mut Scratch<P>,
+        scratch: &mut Scratch<P>,
         cancel: &Cancel,
-    ) -> Result<Finished<'s, P>, Error> {
+    ) -> Result<(), Error> {
         let [left, top] = origin;
         let (height, width) = (self.shape.0 - top, self.shape.1 - left);
-        for (row, values) in scratch.through[0].0.iter_mut().enumerate() {
+        for (row, values) in scratch.through.0.iter_mut().enumerate() {
             // Beyond the border nothing is let through, so that a tile there can be finished.
             let inside = if row < height { width.min(TILE) } else { 0 };
             values[..inside].fill(P::one());
@@ -109,7 +120,7 @@ impl<P: Normal, M: Real> Picture<'_, P, M> {
             light.iter_mut().for_each(|plane| plane.0.fill([P::zero(); TILE]));
         }
         let ground = match (&self.depth, &mut scratch.depth) {
-            (Some(map), Some(depth)) => Some(standing(map, origin, &mut depth[0].0)),
+            (Some(map), Some(depth)) => Some(standing(map, origin, &mut depth.0)),
             _ => None,
         };
         let corner = origin.map(|place| place as f64 + 0.5);
@@ -119,17 +130,88 @@ impl<P: Normal, M: Real> Picture<'_, P, M> {
         }
         let mut tile = Tile {
             origin,
-            through: &mut scratch.through[0],
+            through: &mut scratch.through,
             light: scratch.light.as_deref_mut(),
             sheet: Sheet::of(self.eye, corner, 1.0, TILE),
-            rays: scratch.rays.as_mut().map(|rays| &mut rays[0]),
+            rays: scratch.rays.as_deref_mut(),
             ground: ground.as_ref(),
             lattice,
         };
-        draw(&mut tile, self.bands.band(top / TILE), &self.drawing, cancel)?;
-        Ok(Finished { through: &scratch.through[0], light: scratch.light.as_deref() })
+        draw(&mut tile, &self.touched.bands[top / TILE], &self.drawing, cancel)
+    }
+
+    /// Draws a part of the frame, `channels` numbers to a pixel; `store` writes a row of a tile from
+    /// some column on.
+    fn draw<P: Normal>(
+        &self,
+        out: ArrayViewMut2<'_, P>,
+        [top, bottom, left, right]: Part,
+        channels: usize,
+        store: impl Fn(&mut [P], &Scratch<P>, usize, usize) + Sync + Send,
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        let inside = top <= bottom && bottom <= self.shape.0 && left <= right;
+        let wanted = (bottom.wrapping_sub(top), channels * right.wrapping_sub(left));
+        if !(inside && right <= self.shape.1 && out.dim() == wanted) {
+            return Err(Error::Internal("the part is not one of the frame, or not out's".into()));
+        }
+        pool::for_each(runs_of(out, [top, bottom, left, right], channels)?, |(tiles, mut run)| {
+            let mut scratch = self.scratch();
+            for Cut { origin, skipped: (down, across), columns } in tiles {
+                cancel.check()?;
+                self.tile(origin, &mut scratch, cancel)?;
+                for (row, mut pixels) in run.rows_mut().into_iter().enumerate() {
+                    let pixels = pixels.as_slice_mut().expect("rows are contiguous");
+                    let pixels = &mut pixels[channels * columns.start..channels * columns.end];
+                    store(pixels, &scratch, down + row, across);
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Draws the alpha of a part of the frame, in the bits of the whole.
+    pub fn alpha<P: Normal>(
+        &self,
+        out: ArrayViewMut2<'_, P>,
+        part: Part,
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        let store = |pixels: &mut [P], done: &Scratch<P>, row: usize, from: usize| {
+            opacity(pixels, &done.through.0[row][from..]);
+        };
+        self.draw(out, part, 1, store, cancel)
+    }
+
+    /// Draws premultiplied RGBA of a part of the frame, in the bits of the whole.
+    pub fn light<P: Normal>(
+        &self,
+        out: ArrayViewMut3<'_, P>,
+        part: Part,
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        let (height, width, channels) = out.dim();
+        let flat = out
+            .into_shape_with_order((height, width * channels))
+            .ok()
+            .filter(|_| channels == 4)
+            .ok_or_else(|| Error::Internal("an output that is not contiguous RGBA".into()))?;
+        let color = self.drawing.colors[0].map(P::of);
+        let store = |pixels: &mut [P], done: &Scratch<P>, row: usize, from: usize| {
+            let through = &done.through.0[row][from..];
+            match &done.light {
+                None => one_color(pixels, through, color),
+                Some(light) => {
+                    many_colors(pixels, through, [0, 1, 2].map(|c| &light[c].0[row][from..]));
+                }
+            }
+        };
+        self.draw(flat, part, 4, store, cancel)
     }
 }
+
+/// A part of a frame, pixels: top, bottom, left, right.
+pub type Part = [usize; 4];
 
 /// A tile of the depth map; beyond the picture it goes on as it ended.
 fn standing<'a, P: Normal, M: Real>(
@@ -203,112 +285,6 @@ fn stand_with<P: Normal, const LEVEL: u8>(
 fn further<P: Normal>(last: P, before: P) -> P {
     let step = last - before;
     if step.is_finite() { last + step } else { last }
-}
-
-/// What sprites touch, found once for any number of pictures of their frame.
-pub struct Touched {
-    bands: Bands,
-    smooth: bool,
-    by_ray: bool,
-    colored: bool,
-}
-
-impl Touched {
-    /// Lists the sprites of a frame of so many rows; they are drawn in order if they differ in color.
-    pub fn of(sprites: &[Sprite], colors: &[[f64; 3]], height: usize) -> Result<Self, Error> {
-        let colored = colors.iter().any(|color| *color != colors[0]);
-        let order = order(sprites, colored)?;
-        let smooth = order.iter().any(|&place| sprites[place as usize].smooth);
-        let by_ray = order.iter().any(|&place| sprites[place as usize].form == Form::Ray);
-        Ok(Self { bands: Bands::of(sprites, &order, height)?, smooth, by_ray, colored })
-    }
-
-    /// The frame of `shape` as an eye sees it.
-    pub fn picture<'a, P: Normal, M: Real>(
-        &'a self,
-        shape: (usize, usize),
-        eye: &'a Eye,
-        drawing: Drawing<'a>,
-        depth: Option<ArrayView2<'a, M>>,
-    ) -> Picture<'a, P, M> {
-        let Self { bands, smooth, by_ray, colored } = self;
-        let pixel = std::marker::PhantomData;
-        let (colored, smooth, by_ray) = (*colored, *smooth, *by_ray);
-        Picture { shape, eye, drawing, bands, colored, smooth, by_ray, depth, pixel }
-    }
-}
-
-/// A part of a frame, pixels: top, bottom, left, right.
-pub type Part = [usize; 4];
-
-impl<P: Normal, M: Real> Picture<'_, P, M> {
-    fn check_part(&self, [top, bottom, left, right]: Part, found: [usize; 2]) -> Result<(), Error> {
-        let inside = top <= bottom && bottom <= self.shape.0 && left <= right;
-        if inside && right <= self.shape.1 && found == [bottom - top, right - left] {
-            return Ok(());
-        }
-        Err(Error::Internal("the part is not one of the frame, or not out's".into()))
-    }
-
-    /// Draws the alpha of a part of the frame, in the bits of the whole.
-    pub fn alpha(
-        &self,
-        out: ArrayViewMut2<'_, P>,
-        part: Part,
-        cancel: &Cancel,
-    ) -> Result<(), Error> {
-        self.check_part(part, [out.nrows(), out.ncols()])?;
-        pool::for_each(runs_of(out, part, 1)?, |(tiles, mut pixels)| {
-            let mut scratch = self.scratch()?;
-            for Cut { origin, skipped, columns } in tiles {
-                cancel.check()?;
-                let done = self.tile(origin, &mut scratch, cancel)?;
-                for (row, mut pixels) in pixels.rows_mut().into_iter().enumerate() {
-                    let pixels = pixels.as_slice_mut().expect("rows are contiguous");
-                    let through = &done.through.0[skipped.0 + row][skipped.1..];
-                    opacity(&mut pixels[columns.clone()], through);
-                }
-            }
-            Ok(())
-        })
-    }
-
-    /// Draws premultiplied RGBA of a part of the frame, in the bits of the whole.
-    pub fn light(
-        &self,
-        out: ArrayViewMut3<'_, P>,
-        part: Part,
-        cancel: &Cancel,
-    ) -> Result<(), Error> {
-        let (height, width, channels) = out.dim();
-        self.check_part(part, [height, width])?;
-        let flat = out
-            .into_shape_with_order((height, width * channels))
-            .ok()
-            .filter(|_| channels == 4)
-            .ok_or_else(|| Error::Internal("an output that is not contiguous RGBA".into()))?;
-        let color = self.drawing.colors[0].map(P::of);
-        pool::for_each(runs_of(flat, part, 4)?, |(tiles, mut pixels)| {
-            let mut scratch = self.scratch()?;
-            for Cut { origin, skipped: (down, across), columns } in tiles {
-                cancel.check()?;
-                let done = self.tile(origin, &mut scratch, cancel)?;
-                for (row, mut pixels) in pixels.rows_mut().into_iter().enumerate() {
-                    let pixels = pixels.as_slice_mut().expect("rows are contiguous");
-                    let pixels = &mut pixels[4 * columns.start..4 * columns.end];
-                    let through = &done.through.0[down + row][across..];
-                    match done.light {
-                        None => one_color(pixels, through, color),
-                        Some(light) => {
-                            let light = [0, 1, 2].map(|c| &light[c].0[down + row][across..]);
-                            many_colors(pixels, through, light);
-                        }
-                    }
-                }
-            }
-            Ok(())
-        })
-    }
 }
 
 dispatch! {

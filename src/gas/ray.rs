@@ -10,11 +10,8 @@ use crate::base::simd::multiply_add;
 
 /// A sheet of N x N samples on which particles are drawn.
 pub struct Canvas<'a, P, const N: usize> {
-    /// Where its samples lie.
     pub sheet: &'a Sheet,
-    /// What stands in the picture.
     pub ground: Option<&'a Ground<'a, P, N>>,
-    /// What is let through.
     pub through: &'a mut [[P; N]; N],
     /// Premultiplied light, three planes; None if all particles have one color.
     pub light: Option<[&'a mut [[P; N]; N]; 3]>,

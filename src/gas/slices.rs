@@ -181,36 +181,3 @@ dispatch! {
         slopes: Option<(&[f32], f32)>,
     ) = finish_with
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use ndarray::{Array2, Array3};
-
-    #[test]
-    fn an_even_gas_has_its_thickness_and_a_ramp_stays_a_ramp() {
-        let (height, width) = (9, 14);
-        let density = Array3::from_shape_fn((2, 5, 6), |(n, _, j)| {
-            if n == 0 { 1.0 } else { (j as f32 - MARGIN as f32 + 0.5) * COARSE as f32 }
-        });
-        let detail = Array2::from_elem((height, width), 2.0_f32);
-        let ground = Array2::from_elem((height, width), 5.0_f32);
-        let (x, y) = (vec![0.75_f32; width], vec![0.0_f32; height]);
-        for ended in [false, true] {
-            let slices = Slices {
-                density: density.view(),
-                edges: &[1.0, 4.0, 6.0],
-                detail: (detail.view(), 0.5),
-                ground: ended.then_some(ground.view()),
-                slopes: Some((&x, &y)),
-            };
-            let mut out = Array2::from_elem((height, width), 1.0_f32);
-            add(out.view_mut(), &slices, &Cancel::new()).unwrap();
-            for ((_, j), got) in out.indexed_iter() {
-                let second = if ended { 1.0 } else { 2.0 };
-                let wanted = 1.0 + 2.0 * 1.25 * (3.0 + second * (j as f32 + 0.5));
-                assert!((got - wanted).abs() < 1e-4, "{got} {wanted}");
-            }
-        }
-    }
-}

@@ -8,7 +8,7 @@ use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3};
 
 use super::cloud::Cloud;
 use super::draw::Drawing;
-use super::picture::Touched;
+use super::picture::{Picture, Touched};
 use super::sprite::{Eye, Form, Look, Sprite};
 use crate::base::error::{Cancel, Error, collected, finite};
 use crate::base::normal::Normal;
@@ -89,11 +89,8 @@ pub fn alpha<P: Normal, M: Real>(
 ) -> Result<(), Error> {
     let shape = out.dim();
     let cloud = Cloud { colors: &[[0.0; 3]], ..*cloud };
-    check_all(shape, &cloud, eye, look, depth.as_ref())?;
-    let sprites = sprites(&cloud, eye, look, shape, cancel)?;
-    let touched = Touched::of(&sprites, cloud.colors, shape.0)?;
-    let drawing = Drawing { sprites: &sprites, colors: cloud.colors, look };
-    touched.picture::<P, M>(shape, eye, drawing, depth).alpha(out, [0, shape.0, 0, shape.1], cancel)
+    let draw = |picture: &Picture<'_, M>| picture.alpha(out, [0, shape.0, 0, shape.1], cancel);
+    drawn(shape, &cloud, eye, look, depth, cancel, draw)
 }
 
 /// Draws premultiplied linear RGBA into `out` (H, W, 4).
@@ -106,12 +103,24 @@ pub fn splat<P: Normal, M: Real>(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let shape = (out.dim().0, out.dim().1);
+    let draw = |picture: &Picture<'_, M>| picture.light(out, [0, shape.0, 0, shape.1], cancel);
+    drawn(shape, cloud, eye, look, depth, cancel, draw)
+}
+
+fn drawn<M: Real>(
+    shape: (usize, usize),
+    cloud: &Cloud<'_>,
+    eye: &Eye,
+    look: &Look,
+    depth: Option<ArrayView2<M>>,
+    cancel: &Cancel,
+    draw: impl FnOnce(&Picture<'_, M>) -> Result<(), Error>,
+) -> Result<(), Error> {
     check_all(shape, cloud, eye, look, depth.as_ref())?;
-    let sprites = sprites(cloud, eye, look, shape, cancel)?;
-    let colors = cloud.colors;
-    let touched = Touched::of(&sprites, colors, shape.0)?;
-    let drawing = Drawing { sprites: &sprites, colors, look };
-    touched.picture::<P, M>(shape, eye, drawing, depth).light(out, [0, shape.0, 0, shape.1], cancel)
+    let sprites = &sprites(cloud, eye, look, shape, cancel)?;
+    let touched = &Touched::of(sprites, cloud.colors, shape.0)?;
+    let drawing = Drawing { sprites, colors: cloud.colors, look };
+    draw(&Picture { shape, eye, drawing, touched, depth })
 }
 
 /// A rough estimate of the work in nanoseconds, from a sample of the particles.

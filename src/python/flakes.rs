@@ -11,8 +11,7 @@ use pyo3::prelude::*;
 use super::gate::{self, PlaneMut, arrays, each_precision, either};
 use crate::base::error::{Cancel, Error};
 use crate::base::real::Real;
-use crate::spectral::flakes::choice::choice;
-use crate::spectral::flakes::frame::{Frame, Layers};
+use crate::spectral::flakes::frame::{Frame, Layers, choice};
 use crate::spectral::flakes::pattern::{Law, patterns};
 use crate::spectral::flakes::prepared::Prepared;
 
@@ -70,10 +69,10 @@ pub fn flake_choices(
         return Err(Error::invalid("pattern", "must have the shape of `shift`").into());
     }
     for ((row, col, layer), index) in pattern.indexed_iter_mut() {
-        let found = choice(seed, layer, (row, col), patterns, tile);
-        *index = (layer * patterns + found.pattern) as i32;
+        let (found, by) = choice(seed, layer, (row, col), patterns, tile);
+        *index = (layer * patterns + found) as i32;
         for axis in 0..2 {
-            shift[(row, col, layer, axis)] = found.shift[axis];
+            shift[(row, col, layer, axis)] = by[axis];
         }
     }
     Ok(())

@@ -15,7 +15,7 @@ use crate::gas::cloud::Cloud;
 use crate::gas::draw::Drawing;
 use crate::gas::footprint::Edge;
 use crate::gas::light;
-use crate::gas::picture::Touched;
+use crate::gas::picture::{Picture, Touched};
 use crate::gas::slices::{self, Slices};
 use crate::gas::splat;
 use crate::gas::sprite::{Eye, Footprint, Look, NearMode, Sprite};
@@ -201,7 +201,7 @@ pub fn gas_draw(
         return Err(Error::invalid("depth", format!("must have shape {shape:?}")).into());
     }
     let drawing = Drawing { sprites, colors, look };
-    let picture = touched.picture::<f32, f32>(*shape, eye, drawing, depth);
+    let picture = Picture { shape: *shape, eye, drawing, touched, depth };
     let pixels = |count: usize| count as f64 / (shape.0 as f64 * shape.1 as f64).max(1.0);
     match out {
         GasMut::Alpha(mut out) => {

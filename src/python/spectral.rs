@@ -193,7 +193,7 @@ fn map_plane<T: Real>(
 }
 
 /// The map of (mean, spread, power, amount).
-pub const fn opacity_map((mean, spread, power, amount): (f64, f64, f64, f64)) -> Opacity {
+const fn opacity_map((mean, spread, power, amount): (f64, f64, f64, f64)) -> Opacity {
     Opacity { mean, spread, power, amount }
 }
 

@@ -108,26 +108,6 @@ pub fn band_amplitude(mut out: ArrayViewMut2<'_, f64>, band: Band) -> Result<(),
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::Array2;
-
-    fn bins(size: usize) -> Result<usize, Error> {
-        let band = Band { shortest: 4.0, longest: 32.0, exponent: 1.0 };
-        let mut amplitude = Array2::zeros((size, size));
-        band_amplitude(amplitude.view_mut(), band)?;
-        assert!((amplitude.mapv(|a| a * a).sum() - 1.0).abs() < 1e-13);
-        Ok(amplitude.iter().filter(|&&a| a > 0.0).count())
-    }
-
-    #[test]
-    fn bands_have_the_counted_sizes() {
-        for (size, count) in [(5, 4), (8, 8), (9, 20), (64, 784), (128, 3160), (512, 50_636)] {
-            assert_eq!(bins(size).unwrap(), count, "{size}");
-        }
-        for size in 1..5 {
-            assert!(bins(size).unwrap_err().to_string().contains("wavelengths"));
-        }
-    }
-
     #[test]
     fn the_sum_keeps_what_a_plain_one_loses() {
         let mut sum = Sum::default();

@@ -210,19 +210,6 @@ mod tests {
     use super::*;
     use crate::base::simd::PORTABLE;
 
-    const SOFT: TemporalFilter =
-        TemporalFilter { alias: Alias::Soft, soft_from: 0.4, shutter: 0.0 };
-
-    #[test]
-    fn the_short_sinc_is_the_sinc() {
-        for i in 1..=500 {
-            let x = f64::from(i) / 1000.0;
-            let angle = std::f64::consts::PI * x;
-            assert!((short_sinc::<PORTABLE>(x) - angle.sin() / angle).abs() < 1e-15, "{x}");
-        }
-        assert_eq!(short_sinc::<PORTABLE>(0.0), 1.0);
-    }
-
     #[test]
     fn gains_on_lanes_are_those_of_each_rate() {
         for alias in [Alias::Keep, Alias::Cut, Alias::Soft] {
@@ -238,30 +225,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn the_equal_case_is_cut() {
-        let cut = TemporalFilter { alias: Alias::Cut, ..SOFT };
-        assert_eq!(cut.gain(0.5), 0.0);
-        assert_eq!(cut.gain(-0.5), 0.0);
-        assert_eq!(cut.gain(0.499), 1.0);
-    }
-
-    #[test]
-    fn the_soft_law_has_no_step() {
-        assert_eq!(SOFT.gain(0.4), 1.0);
-        assert!((SOFT.gain(0.45) - 0.5).abs() < 1e-12);
-        assert!(SOFT.gain(0.5 - 1e-9) < 1e-12);
-    }
-
-    #[test]
-    fn the_shutter_is_smooth_through_its_series() {
-        let filter = TemporalFilter { alias: Alias::Keep, soft_from: 0.4, shutter: 1.0 };
-        let at = 1e-4 / std::f64::consts::PI;
-        let (low, high) =
-            (filter.shutter_gain(at * 0.999_999), filter.shutter_gain(at * 1.000_001));
-        assert!((low - high).abs() < 1e-14);
-        assert_eq!(filter.shutter_gain(0.0), 1.0);
     }
 }

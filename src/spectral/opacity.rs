@@ -1,12 +1,10 @@
 //! The field as an opacity (Langer 2004, section 5.6).
 
-#![expect(unsafe_code, reason = "rows of the field by `Lanes`")]
-
 use super::lift::Lifted;
 use crate::base::error::{Error, finite};
-use crate::base::lanes::Lanes;
+use crate::base::normal::{least, most};
 use crate::base::real::Real;
-use crate::base::simd::{AVX2, AVX512, dispatch, reproducible};
+use crate::base::simd::{dispatch, reproducible};
 
 /// A rectangle of the field and where its opacity goes; each row begins `stride` values after the last.
 pub struct Block<'f, 'o, T> {
@@ -35,77 +33,27 @@ impl<T: Real> Block<'_, '_, T> {
     }
 }
 
+/// The map with a power of 1, or of 2 where `square`; lifted by the same everywhere.
 #[inline(always)]
-fn map_with<T: Real, V: Lanes<T>, const SQUARE: bool>(
+fn map_with<T: Real, const LEVEL: u8>(
     map: Opacity,
+    square: bool,
     lift: Option<T>,
     block: &mut Block<'_, '_, T>,
 ) {
     // A vanishing spread is a threshold: the largest factor, since infinity times 0 is NaN.
     let scale = T::of((0.5 / map.spread).min(T::max_value().wide()));
     let (mean, amount) = (T::of(map.mean), T::of(map.amount));
-    let lift = lift.map(|lift| amount * lift);
-    let Block { rows, cols, field: (field, from), out: (out, to) } = block;
-    let cols = *cols;
-    for row in 0..*rows {
-        let (field, out) = (&field[row * *from..][..cols], &mut out[row * *to..][..cols]);
-        if cols < V::N {
-            for (out, &z) in out.iter_mut().zip(field) {
-                let base = (mean + z * scale).max(T::zero()).min(T::one());
-                let value = amount * if SQUARE { base * base } else { base };
-                *out = lift.map_or(value, |lift| (value + lift).max(T::zero()).min(amount));
-            }
-            continue;
-        }
-        // The last lanes may be made twice: rows seldom end with a whole vector.
-        for i in (0..cols).step_by(V::N) {
-            let i = i.min(cols - V::N);
-            // SAFETY: the caller has the level's instructions, and i + N <= cols.
-            unsafe {
-                let z = V::load(field.as_ptr().add(i));
-                let base = V::splat(mean).add(z.mul(V::splat(scale)));
-                let base = base.max(V::splat(T::zero())).min(V::splat(T::one()));
-                let base = if SQUARE { base.mul(base) } else { base };
-                let mut value = V::splat(amount).mul(base);
-                if let Some(lift) = lift {
-                    value =
-                        value.add(V::splat(lift)).max(V::splat(T::zero())).min(V::splat(amount));
-                }
-                value.store(out.as_mut_ptr().add(i));
-            }
+    let (zero, one, lifted) = (T::zero(), T::one(), lift.is_some());
+    let lift = amount * lift.unwrap_or(zero);
+    let (field, cols) = (block.field.0.chunks(block.field.1), block.cols);
+    for (out, field) in block.out_rows().zip(field) {
+        for (out, &z) in out.iter_mut().zip(&field[..cols]) {
+            let base = least(most(mean + z * scale, zero), one);
+            let value = amount * if square { base * base } else { base };
+            *out = if lifted { least(most(value + lift, zero), amount) } else { value };
         }
     }
-}
-
-#[inline(always)]
-fn map_on<T: Real, const SQUARE: bool, const LEVEL: u8>(
-    map: Opacity,
-    lift: Option<T>,
-    block: &mut Block<'_, '_, T>,
-) {
-    match LEVEL {
-        AVX512 => map_with::<T, T::Avx512, SQUARE>(map, lift, block),
-        AVX2 => map_with::<T, T::Avx2, SQUARE>(map, lift, block),
-        _ => map_with::<T, T::Portable, SQUARE>(map, lift, block),
-    }
-}
-
-#[inline(always)]
-fn map_square_with<T: Real, const LEVEL: u8>(
-    map: Opacity,
-    lift: Option<T>,
-    block: &mut Block<'_, '_, T>,
-) {
-    map_on::<T, true, LEVEL>(map, lift, block);
-}
-
-#[inline(always)]
-fn map_plain_with<T: Real, const LEVEL: u8>(
-    map: Opacity,
-    lift: Option<T>,
-    block: &mut Block<'_, '_, T>,
-) {
-    map_on::<T, false, LEVEL>(map, lift, block);
 }
 
 #[inline(always)]
@@ -120,11 +68,7 @@ fn lift_with<T: Real, const LEVEL: u8>(
     match lifted {
         Lifted::None => {}
         Lifted::All(lift) => {
-            for out in block.out_rows() {
-                for value in out {
-                    *value = add(*value, lift);
-                }
-            }
+            block.out_rows().flatten().for_each(|value| *value = add(*value, lift));
         }
         Lifted::Each(lift) => {
             for (out, lift) in block.out_rows().zip(lift.chunks_exact(cols)) {
@@ -137,10 +81,12 @@ fn lift_with<T: Real, const LEVEL: u8>(
 }
 
 dispatch! {
-    fn map_square<T: Real>(map: Opacity, lift: Option<T>, block: &mut Block<'_, '_, T>) = map_square_with
-}
-dispatch! {
-    fn map_plain<T: Real>(map: Opacity, lift: Option<T>, block: &mut Block<'_, '_, T>) = map_plain_with
+    fn map_block<T: Real>(
+        map: Opacity,
+        square: bool,
+        lift: Option<T>,
+        block: &mut Block<'_, '_, T>,
+    ) = map_with
 }
 dispatch! {
     fn lift_block<T: Real>(amount: T, lifted: Lifted<'_, T>, block: &mut Block<'_, '_, T>) = lift_with
@@ -198,22 +144,16 @@ impl Opacity {
             if lift.is_some() {
                 lifted = Lifted::None;
             }
-            if self.power == 2.0 {
-                map_square(*self, lift, &mut block);
-            } else {
-                map_plain(*self, lift, &mut block);
-            }
+            map_block(*self, self.power == 2.0, lift, &mut block);
         } else {
-            map_plain(Self { amount: 1.0, ..*self }, None, &mut block);
+            map_block(Self { amount: 1.0, ..*self }, false, None, &mut block);
             let (power, amount) = (T::of(self.power), T::of(self.amount));
             let plain = reproducible();
-            for out in block.out_rows() {
-                if plain {
-                    let wide = |value: T| T::of(libm::pow(value.wide(), self.power));
-                    out.iter_mut().for_each(|value| *value = amount * wide(*value));
-                    continue;
-                }
-                out.iter_mut().for_each(|value| *value = amount * value.powf(power));
+            let raised = |value: T| {
+                if plain { T::of(libm::pow(value.wide(), self.power)) } else { value.powf(power) }
+            };
+            for value in block.out_rows().flatten() {
+                *value = amount * raised(*value);
             }
         }
         if !matches!(lifted, Lifted::None) {
@@ -299,18 +239,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn values_are_clipped_to_the_interval() {
-        let mut out = [0.0; 3];
-        PAPER.map_row(&[-10.0, 0.0, 10.0], &mut out);
-        assert_eq!(out, [0.0, 0.25, 1.0]);
-        let block = Block { rows: 1, cols: 3, field: (&[-10.0, 0.0, 10.0], 3), out: (&mut out, 3) };
-        PAPER.map_block(block, Lifted::Each(&[-1e-9, 0.25, 0.5]));
-        assert_eq!(out, [0.0, 0.5, 1.0]);
-        let block = Block { rows: 1, cols: 3, field: (&[-10.0, 0.0, 10.0], 3), out: (&mut out, 3) };
-        PAPER.map_block(block, Lifted::All(0.25));
-        assert_eq!(out, [0.25, 0.5, 1.0]);
     }
 }

@@ -53,18 +53,3 @@ pub fn random_phase(mut out: ArrayViewMut2<'_, f64>, seed: i64, (row, col): (i64
         *phase = bin_phase(tile, signed(row, shape.0), signed(col, shape.1), shape);
     });
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn reduced_phases_are_half_open() {
-        assert_eq!(reduce(0.5), -0.5);
-        assert_eq!(reduce(-0.5), -0.5);
-        assert_eq!(reduce(1.25), 0.25);
-        for phase in [0.499_999_999_999_999_94, -0.500_000_000_000_000_1, 1e15 + 0.5, -1e-17, 3.5] {
-            assert!((-0.5..0.5).contains(&reduce(phase)), "{phase}");
-        }
-    }
-}

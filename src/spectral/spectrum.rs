@@ -214,7 +214,8 @@ impl Columns {
             self.bend(whole, part, tent, phase);
         }
         if self.gains(draw.jitter, motion, values) {
-            round(&values.gain, &mut values.rounded);
+            let rounded = values.rounded.iter_mut().zip(&values.gain[..]);
+            rounded.for_each(|(rounded, &gain)| *rounded = T::of(gain));
         }
         let shift = motion.place.first().map_or([0.0; 2], |motion| motion.shift);
         let rows = values.row_phase.iter_mut().zip(&self.row_frequency).zip(&self.row_offset);
@@ -265,25 +266,21 @@ impl Columns {
     /// Amplitudes after the filter and the depth limit, and their power.
     /// Returns whether they are other ones than before.
     fn gains<T: Real>(&self, jitter: bool, motion: TileMotion<'_>, values: &mut Values<T>) -> bool {
-        let known = !values.rate.is_empty();
-        if motion.filter.is_open() && motion.shortest <= 0.0 {
-            if !known || values.shortest > 0.0 {
-                values.gain.copy_from_slice(&self.amplitude);
-                values.power = Power { present: self.power, kept: self.power };
-                values.rate.clear();
-                values.rate.extend(motion.rate);
-                values.shortest = 0.0;
-                return true;
-            }
-            return false;
-        }
-        let same = values.rate[..] == *motion.rate && values.shortest == motion.shortest.max(0.0);
-        if known && same && !jitter {
+        let open = motion.filter.is_open() && motion.shortest <= 0.0;
+        let shortest = motion.shortest.max(0.0);
+        let alike =
+            values.shortest == shortest && (open || (!jitter && values.rate[..] == *motion.rate));
+        if !values.rate.is_empty() && alike {
             return false;
         }
         values.rate.clear();
         values.rate.extend(motion.rate);
-        values.shortest = motion.shortest.max(0.0);
+        values.shortest = shortest;
+        if open {
+            values.gain.copy_from_slice(&self.amplitude);
+            values.power = Power { present: self.power, kept: self.power };
+            return true;
+        }
         let tent = if jitter {
             (&values.tent.0[..], &values.tent.1[..])
         } else {
@@ -400,18 +397,6 @@ dispatch! {
         wavelength: &[f64],
         values: &mut [f64],
     ) -> Power = gain_lanes_with
-}
-
-/// Amplitudes in the pixels' precision.
-#[inline(always)]
-fn round_with<T: Real, const LEVEL: u8>(gain: &[f64], rounded: &mut [T]) {
-    for (rounded, gain) in rounded.iter_mut().zip(gain) {
-        *rounded = T::of(*gain);
-    }
-}
-
-dispatch! {
-    fn round<T: Real>(gain: &[f64], rounded: &mut [T]) = round_with
 }
 
 dispatch! {

@@ -5,12 +5,10 @@ use std::sync::Arc;
 use flurries_fft::{ComplexToReal, Fft};
 use num_complex::Complex;
 
-use super::carry::Carry;
 use super::dense::{Dense, Work, operations, transform};
 use super::spectrum::{Columns, Power, TileMotion, Values};
 use super::transform::room_for_plans;
 use super::waves::{Draw, Waves};
-use crate::base::aligned::Aligned;
 use crate::base::error::{Error, zeroed};
 use crate::base::real::Real;
 
@@ -66,19 +64,6 @@ pub struct Scratch<T> {
     line: Vec<Complex<T>>,
     work_y: Vec<Complex<T>>,
     work_x: Vec<Complex<T>>,
-    pixels: Aligned<T>,
-}
-
-impl<T: Real> Scratch<T> {
-    /// The last tile, row by row.
-    pub fn pixels(&self) -> &[T] {
-        &self.pixels[..self.pixels.len() - Carry::<T>::MARGIN]
-    }
-
-    /// The last tile, and behind it [`Carry::MARGIN`] values of no meaning.
-    pub fn pixels_and_margin(&mut self) -> &mut [T] {
-        &mut self.pixels
-    }
 }
 
 impl<T: Real> Plan<T> {
@@ -119,7 +104,6 @@ impl<T: Real> Plan<T> {
             line: Vec::new(),
             work_y: Vec::new(),
             work_x: Vec::new(),
-            pixels: Aligned::zeroed(height * width + Carry::<T>::MARGIN)?,
         };
         match &self.way {
             Way::Dense(dense) => {
@@ -135,30 +119,30 @@ impl<T: Real> Plan<T> {
         Ok(scratch)
     }
 
-    /// Makes the tile's pixels, see [`Scratch::pixels`], and returns the power of its waves.
+    /// Makes the tile's pixels, row by row, and returns the power of its waves.
     pub fn render(
         &self,
         draw: Draw,
         motion: TileMotion<'_>,
         scratch: &mut Scratch<T>,
+        pixels: &mut [T],
     ) -> Result<Power, Error> {
         if motion.shortest >= self.longest {
             // Before a wall that is nearer than all waves, or where nobody looks.
-            scratch.pixels.fill(T::zero());
+            pixels.fill(T::zero());
             return Ok(Power::default());
         }
         let power = self.columns.spectrum(self.tile, draw, motion, &mut scratch.values);
         if power.kept == 0.0 {
             // Too fast for the frame rate, every wave: a transform of zeros.
-            scratch.pixels.fill(T::zero());
+            pixels.fill(T::zero());
             return Ok(power);
         }
         let (re, im) = (&scratch.values.re, &scratch.values.im);
         match &self.way {
             Way::Dense(dense) => {
                 if let Some(work) = &mut scratch.work {
-                    let count = self.tile.0 * self.tile.1;
-                    transform(dense, re, im, work, &mut scratch.pixels[..count]);
+                    transform(dense, re, im, work, pixels);
                 }
             }
             Way::Fft { columns, along_y, along_x } => {
@@ -176,7 +160,7 @@ impl<T: Real> Plan<T> {
                     }
                 }
                 along_y.process_with_scratch(&mut scratch.spectrum, &mut scratch.work_y);
-                self.rows(*columns, along_x.as_ref(), scratch)?;
+                self.rows(*columns, along_x.as_ref(), scratch, pixels)?;
             }
         }
         Ok(power)
@@ -188,11 +172,11 @@ impl<T: Real> Plan<T> {
         columns: usize,
         along_x: &dyn ComplexToReal<T>,
         scratch: &mut Scratch<T>,
+        pixels: &mut [T],
     ) -> Result<(), Error> {
         let (height, width) = self.tile;
         let half = width / 2 + 1;
-        let pixels = scratch.pixels[..height * width].chunks_mut(TOGETHER * width);
-        for (block, pixels) in pixels.enumerate() {
+        for (block, pixels) in pixels.chunks_mut(TOGETHER * width).enumerate() {
             // Several rows at a time: columns lie a power of two apart, and a line of the cache that is
             // read for one row alone is gone before the next.
             let first = block * TOGETHER;
@@ -239,10 +223,11 @@ mod tests {
             let plan = Plan::<T>::new(&waves, choice, false).unwrap();
             let mut scratch = plan.scratch().unwrap();
             // Twice, so that the second tile finds the buffers dirty.
-            plan.render(Draw::new(1, (0, 0), true), asked, &mut scratch).unwrap();
+            let mut pixels = vec![T::nan(); tile.0 * tile.1];
+            plan.render(Draw::new(1, (0, 0), true), asked, &mut scratch, &mut pixels).unwrap();
             let draw = Draw::new(1, (3, 4), false);
-            plan.render(draw, asked, &mut scratch).unwrap();
-            scratch.pixels().to_vec()
+            plan.render(draw, asked, &mut scratch, &mut pixels).unwrap();
+            pixels
         });
         let differences = tiles[0].iter().zip(&tiles[1]).map(|(a, b)| (a.wide() - b.wide()).abs());
         differences.fold(0.0, f64::max)

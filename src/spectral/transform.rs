@@ -1,6 +1,6 @@
 //! From amplitudes and phases of all bins to the real field, through half of the spectrum.
 
-use flurries_fft::FftError;
+use flurries_fft::ComplexToReal;
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 use num_complex::Complex;
 
@@ -9,12 +9,6 @@ use crate::base::error::{Cancel, Error, spare, zeroed};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::{PORTABLE, reproducible};
-
-/// The row transform's own complaint would be a defect of ours: lengths are right by construction
-/// and the imaginary parts that must vanish are set to zero.
-fn defect(error: FftError) -> Error {
-    Error::Internal(error.to_string())
-}
 
 /// Refuses a shape whose plans would not find the memory: a planner asks for it without a way to
 /// fail. Plans of awkward lengths (Bluestein's) hold ten numbers for each point.
@@ -69,61 +63,40 @@ pub fn inverse_transform<T: Real>(
         tasks.push((run, part));
         out = rest;
     }
-    pool::for_each(tasks, |(run, mut part)| {
-        let mut line = zeroed::<Complex<T>>(half)?;
-        let mut scratch = zeroed(to_real.get_scratch_len())?;
-        for (row, mut pixels) in run.zip(part.rows_mut()) {
-            cancel.check()?;
-            line.fill(Complex::new(T::zero(), T::zero()));
-            for (column, &col) in columns.chunks(height).zip(&used) {
-                line[col] = column[row];
-            }
-            line[0].im = T::zero();
-            if width % 2 == 0 {
-                line[half - 1].im = T::zero();
-            }
-            let pixels = pixels.as_slice_mut().ok_or_else(|| Error::Internal("layout".into()))?;
-            to_real.process_with_scratch(&mut line, pixels, &mut scratch).map_err(defect)?;
-        }
-        Ok(())
+    pool::for_each(tasks, |(run, part)| {
+        real_rows(part, run.start, &columns, &used, to_real.as_ref(), cancel)
     })
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use ndarray::Array2;
-
-    /// The sum written out, as the judge.
-    fn direct(amplitude: &Array2<f64>, phase: &Array2<f64>) -> Array2<f64> {
-        let (height, width) = amplitude.dim();
-        Array2::from_shape_fn((height, width), |(y, x)| {
-            amplitude
-                .indexed_iter()
-                .map(|((row, col), a)| {
-                    let turns = signed(row, height) as f64 * y as f64 / height as f64
-                        + signed(col, width) as f64 * x as f64 / width as f64
-                        + phase[(row, col)];
-                    a * (std::f64::consts::TAU * turns).cos()
-                })
-                .sum()
-        })
-    }
-
-    #[test]
-    fn any_tables_give_their_sum_of_cosines() {
-        for shape in [(1, 1), (2, 2), (16, 16), (15, 15), (12, 8), (9, 14), (7, 13), (1, 6), (5, 1)]
-        {
-            let hash = |i: usize, j: usize, word| {
-                crate::base::random::Hash::seeded(word).word(i as i64).word(j as i64).unit() - 0.5
-            };
-            let amplitude = Array2::from_shape_fn(shape, |(i, j)| hash(i, j, 1));
-            let phase = Array2::from_shape_fn(shape, |(i, j)| hash(i, j, 2));
-            let mut field = Array2::from_elem(shape, f64::NAN);
-            let cancel = Cancel::new();
-            inverse_transform(field.view_mut(), amplitude.view(), phase.view(), &cancel).unwrap();
-            let error = (&field - &direct(&amplitude, &phase)).mapv(f64::abs);
-            assert!(error.iter().all(|&e| e < 1e-13), "{shape:?}: {error}");
+/// Fills `out` with rows of pixels from row `first` on, from the transforms along y of the columns
+/// `used`, one after the other.
+pub(super) fn real_rows<T: Real>(
+    mut out: ArrayViewMut2<'_, T>,
+    first: usize,
+    columns: &[Complex<T>],
+    used: &[usize],
+    to_real: &dyn ComplexToReal<T>,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let width = out.ncols();
+    let mut line = zeroed::<Complex<T>>(width / 2 + 1)?;
+    let mut scratch = zeroed(to_real.get_scratch_len())?;
+    let height = columns.len() / used.len().max(1);
+    for (row, mut pixels) in (first..).zip(out.rows_mut()) {
+        cancel.check()?;
+        line.fill(Complex::new(T::zero(), T::zero()));
+        for (column, &col) in columns.chunks(height.max(1)).zip(used) {
+            line[col] = column[row];
         }
+        // Imaginary parts that vanish but for rounding.
+        line[0].im = T::zero();
+        if width.is_multiple_of(2) {
+            line[width / 2].im = T::zero();
+        }
+        let pixels = pixels.as_slice_mut().ok_or_else(|| Error::Internal("layout".into()))?;
+        to_real
+            .process_with_scratch(&mut line, pixels, &mut scratch)
+            .map_err(|error| Error::Internal(error.to_string()))?;
     }
+    Ok(())
 }

@@ -15,9 +15,9 @@ use super::filter::TemporalFilter;
 use super::grid::position;
 use super::phase::{leader_phase, reduce, tile_hash};
 use super::tent::Motion;
-use super::transform::room_for_plans;
+use super::transform::{real_rows, room_for_plans};
 use super::waves::{Draw, Waves};
-use crate::base::error::{Cancel, Error, zeroed};
+use crate::base::error::{Cancel, Error, pushed, zeroed};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::{PORTABLE, reproducible};
@@ -39,7 +39,6 @@ pub enum Cells {
 }
 
 impl Cells {
-    /// The option of that name.
     pub fn named(name: &str) -> Result<Self, Error> {
         match name {
             "one" => Ok(Self::One),
@@ -52,21 +51,13 @@ impl Cells {
 /// Everything that defines a film that repeats.
 #[derive(Debug, Clone, Copy)]
 pub struct Volume {
-    /// (H, W).
     pub shape: (usize, usize),
-    /// T.
     pub frames: usize,
-    /// Which waves, how strong.
     pub band: Band,
-    /// Random seed.
     pub seed: i64,
-    /// Drift per frame.
     pub velocity: Motion,
-    /// What sampling in time does to the waves.
     pub filter: TemporalFilter,
-    /// Whether tent directions are spread over the bin's cell.
     pub jitter: bool,
-    /// Which cells.
     pub cells: Cells,
 }
 
@@ -142,17 +133,15 @@ impl Volume {
                     Cells::Overlap => leader_phase(hash.word(CELL).word(n as i64)),
                 };
                 squares.add(2.0 * wave.amplitude * wave.amplitude);
-                cells
-                    .try_reserve(1)
-                    .map_err(|_| Error::Memory { bytes: 2 * cells.len() * size_of::<Cell>() })?;
-                cells.push(Cell {
+                let cell = Cell {
                     column: columns.len() - 1,
                     row: position(wave.ky, self.shape.0),
                     // The remainder of a float is exact, however fast the wave.
                     turns: n % frames,
                     phase,
                     amplitude: wave.amplitude * filter.gain(n / frames),
-                });
+                };
+                pushed(&mut cells, cell)?;
             }
         }
         // The squares before the filter sum to 1: it lowers the contrast, as blur does.
@@ -190,11 +179,6 @@ impl Spectrum {
         2 * self.cells.len()
     }
 
-    /// Whether none does.
-    pub fn is_empty(&self) -> bool {
-        self.cells.is_empty()
-    }
-
     /// Fills `out`, (times H, W), with the film at the given times, one frame below the other.
     pub fn render<T: Real>(
         &self,
@@ -229,29 +213,15 @@ impl Spectrum {
         let (down, across) = (T::inverse(height, plain), T::to_real(width, plain));
         let zero = Complex::new(T::zero(), T::zero());
         let mut columns = zeroed::<Complex<T>>(self.columns.len() * height)?;
-        let mut line = zeroed::<Complex<T>>(width / 2 + 1)?;
         let mut scratch = zeroed(down.get_inplace_scratch_len())?;
-        let mut real_scratch = zeroed(across.get_scratch_len())?;
-        for (&time, mut frame) in times.iter().zip(out.axis_chunks_iter_mut(Axis(0), height)) {
+        for (&time, frame) in times.iter().zip(out.axis_chunks_iter_mut(Axis(0), height)) {
             cancel.check()?;
             columns.fill(zero);
             self.at(time, &mut columns);
             for column in columns.chunks_mut(height) {
                 down.process_with_scratch(column, &mut scratch);
             }
-            for (y, mut pixels) in frame.rows_mut().into_iter().enumerate() {
-                line.fill(zero);
-                for (column, &kx) in columns.chunks(height).zip(&self.columns) {
-                    line[kx] = column[y];
-                }
-                // No Nyquist bin is ever in the band; of dc's column rounding leaves a rest.
-                line[0].im = T::zero();
-                let layout = || Error::Internal("layout".into());
-                let pixels = pixels.as_slice_mut().ok_or_else(layout)?;
-                across
-                    .process_with_scratch(&mut line, pixels, &mut real_scratch)
-                    .map_err(|error| Error::Internal(error.to_string()))?;
-            }
+            real_rows(frame, 0, &columns, &self.columns, across.as_ref(), cancel)?;
         }
         Ok(())
     }
@@ -271,81 +241,5 @@ impl Spectrum {
                 columns[mirror] = columns[mirror] + value.conj();
             }
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::spectral::filter::Alias;
-    use ndarray::Array2;
-
-    fn volume(cells: Cells) -> Volume {
-        Volume {
-            shape: (12, 15),
-            frames: 10,
-            band: Band { shortest: 3.0, longest: 12.0, exponent: 1.0 },
-            seed: 5,
-            velocity: Motion { drift: [0.13, 0.31], shift: [0.0; 2] },
-            filter: TemporalFilter { alias: Alias::Keep, soft_from: 0.4, shutter: 0.0 },
-            jitter: false,
-            cells,
-        }
-    }
-
-    fn film(volume: &Volume, times: &[f64]) -> Array2<f64> {
-        let (height, width) = volume.shape;
-        let mut out = Array2::from_elem((times.len() * height, width), f64::NAN);
-        volume.spectrum().unwrap().render(out.view_mut(), times, &Cancel::new()).unwrap();
-        out
-    }
-
-    #[test]
-    fn the_mean_square_over_space_and_time_is_one() {
-        let times: Vec<f64> = (0..10).map(f64::from).collect();
-        for cells in [Cells::One, Cells::Overlap] {
-            let film = film(&volume(cells), &times);
-            let power = film.mapv(|z| z * z).mean().unwrap();
-            assert!((power - 1.0).abs() < 1e-12, "{cells:?} {power}");
-        }
-    }
-
-    #[test]
-    fn a_frame_alone_and_a_period_later_has_the_same_bits() {
-        let film_at = |times: &[f64]| film(&volume(Cells::Overlap), times);
-        assert_eq!(film_at(&[3.0]), film_at(&[13.0]));
-        assert_eq!(film_at(&[3.0]), film_at(&[-7.0]));
-        assert_eq!(film_at(&[3.25]), film_at(&[100_003.25]));
-        let both = film_at(&[1.0, 3.0]);
-        assert_eq!(both.slice(ndarray::s![12.., ..]), film_at(&[3.0]));
-    }
-
-    #[test]
-    fn the_range_of_a_cell_holds_what_a_fine_grid_finds() {
-        let volume = volume(Cells::Overlap);
-        let [a, b] = volume.velocity.drift;
-        for (ky, kx) in [(0, 1), (1, 0), (-2, 1), (3, 4), (-1, 5), (2, 0)] {
-            let (low, high) = volume.rates(ky, kx);
-            let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
-            for i in 0..=200 {
-                for j in 0..=200 {
-                    let y = (ky as f64 + f64::from(i) / 200.0 - 0.5) / 12.0;
-                    let x = (kx as f64 + f64::from(j) / 200.0 - 0.5) / 15.0;
-                    let rate = -(a * x + b * y) / x.hypot(y);
-                    least = least.min(rate);
-                    most = most.max(rate);
-                }
-            }
-            assert!(low <= least + 1e-15 && least - low < 1e-4, "{ky} {kx}: {low} {least}");
-            assert!(high >= most - 1e-15 && high - most < 1e-4, "{ky} {kx}: {high} {most}");
-        }
-    }
-
-    #[test]
-    fn a_tent_too_steep_to_list_is_refused() {
-        let steep = Motion { drift: [1e30, 0.0], shift: [0.0; 2] };
-        let error = Volume { velocity: steep, ..volume(Cells::Overlap) }.spectrum().err().unwrap();
-        assert!(error.to_string().starts_with("velocity"), "{error}");
-        assert!(Volume { velocity: steep, ..volume(Cells::One) }.spectrum().is_ok());
     }
 }

@@ -3,7 +3,7 @@
 use super::band::{Band, Sum};
 use super::grid::{Role, direction, magnitude, odd_frequency, role};
 use super::phase::tile_hash;
-use crate::base::error::Error;
+use crate::base::error::{Error, pushed};
 use crate::base::random::Hash;
 
 /// One pair of bins (k, -k), by its leader.
@@ -55,9 +55,7 @@ impl Waves {
                 let weight = band.weight(ky, kx, tile);
                 squares.add(2.0 * weight * weight);
                 let wavelength = 1.0 / magnitude(ky, kx, tile);
-                list.try_reserve(1)
-                    .map_err(|_| Error::Memory { bytes: 2 * size_of_val(&list[..]) })?;
-                list.push(Wave {
+                let wave = Wave {
                     ky,
                     kx,
                     direction: direction(ky, kx, tile),
@@ -65,7 +63,8 @@ impl Waves {
                     amplitude: weight,
                     wavelength,
                     ring: ring_of(wavelength, ring_edges),
-                });
+                };
+                pushed(&mut list, wave)?;
             }
         }
         let factor = band.normaliser(squares.value(), tile)?;
@@ -143,50 +142,5 @@ impl Draw {
         let (y, x) = (place(ky, tile.0, 2), place(kx, tile.1, 1));
         let length = (y * y + x * x).sqrt();
         (y / length, x / length)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_default_tile_has_392_leaders_in_16_columns() {
-        let band = Band { shortest: 4.0, longest: 32.0, exponent: 1.0 };
-        let waves = Waves::new((64, 64), band, &[]).unwrap();
-        assert_eq!((waves.list.len(), waves.columns), (392, 16));
-        let power: f64 = waves.list.iter().map(|wave| 2.0 * wave.amplitude.powi(2)).sum();
-        assert!((power - 1.0).abs() < 1e-13);
-        assert!(waves.list.iter().all(|wave| wave.kx >= 0));
-    }
-
-    #[test]
-    fn gains_weigh_rings_and_keep_the_power() {
-        let band = Band { shortest: 4.0, longest: 32.0, exponent: 1.0 };
-        let edges = [4.0, 8.0, 32.0];
-        let plain = Waves::new((64, 64), band, &edges).unwrap();
-        let power = |waves: &Waves, ring: usize| {
-            let of = waves.list.iter().filter(|wave| wave.ring == ring);
-            of.map(|wave| 2.0 * wave.amplitude.powi(2)).sum::<f64>()
-        };
-        let weighted = plain.clone().weighted(&[3.0, 1.0]).unwrap();
-        assert!((power(&weighted, 0) + power(&weighted, 1) - 1.0).abs() < 1e-13);
-        let ratio = power(&weighted, 0) / power(&weighted, 1);
-        assert!((ratio / (9.0 * power(&plain, 0) / power(&plain, 1)) - 1.0).abs() < 1e-12);
-        assert_eq!(plain.clone().weighted(&[]).unwrap(), plain);
-        for bad in [&[1.0][..], &[0.0, 0.0], &[-1.0, 1.0], &[f64::NAN, 1.0]] {
-            let error = plain.clone().weighted(bad).unwrap_err().to_string();
-            assert!(error.starts_with("ring_gains"), "{error}");
-        }
-        assert!(plain.weighted(&[1e300, 1e-300]).is_ok());
-    }
-
-    #[test]
-    fn rings_are_half_open_and_the_outer_ones_catch_the_rest() {
-        let edges = [4.0, 8.0, 16.0];
-        for (wavelength, ring) in [(3.0, 0), (8.0, 0), (8.1, 1), (16.0, 1), (40.0, 1)] {
-            assert_eq!(ring_of(wavelength, &edges), ring);
-        }
-        assert_eq!(ring_of(5.0, &[]), 0);
     }
 }

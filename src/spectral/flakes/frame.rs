@@ -5,20 +5,22 @@
 
 use std::ops::Range;
 
-use ndarray::{ArrayView1, ArrayView3, ArrayView4, ArrayViewMut2, Axis};
+use ndarray::{ArrayView1, ArrayView3, ArrayView4, ArrayViewMut2};
 
 use super::prepared::Prepared;
 use super::product::{Scratch, Term, render};
-use crate::base::aligned::Aligned;
 use crate::base::error::{Cancel, Error, pushed};
 use crate::base::normal::most;
-use crate::base::pool;
+use crate::base::random::Hash;
 use crate::base::real::Real;
 use crate::base::simd::dispatch;
-use crate::spectral::carry::Carry;
+use crate::spectral::field::Window;
 use crate::spectral::opacity::Block;
-use crate::spectral::stripes::{layout, runs};
+use crate::spectral::stripes::{Maker, Tiles};
 use crate::spectral::tiles::{Blend, Row};
+
+/// What the numbers of a seed are for.
+const PATTERN: i64 = 0x666c_616b_6531;
 
 /// What tiles show of L layers. Arrays are (rows, cols, ..), an axis of 1 for all tiles alike.
 #[derive(Debug, Clone)]
@@ -31,7 +33,6 @@ pub struct Layers<'a> {
     pub streak: Option<ArrayView4<'a, f64>>,
     /// (L,): factors of patterns without their mean.
     pub gain: ArrayView1<'a, f64>,
-    /// Mean optical depth.
     pub mean: f64,
 }
 
@@ -79,67 +80,16 @@ impl<'a, T: Real> Frame<'a, T> {
         Ok(Self { patterns, layers, blurred, down, across, weights })
     }
 
-    /// Makes it.
-    pub fn render(&self, mut out: ArrayViewMut2<'_, T>, cancel: &Cancel) -> Result<(), Error> {
+    pub fn render(&self, out: ArrayViewMut2<'_, T>, cancel: &Cancel) -> Result<(), Error> {
         if out.dim() != (self.down.length, self.across.length) {
             return Err(Error::invalid("out", "must have the shape of the frame"));
         }
-        let mut tasks = Vec::new();
-        for rows in runs(&self.down, &(0..self.down.length)) {
-            let (top, rest) = out.split_at(Axis(0), rows.len());
-            out = rest;
-            tasks.push((rows, top));
-        }
-        pool::for_each(tasks, |(rows, part)| {
-            let part = part.into_slice().ok_or_else(layout)?;
-            self.strip(rows, part, cancel)
+        let tiles = Tiles { down: self.down, across: self.across, weights: &self.weights };
+        let window = Window { rows: 0..self.down.length, cols: 0..self.across.length };
+        tiles.render(&window, out, cancel, |_| {
+            let scratch = Scratch::new(self.patterns, self.layers.gain.len(), self.blurred)?;
+            Ok(Worker { frame: self, scratch, terms: Vec::new() })
         })
-    }
-
-    /// Makes some rows: tiles in row-major order, each pixel finished when no later tile touches it.
-    fn strip(&self, rows: Range<usize>, out: &mut [T], cancel: &Cancel) -> Result<(), Error> {
-        let (tile, step, width) = (self.patterns.tile, self.across.step(), self.across.length);
-        let (down, across) = (self.down.touching(rows.start, rows.end), 0..self.across.count());
-        let last = self.across.start(across.end - 1);
-        let mut carry = Carry::new((tile, tile), (step, step), 0, last)?;
-        let mut pixels = Aligned::zeroed(tile * tile + Carry::<T>::MARGIN)?;
-        let mut scratch = Scratch::new(self.patterns, self.layers.gain.len(), self.blurred)?;
-        let (mut terms, mut done) = (Vec::new(), rows.start..rows.start);
-        for row in down.clone() {
-            let top = self.down.start(row);
-            // None where tiles overlap beyond the strip's top.
-            let below = self.down.start(row + 1).clamp(done.end, rows.end);
-            done = done.end..if row + 1 == down.end { rows.end } else { below };
-            carry.begin_row();
-            for col in across.clone() {
-                cancel.check()?;
-                self.terms((row, col), &mut terms)?;
-                if terms.is_empty() {
-                    pixels[..tile * tile].fill(T::zero());
-                } else {
-                    render(self.patterns, &terms, &mut scratch, &mut pixels[..tile * tile]);
-                }
-                let left = self.across.start(col);
-                let weights = (
-                    &self.weights.0[row * tile..(row + 1) * tile],
-                    &self.weights.1[col * tile..(col + 1) * tile],
-                );
-                carry.add(left, &mut pixels, weights);
-                let ends = col + 1 == across.end;
-                let right = if ends { width } else { (left + step).min(width) };
-                if !done.is_empty() {
-                    let block = Block {
-                        rows: done.len(),
-                        cols: right - left,
-                        field: (&pixels[(done.start - top) * tile..], tile),
-                        out: (&mut out[(done.start - rows.start) * width + left..], width),
-                    };
-                    finished(block, T::of(self.layers.mean));
-                }
-                carry.keep(left, &pixels, ends);
-            }
-        }
-        Ok(())
     }
 
     /// The layers of a tile that are seen.
@@ -160,6 +110,50 @@ impl<'a, T: Real> Frame<'a, T> {
     }
 }
 
+/// The pattern of `patterns` that the tile (row, column) takes for a layer, and the pixels (x, y) that
+/// the torus is shifted by.
+pub fn choice(
+    seed: i64,
+    layer: usize,
+    (row, col): (usize, usize),
+    patterns: usize,
+    tile: usize,
+) -> (usize, [f64; 2]) {
+    let hash = [PATTERN, layer as i64, row as i64, col as i64, 0];
+    let hash = hash.into_iter().fold(Hash::seeded(seed), Hash::word);
+    let upto = |word: i64, most: usize| hash.word(word).unit() * most as f64;
+    ((upto(0, patterns) as usize).min(patterns - 1), [upto(1, tile), upto(2, tile)])
+}
+
+/// One worker.
+struct Worker<'f, 'a, T> {
+    frame: &'f Frame<'a, T>,
+    scratch: Scratch<T>,
+    terms: Vec<Term>,
+}
+
+impl<T: Real> Maker<T> for Worker<'_, '_, T> {
+    fn make(&mut self, at: (usize, usize), pixels: &mut [T]) -> Result<(), Error> {
+        self.frame.terms(at, &mut self.terms)?;
+        if self.terms.is_empty() {
+            pixels.fill(T::zero());
+        } else {
+            render(self.frame.patterns, &self.terms, &mut self.scratch, pixels);
+        }
+        Ok(())
+    }
+
+    fn finish(
+        &mut self,
+        block: Block<'_, '_, T>,
+        _row: usize,
+        _rows: Range<usize>,
+        _cols: Range<usize>,
+    ) {
+        finished(block, T::of(self.frame.layers.mean));
+    }
+}
+
 /// Adds the mean; what is below 0 is 0.
 #[inline(always)]
 fn finish_with<T: Real, const LEVEL: u8>(block: Block<'_, '_, T>, mean: T) {
@@ -173,53 +167,4 @@ fn finish_with<T: Real, const LEVEL: u8>(block: Block<'_, '_, T>, mean: T) {
 
 dispatch! {
     fn finished<T: Real>(block: Block<'_, '_, T>, mean: T) = finish_with
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::spectral::flakes::twin;
-    use ndarray::{Array1, Array2, Array3, Array4, s};
-
-    fn made(shape: (usize, usize), pattern: &Array3<i32>) -> Result<Array2<f64>, Error> {
-        let patterns = Prepared::<f64>::new(twin::spectra(3, 8).view(), 0.2)?;
-        let (shift, streak) = (Array4::zeros((1, 1, 1, 2)), Array4::from_elem((1, 1, 1, 2), 1.5));
-        let gain = Array1::from_elem(1, 3.0);
-        let layers = Layers {
-            pattern: pattern.view(),
-            shift: shift.view(),
-            streak: Some(streak.view()),
-            gain: gain.view(),
-            mean: 0.2,
-        };
-        let mut out = Array2::from_elem(shape, f64::NAN);
-        Frame::new(shape, 0, &patterns, &layers)?.render(out.view_mut(), &Cancel::new())?;
-        Ok(out)
-    }
-
-    #[test]
-    fn a_frame_is_its_tiles_and_the_mean() {
-        let pattern =
-            Array3::from_shape_fn((3, 2, 1), |(row, col, _)| ((row + 2 * col) % 3) as i32);
-        let found = made((20, 13), &pattern).unwrap();
-        assert!(found.iter().any(|&depth| depth == 0.0));
-        for ((row, col, _), &index) in pattern.indexed_iter() {
-            let term =
-                Term { pattern: index as usize, gain: 3.0, shift: [0.0; 2], streak: [1.5; 2] };
-            let tile = twin::tile(&twin::spectra(3, 8), &[term], 0.2);
-            let rows = 8 * row..(8 * row + 8).min(20);
-            let cols = 8 * col..(8 * col + 8).min(13);
-            for ((y, x), got) in found.slice(s![rows, cols]).indexed_iter() {
-                assert!((got - (tile[(y, x)] + 0.2).max(0.0)).abs() < 1e-12);
-            }
-        }
-    }
-
-    #[test]
-    fn arrays_that_do_not_fit_are_refused() {
-        assert!(made((20, 13), &Array3::zeros((2, 2, 1))).is_err());
-        assert!(made((20, 13), &Array3::zeros((3, 2, 2))).is_err());
-        assert!(made((20, 13), &Array3::from_elem((1, 1, 1), 3)).is_err());
-        assert!(made((20, 13), &Array3::from_elem((1, 1, 1), -1)).is_err());
-    }
 }

@@ -8,10 +8,7 @@
 //! Its waves are k = (a, b - shear a) / M cycles per pixel, shear = h / M, y down.
 
 pub mod blur;
-pub mod choice;
 pub mod frame;
 pub mod pattern;
 pub mod prepared;
 pub mod product;
-#[cfg(test)]
-mod twin;

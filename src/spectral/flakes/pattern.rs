@@ -34,9 +34,7 @@ pub struct Law {
     pub tile: usize,
     /// h / M of the torus.
     pub shear: f64,
-    /// Of a flake's middle.
     pub opacity: f64,
-    /// Of the places.
     pub seed: i64,
 }
 
@@ -271,92 +269,4 @@ pub fn patterns<T: Real>(
         }
         Ok(())
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use ndarray::{Array4, array};
-
-    const LAW: Law = Law { tile: 15, shear: 0.3, opacity: 0.8, seed: 4 };
-
-    #[test]
-    fn steps_meet_all_quantiles() {
-        for n in 1..200 {
-            let step = golden(n);
-            let mut seen: Vec<f64> = (0..n).map(|i| quantile(i, n, step)).collect();
-            seen.sort_by(f64::total_cmp);
-            for (i, found) in seen.iter().enumerate() {
-                assert_eq!(*found, (i as f64 + 0.5) / n as f64);
-            }
-        }
-    }
-
-    #[test]
-    fn counts_are_shared_out() {
-        for count in [0.0, 0.3, 1.0, 7.99, 8.5, 1234.567] {
-            let all: Vec<usize> = (0..8).map(|p| flakes_of(count, p, 8)).collect();
-            let mean = all.iter().sum::<usize>() as f64 / 8.0;
-            assert!((mean - count).abs() <= 1.0 / 16.0, "{count}: {all:?}");
-            let within = |n: &usize| (count.floor()..=count.ceil()).contains(&(*n as f64));
-            assert!(all.iter().all(within), "{count}: {all:?}");
-        }
-    }
-
-    #[test]
-    fn a_drawing_is_the_sum_over_the_lattice() {
-        for (shear, sigma, x, y) in
-            [(0.0, 0.3, 0.2, 14.9), (0.3, 1.0, 14.8, 0.1), (-0.7, 6.0, 3.0, 9.0)]
-        {
-            let mut torus = Torus::new(Law { shear, ..LAW }).unwrap();
-            torus.draw((x, y), sigma, 2.0);
-            let m = LAW.tile as f64;
-            let share = |i: f64, center: f64| {
-                let upto = |x: f64| 0.5 * libm::erf((x - center) / (sigma * 2_f64.sqrt()));
-                upto(i + 0.5) - upto(i - 0.5)
-            };
-            for (at, got) in torus.pixels.iter().enumerate() {
-                let (row, col) = ((at / LAW.tile) as f64, (at % LAW.tile) as f64);
-                let mut want = 0.0;
-                for n in -6..=6 {
-                    for turns in -12..=12 {
-                        let n = f64::from(n);
-                        let center = (x + m * (f64::from(turns) + shear * n), y + m * n);
-                        want += 2.0 * share(col, center.0) * share(row, center.1);
-                    }
-                }
-                assert!((got - want).abs() < 1e-13, "{shear} {at}: {got} {want}");
-            }
-        }
-    }
-
-    #[test]
-    fn the_transform_is_the_sum_over_the_pixels() {
-        let mut torus = Torus::new(LAW).unwrap();
-        torus.draw((3.3, 8.1), 0.7, 2.0);
-        torus.draw((13.9, 14.6), 1.1, 1.0);
-        torus.transform();
-        let m = LAW.tile;
-        for a in 0..=m / 2 {
-            for b in 0..m {
-                let mut want = Complex::new(0.0, 0.0);
-                for (at, pixel) in torus.pixels.iter().enumerate() {
-                    let (y, x) = ((at / m) as f64, (at % m) as f64);
-                    let turns = a as f64 * x + (b as f64 - LAW.shear * a as f64) * y;
-                    let (sin, cos) = (TAU * turns / m as f64).sin_cos();
-                    want += Complex::new(cos, -sin) * pixel;
-                }
-                let got = torus.spectrum[a * m + b].conj();
-                assert!((got - want).norm() < 1e-12, "{a} {b}: {got} {want}");
-            }
-        }
-    }
-
-    #[test]
-    fn layers_need_two_diameters_each() {
-        let mut out = Array4::<Complex<f32>>::zeros((2, 3, 15, 8));
-        let sizes = array![[1.0, 2.0]];
-        let found = patterns(out.view_mut(), &[1.0, 2.0], sizes.view(), LAW, &Cancel::new());
-        assert!(found.is_err());
-    }
 }

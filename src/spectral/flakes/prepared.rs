@@ -169,21 +169,3 @@ dispatch! {
         sizes: (usize, usize, usize),
     ) -> T = fold_with
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::spectral::flakes::twin;
-
-    #[test]
-    fn what_is_not_finite_is_refused() {
-        for bad in [f64::NAN, f64::INFINITY] {
-            let mut spectra = twin::spectra(2, 8);
-            spectra[(1, 3, 2)].im = bad;
-            assert!(Prepared::<f64>::new(spectra.view(), 0.0).is_err());
-            assert!(Prepared::<f32>::new(spectra.view(), 0.0).is_err());
-        }
-        let odd = ndarray::Array3::<Complex<f64>>::zeros((1, 8, 4));
-        assert!(Prepared::<f64>::new(odd.view(), 0.0).is_err());
-    }
-}
