@@ -156,8 +156,6 @@ RUST = [
              "const LEAST_VARIANCE: f64 = 0.38", "const LEAST_VARIANCE: f64 = 0.01"),
     Mutation("short streaks by a series", "particles/streak.rs",
              "let short = length < P::SHORT;", "let short = length < 1e-30;"),
-    Mutation("the near plane", "particles/project.rs",
-             "(images.ends[0][at] >= lens.near) & (images.ends[1][at] >= lens.near)", "true"),
     Mutation("the near plane, crossed", "particles/sprite.rs",
              "let (from, to) = kept(middle[2], flake.travel[2], lens.near)?;",
              "let (from, to) = kept(middle[2], flake.travel[2], 1e-9)?;"),

@@ -541,17 +541,4 @@ mod tests {
             assert!(off.iter().all(|&off| off < 2e-6), "{depth}");
         }
     }
-
-    #[test]
-    fn what_is_no_lattice_is_refused() {
-        let (sheet, way) = (sheet(), rest());
-        let mut out = Array2::zeros((300, 200));
-        let small = Array3::zeros((3, 7, 4));
-        let wild = Array3::from_elem((8, 7, 4), f32::NAN);
-        for at in [&small, &wild] {
-            let sheets = vec![Bent { sheet: &sheet, nodes: at.view() }];
-            let group = Group { sheets, ways: way.view(), near: 2.0, far: 3.0 };
-            assert!(read(out.view_mut(), [0, 0], &[group], None, &CANCEL).is_err());
-        }
-    }
 }

@@ -312,12 +312,10 @@ dispatch! {
 
 #[cfg(test)]
 mod tests {
-    use ndarray::{Array2, s};
+    use ndarray::Array2;
 
     use super::super::sheet::Law;
     use super::*;
-    use crate::base::scope::Scope;
-    use crate::base::simd::PORTABLE;
 
     static CANCEL: Cancel = Cancel::new();
 
@@ -402,56 +400,6 @@ mod tests {
                 let wanted = 1.0 - left * (-f64::from(sum[at])).exp();
                 assert!((f64::from(got) - wanted).abs() < 1e-6, "{at:?} {got} {wanted}");
             }
-        }
-    }
-
-    #[test]
-    fn bits_do_not_depend_on_threads_windows_or_vectors() {
-        let run = |threads, reproducible| {
-            let scope = Scope { threads: Some(threads), reproducible: Some(reproducible) };
-            let _entered = scope.enter();
-            let sheets = sheets();
-            let (layers, depth) = scene(&sheets);
-            let mut whole = Array2::zeros(depth.dim());
-            read(
-                whole.view_mut(),
-                [3, -9],
-                &layers,
-                Some(depth.view()),
-                Some(Others::default()),
-                &CANCEL,
-            )
-            .unwrap();
-            let window = s![13..60, 101..1207];
-            let (mut part, depth) = (Array2::zeros((47, 1106)), depth.slice(window).to_owned());
-            read(
-                part.view_mut(),
-                [16, 92],
-                &layers,
-                Some(depth.view()),
-                Some(Others::default()),
-                &CANCEL,
-            )
-            .unwrap();
-            assert_eq!(part, whole.slice(window));
-            whole
-        };
-        assert_eq!(run(1, false), run(4, false));
-        let reproducible = run(3, true);
-        let sheets = sheets();
-        let (layers, depth) = scene(&sheets);
-        let sights: Vec<_> =
-            layers.iter().map(|layer| Sight::new(layer, [3, -9], &CANCEL).unwrap()).collect();
-        for (row, depth) in depth.rows().into_iter().enumerate() {
-            let (mut out, depth) = ([0.0; BLOCK], &depth.to_slice().unwrap()[..BLOCK]);
-            block_with::<PORTABLE>(
-                &mut out,
-                (row, 0),
-                &sights,
-                Some(depth),
-                Some(Beside::default()),
-            );
-            assert_eq!(reproducible.row(row).as_slice().unwrap()[..BLOCK], out);
         }
     }
 }

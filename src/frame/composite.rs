@@ -131,29 +131,3 @@ pub fn join<'p, T: Real>(
         Ok(())
     })
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use ndarray::{Array2, Array3};
-
-    #[test]
-    fn integers_round_to_the_nearest() {
-        let background = Array3::from_elem((1, 1, 3), 100_u8);
-        let alpha = Array2::from_elem((1, 1), 0.5_f32);
-        let mut out = Array3::zeros((1, 1, 3));
-        let white = [250.0 / 255.0, 1.0, 0.0];
-        snow(out.view_mut(), background.view(), alpha.view(), &white, &Cancel::new()).unwrap();
-        assert_eq!(out.as_slice().unwrap(), [175, 178, 50]);
-    }
-
-    #[test]
-    fn layers_join_in_any_order() {
-        let layer = |a: f64| Array2::from_elem((2, 3), a);
-        let (a, b, matte) = (layer(0.25), layer(0.5), layer(0.5));
-        let mut out = layer(f64::NAN);
-        let views = [a.view(), b.view()];
-        join(out.view_mut(), &views, 0.2, Some(matte.view()), &Cancel::new()).unwrap();
-        assert!(out.iter().all(|&v| (v - (1.0 - 0.8 * 0.75 * 0.5) * 0.5).abs() < 1e-15));
-    }
-}

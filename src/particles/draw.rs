@@ -15,10 +15,10 @@
 )]
 
 use super::balls::{Balls, ball};
-use super::bins::{Bins, Grid, TILE, touches};
-use super::canvas::{Canvas, Numbered};
-use super::dim::LANES;
+use super::bins::{TILE, touches};
+use super::canvas::{Canvas, LANES};
 use super::profile::{self, Profile};
+use super::sorted::Sorted;
 use super::sprite::{REACH, Sprite};
 use super::streak::streak;
 use crate::base::cover::pixels;
@@ -32,73 +32,30 @@ pub const PIXELS: usize = TILE * TILE;
 const LOOK: usize = 1024;
 
 dispatch! {
-    /// Multiplies what the flakes let through into a tile's transmittance.
+    /// Multiplies what a tile's flakes let through into a canvas.
     ///
     /// `depth`, where given, is the depth of what stands in the tile; a flake behind it is hidden. Pixels
     /// beyond the picture's border are computed like the others and never looked at.
-    pub fn draw<P: Profile>(
-        transmittance: &mut [f64; PIXELS],
+    pub fn draw<P: Profile, C: Canvas>(
+        canvas: &mut C,
         depth: Option<&[P; PIXELS]>,
-        runs: &[Bins],
-        grid: &Grid,
-        balls: Option<&Balls>,
+        sorted: &Sorted,
         tile: usize,
         cancel: &Cancel,
     ) -> Result<(), Error> = draw_with
 }
 
-dispatch! {
-    /// The same, with the number of the flake that shows most at every pixel.
-    pub fn draw_numbered<P: Profile>(
-        canvas: &mut Numbered,
-        depth: Option<&[P; PIXELS]>,
-        runs: &[Bins],
-        grid: &Grid,
-        balls: Option<&Balls>,
-        tile: usize,
-        cancel: &Cancel,
-    ) -> Result<(), Error> = numbered_with
-}
-
 #[inline(always)]
-fn draw_with<P: Profile, const LEVEL: u8>(
-    transmittance: &mut [f64; PIXELS],
-    depth: Option<&[P; PIXELS]>,
-    runs: &[Bins],
-    grid: &Grid,
-    balls: Option<&Balls>,
-    tile: usize,
-    cancel: &Cancel,
-) -> Result<(), Error> {
-    all::<P, _, LEVEL>(transmittance, depth, runs, grid, balls, tile, cancel)
-}
-
-#[inline(always)]
-fn numbered_with<P: Profile, const LEVEL: u8>(
-    canvas: &mut Numbered,
-    depth: Option<&[P; PIXELS]>,
-    runs: &[Bins],
-    grid: &Grid,
-    balls: Option<&Balls>,
-    tile: usize,
-    cancel: &Cancel,
-) -> Result<(), Error> {
-    all::<P, _, LEVEL>(canvas, depth, runs, grid, balls, tile, cancel)
-}
-
-#[inline(always)]
-fn all<P: Profile, C: Canvas, const LEVEL: u8>(
+fn draw_with<P: Profile, C: Canvas, const LEVEL: u8>(
     canvas: &mut C,
     depth: Option<&[P; PIXELS]>,
-    runs: &[Bins],
-    grid: &Grid,
-    balls: Option<&Balls>,
+    sorted: &Sorted,
     tile: usize,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    let origin = [tile % grid.columns, tile / grid.columns].map(corner);
-    let (row, column) = (tile / grid.columns, tile % grid.columns);
-    for bins in runs {
+    let (row, column) = (tile / sorted.grid.columns, tile % sorted.grid.columns);
+    let origin = [(column * TILE) as f64, (row * TILE) as f64];
+    for bins in &sorted.runs {
         let mut drawn = 0_usize;
         for (list, whole) in [(bins.small(tile), true), (bins.large(), false)] {
             for (sprite, &number) in list {
@@ -110,7 +67,7 @@ fn all<P: Profile, C: Canvas, const LEVEL: u8>(
                     cancel.check()?;
                 }
                 canvas.next(number);
-                one::<P, _, LEVEL>(canvas, depth, sprite, origin, balls);
+                one::<P, _, LEVEL>(canvas, depth, sprite, origin, sorted.balls.as_deref());
             }
         }
         cancel.check()?;
@@ -134,11 +91,6 @@ pub(super) fn one<P: Profile, C: Canvas, const LEVEL: u8>(
     } else {
         streak::<P, C, LEVEL>(canvas, depth, sprite, origin);
     }
-}
-
-#[inline(always)]
-fn corner(place: usize) -> f64 {
-    (place * TILE) as f64
 }
 
 /// The first pixel of `blocks` blocks of `lanes` that begin at `first`, moved to stay in the tile.

@@ -10,8 +10,7 @@
 )]
 
 use super::bins::TILE;
-use super::canvas::Canvas;
-use super::dim::LANES;
+use super::canvas::{Canvas, LANES};
 use super::draw::{PIXELS, begin, multiply};
 use super::profile::{self, Profile, TERMS};
 use super::sprite::{REACH, Sprite};

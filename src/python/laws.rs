@@ -8,7 +8,6 @@ use super::particles::swaying;
 use crate::base::lamps::{Lamps, light};
 use crate::base::pool;
 use crate::base::smooth::smoothstep;
-use crate::particles::sprite::image_of;
 use crate::particles::torus::{self, Sway, Torus};
 
 /// Fills `out` (n, 3) with the positions of flakes 0..n at `time`, or of those of some `numbers` (n,).
@@ -86,18 +85,6 @@ pub fn lamp_light(
             Ok(())
         })
     })
-}
-
-/// Fills `variance` with sigma_e^2 of the images of flakes of these sigmas, px, and `share` with their
-/// middles' opacities over the flakes' own; (n,) each.
-#[pyfunction]
-pub fn particle_image(
-    mut variance: PyReadwriteArray1<'_, f64>,
-    mut share: PyReadwriteArray1<'_, f64>,
-    sigma: PyReadonlyArray1<'_, f64>,
-) -> PyResult<()> {
-    gate::each(&mut variance, &sigma, |sigma| image_of(sigma * sigma).0)?;
-    gate::each(&mut share, &sigma, |sigma| image_of(sigma * sigma).1)
 }
 
 /// Fills `out` (n,) with 0 below 0, 1 above 1 and the cubic between.

@@ -51,8 +51,7 @@ mod core {
     use super::gate::InternalError;
     #[pymodule_export]
     use super::laws::{
-        lamp_light, particle_edge_fade, particle_image, particle_positions, particle_sway_offsets,
-        smooth,
+        lamp_light, particle_edge_fade, particle_positions, particle_sway_offsets, smooth,
     };
     #[pymodule_export]
     use super::onepass::snowfall;

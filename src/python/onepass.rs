@@ -65,7 +65,7 @@ fn run<S: Sample + numpy::Element>(
         Some(Flakes::Plane(plane)) => (Drawn::Plane(plane.as_array()), 0.0),
         Some(Flakes::Sorted(sorted)) => {
             let sorted = sorted.get();
-            (Drawn::Sorted(sorted.sorted()), sorted.nanoseconds)
+            (Drawn::Sorted(&sorted.sorted), sorted.nanoseconds)
         }
     };
     let (preserve_mean, haze) = (asked.preserve_mean, asked.haze);

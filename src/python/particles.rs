@@ -17,7 +17,7 @@ use crate::particles::closeup::near::{self, Closeup};
 use crate::particles::closeup::patch::{Kind, Patch, Tumble};
 use crate::particles::profile::Profile;
 use crate::particles::sorted::Sorted;
-use crate::particles::splat::{self, Flakes, Source};
+use crate::particles::splat::{self, Flakes};
 use crate::particles::sprite::Lens;
 use crate::particles::torus::Sway;
 
@@ -69,7 +69,7 @@ pub fn particle_splat(
 fn drawn<P: Profile, M: Real>(
     py: Python<'_>,
     out: ArrayViewMut2<P>,
-    flakes: &impl Source,
+    flakes: &Flakes<'_>,
     lens: &Lens,
     depth: Option<ArrayView2<M>>,
 ) -> PyResult<()> {
@@ -101,7 +101,7 @@ fn shown<M: Real>(
     let nanoseconds = 2.0 * splat::estimate(out.dim(), flakes, lens);
     let (height, width) = out.dim();
     gate::run(py, nanoseconds, |cancel| {
-        if i32::try_from(flakes.len()).is_err() {
+        if i32::try_from(flakes.points.nrows()).is_err() {
             return Err(Error::invalid("points", "must be fewer than 2^31"));
         }
         let sorted = Sorted::of(flakes, lens, (height, width), cancel)?;
@@ -118,32 +118,14 @@ pub(super) fn lens_of((focal, x, y, offset, near): LensValues) -> Lens {
 /// The flakes of a frame, projected and sorted: to be drawn in any part of it, any number of times.
 #[pyclass(frozen, module = "flurries._core")]
 pub struct SortedFlakes {
-    sorted: Sorted,
+    pub(super) sorted: Sorted,
     /// What is near or out of focus.
-    patches: Vec<Patch>,
-    lens: Lens,
+    pub(super) patches: Vec<Patch>,
+    pub(super) lens: Lens,
     /// A rough estimate of drawing all of them.
     pub(super) nanoseconds: f64,
-    /// The flakes themselves, where they live in the world.
-    pub(super) list: Option<List>,
-}
-
-impl SortedFlakes {
     /// The flakes themselves.
-    pub(super) fn sorted(&self) -> &Sorted {
-        &self.sorted
-    }
-
-    /// The images of a list of flakes.
-    pub(super) fn listed(
-        sorted: Sorted,
-        patches: Vec<Patch>,
-        lens: Lens,
-        nanoseconds: f64,
-        list: List,
-    ) -> Self {
-        Self { sorted, patches, lens, nanoseconds, list: Some(list) }
-    }
+    pub(super) list: List,
 }
 
 /// Draws the alpha of flakes into `out` (h, w), the part `window` (top, bottom, left, right) of their
