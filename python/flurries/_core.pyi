@@ -217,7 +217,6 @@ def particle_positions(
     velocity: _Float64,
     time: float,
     sway: tuple[float, float] | None,
-    numbers: npt.NDArray[np.int64] | None = None,
 ) -> None: ...
 
 @final

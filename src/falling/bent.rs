@@ -7,8 +7,6 @@
 //! that the nodes say. Nodes and runs count from the picture's first pixel: windows and parts have the
 //! bits of the whole.
 
-use std::ops::Range;
-
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 
 use super::layers::left;
@@ -175,7 +173,7 @@ impl<'a> Part<'a> {
 /// `corner` is the row and column of the first pixel in the picture. A group shows what lies before the
 /// `depth` of a pixel, of the shape of `out`; NaN hides nothing.
 pub fn read<'a>(
-    mut out: ArrayViewMut2<'_, f32>,
+    out: ArrayViewMut2<'_, f32>,
     corner: [usize; 2],
     groups: &[Group<'a>],
     depth: Option<ArrayView2<'a, f32>>,
@@ -196,14 +194,8 @@ pub fn read<'a>(
     for group in groups {
         pushed(&mut parts, Part::new(group, cancel)?)?;
     }
-    let mut tasks = Vec::new();
-    let rows = out.nrows();
-    for rows in pool::split(rows, rows.div_ceil(ROWS).max(pool::threads())) {
-        let (part, rest) = out.split_at(Axis(0), rows.len());
-        out = rest;
-        pushed(&mut tasks, (rows, part))?;
-    }
-    pool::for_each(tasks, |(rows, mut out): (Range<usize>, ArrayViewMut2<'_, f32>)| {
+    let runs = out.nrows().div_ceil(ROWS).max(pool::threads());
+    pool::for_each(pool::rows(out, runs), |(rows, mut out)| {
         out.fill(0.0);
         let mut plane = Vec::new();
         for part in &parts {
@@ -410,29 +402,20 @@ dispatch! {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::Range;
+
     use ndarray::{Array2, Array3, s};
 
     use super::super::layers::{self, Layer, Others};
-    use super::super::sheet::Law;
+    use super::super::sheet::{Law, law};
     use super::*;
     use crate::base::scope::Scope;
 
     static CANCEL: Cancel = Cancel::new();
 
     fn sheet() -> Sheet {
-        Sheet::new(Law {
-            seed: 3,
-            period: (150, 170),
-            shear: 40,
-            count: 0.05,
-            diameters: vec![0.8, 1.6],
-            streak: [0.0; 2],
-            circle: 0.0,
-            tau0: 4.3,
-            thin: 1.0,
-            ranks: (0.0, 1.0),
-        })
-        .unwrap()
+        let flat = law(0.05, &[0.8, 1.6], [0.0; 2], (150, 170));
+        Sheet::new(Law { seed: 3, shear: 40, ..flat }).unwrap()
     }
 
     /// Nodes of a picture of at most 300 x 200 pixels, where a function says what is seen at a place.

@@ -304,6 +304,14 @@ impl Drop for Sheet {
 }
 
 #[cfg(test)]
+/// A law of sharp flakes of all ranks, that leave below and come in above.
+pub(super) fn law(count: f64, diameters: &[f32], streak: [f64; 2], period: (usize, usize)) -> Law {
+    let (diameters, ranks) = (diameters.to_vec(), (0.0, 1.0));
+    let (shear, circle, thin) = (0, 0.0, 1.0);
+    Law { seed: 7, period, shear, count, diameters, streak, circle, tau0: 4.3, thin, ranks }
+}
+
+#[cfg(test)]
 mod tests {
     use ndarray::Array2;
 
@@ -313,22 +321,6 @@ mod tests {
     use crate::base::ball::{mean_opacity, opacity_at};
 
     static CANCEL: Cancel = Cancel::new();
-
-    fn law(count: f64, diameters: &[f32], streak: [f64; 2], period: (usize, usize)) -> Law {
-        let (diameters, ranks) = (diameters.to_vec(), (0.0, 1.0));
-        Law {
-            seed: 7,
-            period,
-            shear: 0,
-            count,
-            diameters,
-            streak,
-            circle: 0.0,
-            tau0: 4.3,
-            thin: 1.0,
-            ranks,
-        }
-    }
 
     fn flakes(sheet: &Sheet) -> Vec<(usize, usize, usize)> {
         let mut list = Vec::new();

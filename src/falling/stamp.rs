@@ -419,6 +419,7 @@ fn stamp(image: &Rows, (y, x): (i64, i64), unit: f64) -> Result<Vec<Piece>, Erro
 
 #[cfg(test)]
 mod tests {
+    use super::super::sheet::law;
     use super::*;
 
     #[test]
@@ -430,18 +431,7 @@ mod tests {
             ([6.0, 6.0], 5.0),
             ([5.0, 0.0], 2.0),
         ] {
-            let law = Law {
-                seed: 1,
-                period: (64, 64),
-                shear: 0,
-                count: 1.0,
-                diameters: vec![1.0],
-                streak,
-                circle: 0.0,
-                tau0: 1.5,
-                ranks: (0.0, 1.0),
-                thin: 1.0,
-            };
+            let law = law(1.0, &[1.0], streak, (64, 64));
             let (cells, half) = Profile::new(1.5).cells(diameter).unwrap();
             let (reach, want) = summed(&weights(&law).unwrap(), &cells, half).unwrap();
             let (own, found) = swept(streak, &cells, half).unwrap();

@@ -89,14 +89,14 @@ fn reduced(rate: f64, time: f64, side: f64) -> Result<f64, Error> {
     Ok(rounded % side + rest % side)
 }
 
-/// The positions of the flakes of some `numbers`, or of the first n, (n, 3), at `time`, sway included.
+/// The positions of the first n flakes, (n, 3), at `time`, sway included.
 ///
 /// `velocity` is flake minus world, one row for all flakes or one per flake. The offset from the
 /// centre lies in [-B/2, B/2) before the sway is added and before the sum with c is rounded.
 pub fn positions(
     mut out: ArrayViewMut2<f64>,
     torus: &Torus,
-    (seed, numbers): (i64, Option<ArrayView1<i64>>),
+    seed: i64,
     velocity: ArrayView2<f64>,
     time: f64,
     sway: Option<Sway>,
@@ -104,9 +104,6 @@ pub fn positions(
 ) -> Result<(), Error> {
     finite("time", time)?;
     let count = out.nrows();
-    if numbers.is_some_and(|numbers| numbers.len() != count) {
-        return Err(Error::invalid("numbers", "must be one for each row"));
-    }
     if velocity.ncols() != 3 || ![1, count].contains(&velocity.nrows()) {
         return Err(Error::invalid("velocity", "must be (3,) or one row for each flake"));
     }
@@ -125,7 +122,7 @@ pub fn positions(
                 Some(drift) => drift,
                 None => drift(velocity.row(index), time, torus)?,
             };
-            let flake = stream.word(numbers.map_or(index as i64, |numbers| numbers[index]));
+            let flake = stream.word(index as i64);
             for axis in 0..3 {
                 let side = torus.sides[axis];
                 let start = side * flake.word(axis as i64).unit();
