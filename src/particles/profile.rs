@@ -14,7 +14,7 @@
 //! G = exp(-x^2/2) sum_n (L/2)^2n / (2n+1)! He_2n(x), x from the middle, is used instead.
 
 use crate::base::normal::{Normal, least, most, polynomial_at};
-use crate::base::simd::{PORTABLE, multiply_add};
+use crate::base::simd::multiply_add;
 
 /// Where the end of the footprint begins, in sigma.
 const RIM: f64 = 3.0;
@@ -76,13 +76,7 @@ impl Profile for f64 {
 
 /// The end of the footprint: 1 up to 3 sigma, 0 from 4 sigma on; any u, also a negative one.
 #[inline(always)]
-pub fn rim<P: Profile>(u: P) -> P {
-    rim_at::<P, PORTABLE>(u)
-}
-
-/// The same with the products of a level.
-#[inline(always)]
-pub fn rim_at<P: Profile, const LEVEL: u8>(u: P) -> P {
+pub fn rim<P: Profile, const LEVEL: u8>(u: P) -> P {
     let t = least(most(u - P::of(RIM), P::zero()), P::one());
     let slope = multiply_add::<P, LEVEL>(t, P::of(-2.0), P::of(3.0));
     multiply_add::<P, LEVEL>(-(t * t), slope, P::one())
@@ -108,7 +102,7 @@ pub fn bare<P: Profile, const LEVEL: u8>(u: P) -> P {
 #[inline(always)]
 pub fn gaussian<P: Profile, const LEVEL: u8>(u: P) -> P {
     let u = least(u.abs(), P::of(4.0));
-    P::exp_at::<LEVEL>(P::of(-0.5) * u * u) * rim_at::<P, LEVEL>(u)
+    P::exp_at::<LEVEL>(P::of(-0.5) * u * u) * rim::<P, LEVEL>(u)
 }
 
 /// G for segments of `P::SHORT` and longer, without its factor sqrt(pi/2) / L: the error functions of
@@ -171,6 +165,7 @@ pub fn swept_short<P: Profile, const LEVEL: u8>(x: P, q: P, half: P, series: [P;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::simd::PORTABLE;
 
     /// G by Simpson's rule over the segment: the definition.
     fn by_quadrature(x: f64, length: f64) -> f64 {

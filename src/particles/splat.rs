@@ -31,43 +31,33 @@ impl Flakes<'_> {
         if self.points.ncols() != 3 {
             return Err(Error::invalid("points", "must be (n, 3)"));
         }
-        let rows = |length: usize| [1, count].contains(&length);
-        if !rows(self.radius.len()) {
-            return Err(Error::invalid("radius", "must be one number, or one for each point"));
+        let fits = |length: usize| [1, count].contains(&length);
+        for (argument, values, most, words) in [
+            ("radius", &self.radius, f64::MAX, "finite and not negative"),
+            ("opacity", &self.opacity, 1.0, "from 0 to 1"),
+        ] {
+            if !fits(values.len()) {
+                return Err(Error::invalid(argument, "must be one number, or one for each point"));
+            }
+            let within = |value: &f64| (0.0..=most).contains(value);
+            let whole = values.as_slice().map(|values| scan::all_within(values, 0.0, most));
+            if !whole.transpose()?.unwrap_or(false)
+                && let Some(bad) = values.iter().find(|value| !within(value))
+            {
+                return Err(Error::invalid(argument, format!("must be {words}, got {bad}")));
+            }
         }
-        if !rows(self.opacity.len()) {
-            return Err(Error::invalid("opacity", "must be one number, or one for each point"));
-        }
-        if self.velocity.ncols() != 3 || !rows(self.velocity.nrows()) {
+        if self.velocity.ncols() != 3 || !fits(self.velocity.nrows()) {
             return Err(Error::invalid("velocity", "must be (3,), or one row for each point"));
         }
-        let all_finite = |argument, ok: bool| {
-            if ok { Ok(()) } else { Err(Error::invalid(argument, "must be finite")) }
-        };
-        let finite = |values: &ArrayView2<'_, f64>| match values.as_slice() {
-            Some(values) => scan::all_finite(values),
-            None => Ok(values.iter().all(|value| value.is_finite())),
-        };
-        all_finite("points", finite(&self.points)?)?;
-        all_finite("velocity", finite(&self.velocity)?)?;
-        let within = |values: &ArrayView1<'_, f64>, most: f64| match values.as_slice() {
-            Some(values) => scan::all_within(values, 0.0, most),
-            None => Ok(values.iter().all(|value| (0.0..=most).contains(value))),
-        };
-        let bad = |values: &ArrayView1<'_, f64>, most: f64| {
-            if within(values, most)? {
-                return Ok(None);
+        for (argument, values) in [("points", &self.points), ("velocity", &self.velocity)] {
+            let finite = match values.as_slice() {
+                Some(values) => scan::all_finite(values)?,
+                None => values.iter().all(|value| value.is_finite()),
+            };
+            if !finite {
+                return Err(Error::invalid(argument, "must be finite"));
             }
-            Ok(values.iter().copied().find(|value| !(0.0..=most).contains(value)))
-        };
-        if let Some(bad) = bad(&self.radius, f64::MAX)? {
-            return Err(Error::invalid(
-                "radius",
-                format!("must be finite and not negative, got {bad}"),
-            ));
-        }
-        if let Some(bad) = bad(&self.opacity, 1.0)? {
-            return Err(Error::invalid("opacity", format!("must be from 0 to 1, got {bad}")));
         }
         if !(self.shutter >= 0.0 && self.shutter.is_finite()) {
             return Err(Error::invalid(

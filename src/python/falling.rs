@@ -132,7 +132,7 @@ const UNKNOWN: f64 = 5e7;
 #[pyfunction]
 pub fn fall(py: Python<'_>, request: AirRequest<'_>) -> PyResult<SortedFlakes> {
     let air = request.air()?;
-    let closeup = request.closeup.as_ref().map(CloseupRequest::closeup).transpose()?;
+    let closeup = request.closeup.as_ref().map(CloseupRequest::closeup);
     let images = Arc::clone(&request.images.get().0);
     let (list, images) = gate::run(py, work(&air), |cancel| {
         let list = List::of(&air, cancel)?;

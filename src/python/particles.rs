@@ -218,7 +218,7 @@ pub struct CloseupRequest {
 }
 
 impl CloseupRequest {
-    pub(super) fn closeup(&self) -> Result<Closeup, Error> {
+    pub(super) fn closeup(&self) -> Closeup {
         let kind = match self.kind.as_str() {
             "aggregate" => Some(Kind::Aggregate),
             "drop" => Some(Kind::Drop),
@@ -226,16 +226,7 @@ impl CloseupRequest {
         };
         let blur =
             self.blur.map(|(strength, focus, blades, turn)| Blur { strength, focus, blades, turn });
-        let sound = self.switch.0 < self.switch.1
-            && self.seconds.is_finite()
-            && blur.is_none_or(|b| {
-                b.strength >= 0.0 && b.strength.is_finite() && b.focus >= 0.0 && b.turn.is_finite()
-            });
         let tumble = Tumble { seed: self.seed, seconds: self.seconds };
-        if sound {
-            Ok(Closeup { kind, switch: self.switch, blur, tumble })
-        } else {
-            Err(Error::Internal("no look from near is like that".into()))
-        }
+        Closeup { kind, switch: self.switch, blur, tumble }
     }
 }

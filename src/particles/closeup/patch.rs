@@ -44,8 +44,6 @@ pub struct Look {
 
 /// The picture of one flake's opacity.
 pub struct Patch {
-    /// What the flake is known by, the same in all frames.
-    pub number: i64,
     /// Its place among the flakes of its source.
     pub index: i32,
     /// Pixels a texel is wide: 1, 2, 4, ...
@@ -161,7 +159,6 @@ impl Patch {
         }
         alpha.iter_mut().for_each(|v| *v = if *v > 0.0 { v.min(1.0) } else { 0.0 });
         Some(Self {
-            number,
             index: 0,
             scale,
             origin: low.map(|v| v as i64 * scale as i64),
