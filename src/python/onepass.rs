@@ -1,6 +1,6 @@
 //! Texture, flakes and veil over a picture in one pass.
 
-use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray3};
+use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 
 use super::frame::{Picture, PictureMut};
@@ -9,17 +9,6 @@ use super::particles::SortedFlakes;
 use super::spectral::{Request, estimate, opacity_map};
 use crate::base::error::Error;
 use crate::frame::onepass::{Drawn, Snowfall};
-use crate::frame::sample::Sample;
-
-/// What lies over the picture, as [`Snowfall`] has it.
-struct Asked<'py> {
-    request: Request<'py>,
-    map: (f64, f64, f64, f64),
-    preserve_mean: bool,
-    haze: f64,
-    intensity: Vec<f64>,
-    flakes: Option<Flakes<'py>>,
-}
 
 /// Flakes, drawn or to be drawn.
 #[derive(FromPyObject)]
@@ -46,21 +35,8 @@ pub fn snowfall(
     intensity: Vec<f64>,
     flakes: Option<Flakes<'_>>,
 ) -> PyResult<usize> {
-    let asked = Asked { request, map, preserve_mean, haze, intensity, flakes };
-    alike!([Byte, Word, Single, Double] PictureMut out = out, Picture back = background =>
-        run(py, out, &back, &asked),
-        else Error::invalid("out", "must have the dtype of the background"))
-}
-
-fn run<S: Sample + numpy::Element>(
-    py: Python<'_>,
-    mut out: PyReadwriteArray3<'_, S>,
-    background: &PyReadonlyArray3<'_, S>,
-    asked: &Asked<'_>,
-) -> PyResult<usize> {
-    let (out, background) = (out.as_array_mut(), background.as_array());
-    let map = opacity_map(asked.map).checked("power")?;
-    let (flakes, more) = match &asked.flakes {
+    let map = opacity_map(map).checked("power")?;
+    let (drawn, more) = match &flakes {
         None => (Drawn::Nothing, 0.0),
         Some(Flakes::Plane(plane)) => (Drawn::Plane(plane.as_array()), 0.0),
         Some(Flakes::Sorted(sorted)) => {
@@ -68,15 +44,16 @@ fn run<S: Sample + numpy::Element>(
             (Drawn::Sorted(&sorted.sorted), sorted.nanoseconds)
         }
     };
-    let (preserve_mean, haze) = (asked.preserve_mean, asked.haze);
-    let intensity = &asked.intensity[..];
-    asked.request.with_field(|field, window| {
-        gate::run(py, estimate(field, window) + more, move |cancel| {
-            let texture = &field.ready::<f32>()?;
-            let snowfall =
-                Snowfall { texture, window, map, preserve_mean, flakes, haze, intensity };
-            snowfall.over(out, background, cancel)?;
-            Ok(texture.transformed())
+    alike!([Byte, Word, Single, Double] PictureMut mut out = out, Picture back = background => {
+        let (out, back) = (out.as_array_mut(), back.as_array());
+        request.with_field(|field, window| {
+            gate::run(py, estimate(field, window) + more, |cancel| {
+                let (texture, intensity) = (&field.ready::<f32>()?, &intensity[..]);
+                let snowfall =
+                    Snowfall { texture, window, map, preserve_mean, flakes: drawn, haze, intensity };
+                snowfall.over(out, back, cancel)?;
+                Ok(texture.transformed())
+            })
         })
-    })
+    }, else Error::invalid("out", "must have the dtype of the background"))
 }

@@ -1,6 +1,6 @@
 //! Flakes sorted for a frame and drawn.
 
-use numpy::ndarray::{Array2, ArrayView2, ArrayViewMut2};
+use numpy::ndarray::Array2;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
@@ -8,14 +8,12 @@ use super::gate::{self, Plane, PlaneMut, each_map};
 use super::shade::{Shade, grid};
 use crate::base::error::{Error, collected};
 use crate::base::lamps::Lamps;
-use crate::base::real::Real;
 use crate::falling::list::List;
 use crate::frame::shade::{Behind, Lit};
 use crate::particles::closeup::aperture::Blur;
 use crate::particles::closeup::lit;
 use crate::particles::closeup::near::{self, Closeup};
 use crate::particles::closeup::patch::{Kind, Patch, Tumble};
-use crate::particles::profile::Profile;
 use crate::particles::sorted::Sorted;
 use crate::particles::splat::{self, Flakes};
 use crate::particles::sprite::Lens;
@@ -62,19 +60,11 @@ pub fn particle_splat(
 ) -> PyResult<()> {
     let (flakes, lens) = (flakes.flakes(), lens_of(lens));
     gate::each_precision!(out, view => {
-        each_map!(&depth, map => drawn(py, view, &flakes, &lens, map))
+        let nanoseconds = splat::estimate(view.dim(), &flakes, &lens);
+        each_map!(&depth, map => gate::run(py, nanoseconds, |cancel| {
+            splat::splat(view, &flakes, &lens, map, cancel)
+        }))
     })
-}
-
-fn drawn<P: Profile, M: Real>(
-    py: Python<'_>,
-    out: ArrayViewMut2<P>,
-    flakes: &Flakes<'_>,
-    lens: &Lens,
-    depth: Option<ArrayView2<M>>,
-) -> PyResult<()> {
-    let nanoseconds = splat::estimate(out.dim(), flakes, lens);
-    gate::run(py, nanoseconds, |cancel| splat::splat(out, flakes, lens, depth, cancel))
 }
 
 /// Writes the index of the flake that each pixel shows into `out` (H, W), -1 where there is none.
@@ -88,27 +78,16 @@ pub fn particle_ids(
 ) -> PyResult<()> {
     let (flakes, lens) = (flakes.flakes(), lens_of(lens));
     let out = out.as_array_mut();
-    each_map!(&depth, map => shown(py, out, &flakes, &lens, map))
-}
-
-fn shown<M: Real>(
-    py: Python<'_>,
-    out: ArrayViewMut2<i32>,
-    flakes: &Flakes<'_>,
-    lens: &Lens,
-    depth: Option<ArrayView2<M>>,
-) -> PyResult<()> {
-    let nanoseconds = 2.0 * splat::estimate(out.dim(), flakes, lens);
-    let (height, width) = out.dim();
-    gate::run(py, nanoseconds, |cancel| {
-        if i32::try_from(flakes.points.nrows()).is_err() {
-            return Err(Error::invalid("points", "must be fewer than 2^31"));
-        }
-        let sorted = Sorted::of(flakes, lens, (height, width), cancel)?;
+    let nanoseconds = 2.0 * splat::estimate(out.dim(), &flakes, &lens);
+    if i32::try_from(flakes.points.nrows()).is_err() {
+        return Err(Error::invalid("points", "must be fewer than 2^31").into());
+    }
+    each_map!(&depth, map => gate::run(py, nanoseconds, |cancel| {
+        let (height, width) = out.dim();
+        let sorted = Sorted::of(&flakes, &lens, (height, width), cancel)?;
         let mut alpha = filled((height, width), 0.0_f64)?;
-        let whole = [0, height, 0, width];
-        sorted.draw_numbered(alpha.view_mut(), out, None, whole, depth, cancel)
-    })
+        sorted.draw_numbered(alpha.view_mut(), out, None, [0, height, 0, width], map, cancel)
+    }))
 }
 
 pub(super) fn lens_of((focal, x, y, offset, near): LensValues) -> Lens {
