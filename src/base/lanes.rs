@@ -57,11 +57,31 @@ pub trait Lanes<T>: Copy {
 
     /// The last one first.
     unsafe fn reversed(self) -> Self;
+
+    /// Each of them three times: what pixels have, for the channels of their pixels.
+    unsafe fn thrice(self) -> [Self; 3];
+
+    /// `by` where `at` equals `like`, as no NaN does, and `self` elsewhere.
+    unsafe fn replaced(self, at: Self, like: Self, by: Self) -> Self;
 }
 
 /// Lanes of the portable level.
 #[derive(Clone, Copy)]
 pub struct Plain<T, const N: usize>([T; N]);
+
+impl<T, const N: usize> From<[T; N]> for Plain<T, N> {
+    #[inline(always)]
+    fn from(values: [T; N]) -> Self {
+        Self(values)
+    }
+}
+
+impl<T, const N: usize> From<Plain<T, N>> for [T; N] {
+    #[inline(always)]
+    fn from(lanes: Plain<T, N>) -> Self {
+        lanes.0
+    }
+}
 
 impl<T: Float, const N: usize> Lanes<T> for Plain<T, N> {
     const N: usize = N;
@@ -112,6 +132,14 @@ impl<T: Float, const N: usize> Lanes<T> for Plain<T, N> {
     unsafe fn reversed(self) -> Self {
         Self(std::array::from_fn(|i| self.0[N - 1 - i]))
     }
+    #[inline(always)]
+    unsafe fn thrice(self) -> [Self; 3] {
+        std::array::from_fn(|part| Self(std::array::from_fn(|i| self.0[(part * N + i) / 3])))
+    }
+    #[inline(always)]
+    unsafe fn replaced(self, at: Self, like: Self, by: Self) -> Self {
+        Self(std::array::from_fn(|i| if at.0[i] == like.0[i] { by.0[i] } else { self.0[i] }))
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -131,7 +159,7 @@ mod tests {
         let numbers =
             |step: f64| (0..V::N).map(|i| T::of(1.0 + step * i as f64)).collect::<Vec<_>>();
         let (a, b) = (numbers(1.0), numbers(-0.5));
-        let mut out = vec![T::zero(); 8 * V::N];
+        let mut out = vec![T::zero(); 12 * V::N];
         // SAFETY: the callers have asked for the level; all vectors hold N numbers.
         unsafe {
             let (x, y) = (V::load(a.as_ptr()), V::load(b.as_ptr()));
@@ -143,6 +171,18 @@ mod tests {
             x.min(x.reversed()).store(out[5 * V::N..].as_mut_ptr());
             x.max(x.reversed()).store(out[6 * V::N..].as_mut_ptr());
             x.product_from(y, V::splat(T::of(7.0))).store(out[7 * V::N..].as_mut_ptr());
+            for (part, out) in x.thrice().into_iter().zip(out[8 * V::N..11 * V::N].chunks_mut(V::N))
+            {
+                part.store(out.as_mut_ptr());
+            }
+            let middle = V::splat(a[V::N / 2]);
+            x.replaced(x, middle, y).store(out[11 * V::N..].as_mut_ptr());
+        }
+        for (i, &value) in out[11 * V::N..12 * V::N].iter().enumerate() {
+            assert_eq!(value, if i == V::N / 2 { b[i] } else { a[i] }, "replaced {i}");
+        }
+        for (i, &value) in out[8 * V::N..11 * V::N].iter().enumerate() {
+            assert_eq!(value, a[i / 3], "channel {i}");
         }
         for i in 0..V::N {
             let (x, y) = (a[i], b[i]);

@@ -404,12 +404,11 @@ dispatch! {
 mod tests {
     use std::ops::Range;
 
-    use ndarray::{Array2, Array3, s};
+    use ndarray::{Array2, Array3};
 
     use super::super::layers::{self, Layer, Others};
     use super::super::sheet::{Law, law};
     use super::*;
-    use crate::base::scope::Scope;
 
     static CANCEL: Cancel = Cancel::new();
 
@@ -456,20 +455,6 @@ mod tests {
             layers::read(want.view_mut(), [0, 0], &[layer], None, others, &CANCEL).unwrap();
             assert!((&got - &want).iter().all(|off| off.abs() < 1e-6), "{x} {y}");
         }
-    }
-
-    #[test]
-    fn windows_and_threads_have_the_bits_of_the_whole() {
-        let sheet = sheet();
-        let at = nodes(|y, x| [0.08 * x + 0.03 * y, -0.05 * y, 0.9, 0.01]);
-        let way = nodes(|y, x| [0.02 * x, 4.0 - 0.03 * y]);
-        let whole = picture(&sheet, &at, &way, (0..300, 0..200), None);
-        for (rows, cols) in [(0..300, 37..101), (130..171, 0..200), (299..300, 199..200)] {
-            let part = whole.slice(s![rows.clone(), cols.clone()]).to_owned();
-            assert_eq!(picture(&sheet, &at, &way, (rows, cols), None), part);
-        }
-        let _entered = Scope { threads: Some(3), reproducible: None }.enter();
-        assert_eq!(picture(&sheet, &at, &way, (0..300, 0..200), None), whole);
     }
 
     #[test]

@@ -1,25 +1,26 @@
 //! One color laid over pixels (Langer 2004, Eq. 7), and the joint opacity of what lies over them.
 
-use num_traits::{Float, One, Zero};
+#![expect(unsafe_code, reason = "rows of pixels by `Lanes`")]
 
-use super::sample::Sample;
+use num_traits::{One, Zero};
+
+use super::sample::{Sample, Samples};
 use crate::base::error::{Error, collected};
 use crate::base::real::Real;
-use crate::base::simd::dispatch;
+use crate::base::simd::{AVX2, AVX512, dispatch};
 
 /// `color * alpha + (1 - alpha) * background`, exact at both ends: alpha 0 is the background's bits
 /// and alpha 1 the color's. A NaN of the background stays, whatever covers it.
 #[inline(always)]
-fn mix<S: Sample>(pixel: S, color: S::Working, alpha: S::Working) -> S {
-    let (zero, one) = (S::Working::zero(), S::Working::one());
-    let background = pixel.load();
-    let mixed = color * alpha + (one - alpha) * background;
-    // Whole numbers are exact at both ends without more care.
-    if S::INTEGER {
-        return S::store(mixed);
+fn mix<T: Real>(background: T, color: T, alpha: T) -> T {
+    let mixed = color * alpha + (T::one() - alpha) * background;
+    if alpha == T::zero() {
+        background
+    } else if alpha == T::one() && !background.is_nan() {
+        color
+    } else {
+        mixed
     }
-    let mixed = if (alpha == one) & !background.is_nan() { color } else { mixed };
-    S::store(if alpha == zero { background } else { mixed })
 }
 
 /// One color laid over pixels of one channel or three.
@@ -30,7 +31,7 @@ pub struct OneColor<S: Sample> {
     channels: usize,
 }
 
-/// Pixels that are mixed at once; their work space stays in the first cache.
+/// Pixels that are mixed at once, a multiple of all vectors; their work space stays in the first cache.
 const BLOCK: usize = 256;
 
 impl<S: Sample> OneColor<S> {
@@ -51,47 +52,112 @@ impl<S: Sample> OneColor<S> {
     pub fn over<A: Real>(&self, out: &mut [S], background: &[S], alpha: &[A]) {
         let size = BLOCK * self.channels;
         let blocks = out.chunks_mut(size).zip(background.chunks(size));
-        // On the stack: rows must not allocate.
-        let mut wide = [S::Working::zero(); 3 * BLOCK];
         for ((out, back), alpha) in blocks.zip(alpha.chunks(BLOCK)) {
-            blend(out, back, &self.values, alpha, &mut wide);
+            if let Some(alpha) = S::Working::own(alpha) {
+                self.block(out, back, alpha);
+            } else {
+                // On the stack: rows must not allocate.
+                let mut own = [S::Working::zero(); BLOCK];
+                for (own, alpha) in own.iter_mut().zip(alpha) {
+                    *own = S::Working::of(alpha.wide());
+                }
+                self.block(out, back, &own[..alpha.len()]);
+            }
+        }
+    }
+
+    fn block(&self, out: &mut [S], background: &[S], alpha: &[S::Working]) {
+        if self.channels == 3 {
+            mix_three::<S>(out, background, &self.values, alpha);
+        } else {
+            mix_one::<S>(out, background, &self.values, alpha);
         }
     }
 }
 
+/// Pixels of three channels.
 #[inline(always)]
-fn blend_with<S: Sample, A: Real, const LEVEL: u8>(
+fn mix_three_with<S: Sample, const LEVEL: u8>(
     out: &mut [S],
     background: &[S],
     color: &[S::Working],
-    alpha: &[A],
-    wide: &mut [S::Working; 3 * BLOCK],
+    alpha: &[S::Working],
 ) {
-    let n = out.len();
-    if n == 3 * alpha.len() {
-        for (wide, alpha) in wide.as_chunks_mut::<3>().0.iter_mut().zip(alpha) {
-            *wide = [S::Working::of(alpha.wide()); 3];
-        }
-    } else {
-        for (wide, alpha) in wide.iter_mut().zip(alpha) {
-            *wide = S::Working::of(alpha.wide());
-        }
+    match LEVEL {
+        AVX512 => pixels::<S, S::Avx512, 3>(out, background, color, alpha),
+        AVX2 => pixels::<S, S::Avx2, 3>(out, background, color, alpha),
+        _ => pixels::<S, S::Portable, 3>(out, background, color, alpha),
     }
-    let (background, color, wide) = (&background[..n], &color[..n], &wide[..n]);
-    for i in 0..n {
-        out[i] = mix(background[i], color[i], wide[i]);
+}
+
+/// Pixels of one channel.
+#[inline(always)]
+fn mix_one_with<S: Sample, const LEVEL: u8>(
+    out: &mut [S],
+    background: &[S],
+    color: &[S::Working],
+    alpha: &[S::Working],
+) {
+    match LEVEL {
+        AVX512 => pixels::<S, S::Avx512, 1>(out, background, color, alpha),
+        AVX2 => pixels::<S, S::Avx2, 1>(out, background, color, alpha),
+        _ => pixels::<S, S::Portable, 1>(out, background, color, alpha),
     }
 }
 
 dispatch! {
-    /// Lays a color over a block, channel by channel.
-    fn blend<S: Sample, A: Real>(
+    fn mix_three<S: Sample>(
         out: &mut [S],
         background: &[S],
         color: &[S::Working],
-        alpha: &[A],
-        wide: &mut [S::Working; 3 * BLOCK],
-    ) = blend_with
+        alpha: &[S::Working],
+    ) = mix_three_with
+}
+
+dispatch! {
+    fn mix_one<S: Sample>(
+        out: &mut [S],
+        background: &[S],
+        color: &[S::Working],
+        alpha: &[S::Working],
+    ) = mix_one_with
+}
+
+#[inline(always)]
+fn pixels<S: Sample, V: Samples<S>, const CHANNELS: usize>(
+    out: &mut [S],
+    background: &[S],
+    color: &[S::Working],
+    alpha: &[S::Working],
+) {
+    let count = alpha.len();
+    let (out, background) = (&mut out[..CHANNELS * count], &background[..CHANNELS * count]);
+    let color = &color[..CHANNELS * count];
+    let whole = count / V::N * V::N;
+    for pixel in (0..whole).step_by(V::N) {
+        // SAFETY: `pixel` and the N behind it are before `count`, and all else is CHANNELS times as
+        // long; the caller is compiled for the vectors' level.
+        unsafe {
+            let alpha = V::load(alpha.as_ptr().add(pixel));
+            let alpha = if CHANNELS == 3 { alpha.thrice() } else { [alpha; 3] };
+            for (part, &alpha) in alpha.iter().enumerate().take(CHANNELS) {
+                let at = CHANNELS * pixel + part * V::N;
+                let behind = V::read(background.as_ptr().add(at));
+                let color = V::load(color.as_ptr().add(at));
+                let (zero, one) = (V::splat(S::Working::zero()), V::splat(S::Working::one()));
+                let mut mixed = color.mul(alpha).add(one.sub(alpha).mul(behind));
+                // Whole numbers are exact at both ends without more care.
+                if !S::INTEGER {
+                    let opaque = behind.replaced(behind, behind, color);
+                    mixed = mixed.replaced(alpha, one, opaque).replaced(alpha, zero, behind);
+                }
+                mixed.write(out.as_mut_ptr().add(at));
+            }
+        }
+    }
+    for i in CHANNELS * whole..CHANNELS * count {
+        out[i] = S::store(mix(background[i].load(), color[i], alpha[i / CHANNELS]));
+    }
 }
 
 #[inline(always)]
@@ -152,6 +218,51 @@ mod tests {
         assert_eq!(mix(f64::INFINITY, 0.5, 1.0), 0.5);
         assert_eq!(mix(f64::INFINITY, 0.5, 0.0), f64::INFINITY);
         assert!(mix(f32::NAN, 0.5, 1.0).is_nan());
-        assert_eq!((mix(255_u8, 9.5, 1.0), mix(65535_u16, 1e9, 0.0)), (10, 65535));
+    }
+
+    /// Vectors of every level against the formula, for lengths that fill none and some.
+    fn check<S: Sample + std::fmt::Debug, V: Samples<S>, const CHANNELS: usize>(
+        of: fn(usize) -> S,
+    ) {
+        for count in [1, V::N - 1, V::N, 3 * V::N + 1, BLOCK] {
+            let n = CHANNELS * count;
+            let value = |i: usize| <S::Working as Real>::of((i * 37 % 101) as f64 * 0.04 - 1.0);
+            // Out of range, zero, one and NaN too.
+            let mut alpha: Vec<_> = (0..count).map(value).collect();
+            alpha[count / 2] = S::Working::of(f64::NAN);
+            alpha[0] = S::Working::zero();
+            let color: Vec<_> =
+                (0..n).map(|i| value(i) * <S::Working as Real>::of(S::SCALE * 3.0)).collect();
+            let background: Vec<_> = (0..n).map(of).collect();
+            let mut out = background.clone();
+            pixels::<S, V, CHANNELS>(&mut out, &background, &color, &alpha);
+            for i in 0..n {
+                let wanted = S::store(mix(background[i].load(), color[i], alpha[i / CHANNELS]));
+                // As printed: a NaN is a NaN.
+                assert_eq!(format!("{:?}", out[i]), format!("{wanted:?}"), "{i} of {n}");
+            }
+        }
+    }
+
+    fn check_all<S: Sample + std::fmt::Debug>(of: fn(usize) -> S) {
+        use crate::base::simd::{Level, level};
+        check::<S, S::Portable, 1>(of);
+        check::<S, S::Portable, 3>(of);
+        if matches!(level(), Level::Avx2 | Level::Avx512) {
+            check::<S, S::Avx2, 1>(of);
+            check::<S, S::Avx2, 3>(of);
+        }
+        if level() == Level::Avx512 {
+            check::<S, S::Avx512, 1>(of);
+            check::<S, S::Avx512, 3>(of);
+        }
+    }
+
+    #[test]
+    fn vectors_mix_as_one_does() {
+        check_all(|i| (i * 83) as u8);
+        check_all(|i| (i * 8_301) as u16);
+        check_all(|i| i as f32 - 20.0);
+        check_all(|i| 1.0 / i as f64);
     }
 }

@@ -142,26 +142,9 @@ fn disc<P: Profile, C: Canvas, const LEVEL: u8>(
     let (first_x, first_y) = (P::of(first_x * inverse), P::of(first_y * inverse));
     let (step, amplitude) = (P::of(inverse), P::of(sprite.amplitude));
     let place = Place { map, depth: P::of(sprite.depth), left, top, rows };
-    if blocks <= 2 && row_blocks <= 2 {
-        // Most flakes. Both axes at once, so that the chain of the exponential is waited for once.
-        let mut values = [P::zero(); 4 * LANES];
-        for k in 0..4 * LANES {
-            let (start, scale) =
-                if k < 2 * LANES { (first_x, P::one()) } else { (first_y, amplitude) };
-            let offset = P::of((k % (2 * LANES)) as f64);
-            values[k] = scale * profile::gaussian::<P, LEVEL>(start + offset * step);
-        }
-        let (across, down) = values.split_at(2 * LANES);
-        if blocks == 1 {
-            outer::<P, C, LANES, LEVEL>(canvas, &place, 1, across, down);
-        } else {
-            outer::<P, C, { 2 * LANES }, LEVEL>(canvas, &place, 1, across, down);
-        }
-    } else {
-        let across = axis::<P, LEVEL>(first_x, step, P::one(), blocks);
-        let down = axis::<P, LEVEL>(first_y, step, amplitude, row_blocks);
-        outer::<P, C, LANES, LEVEL>(canvas, &place, blocks, &across, &down);
-    }
+    let across = axis::<P, LEVEL>(first_x, step, P::one(), blocks);
+    let down = axis::<P, LEVEL>(first_y, step, amplitude, row_blocks);
+    outer::<P, C, LEVEL>(canvas, &place, blocks, &across, &down);
 }
 
 /// Where a disc lies in its tile.
@@ -173,9 +156,9 @@ struct Place<'a, P> {
     rows: std::ops::Range<usize>,
 }
 
-/// The product of the two axes, `blocks` blocks of N columns.
+/// The product of the two axes, `blocks` blocks of columns.
 #[inline(always)]
-fn outer<P: Profile, C: Canvas, const N: usize, const LEVEL: u8>(
+fn outer<P: Profile, C: Canvas, const LEVEL: u8>(
     canvas: &mut C,
     place: &Place<'_, P>,
     blocks: usize,
@@ -183,24 +166,24 @@ fn outer<P: Profile, C: Canvas, const N: usize, const LEVEL: u8>(
     down: &[P],
 ) {
     for block in 0..blocks {
-        let mut profile = [0.0; N];
-        for k in 0..N {
-            profile[k] = across[block * N + k].wide();
+        let mut profile = [0.0; LANES];
+        for k in 0..LANES {
+            profile[k] = across[block * LANES + k].wide();
         }
         for row in place.rows.start..place.rows.end {
             let weight = down[row - place.top].wide();
-            let at = row * TILE + place.left + block * N;
+            let at = row * TILE + place.left + block * LANES;
             let Some(map) = place.map else {
-                canvas.take::<N, LEVEL>(at, weight, &profile);
+                canvas.take::<LANES, LEVEL>(at, weight, &profile);
                 continue;
             };
-            let map: &[P; N] = map[at..at + N].try_into().expect("lanes lie in the tile");
+            let map: &[P; LANES] = map[at..at + LANES].try_into().expect("lanes lie in the tile");
             let mut seen = profile;
-            for k in 0..N {
+            for k in 0..LANES {
                 // NaN in the map hides nothing.
                 seen[k] = if map[k] < place.depth { 0.0 } else { seen[k] };
             }
-            canvas.take::<N, LEVEL>(at, weight, &seen);
+            canvas.take::<LANES, LEVEL>(at, weight, &seen);
         }
     }
 }

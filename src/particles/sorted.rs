@@ -200,7 +200,7 @@ impl Sorted {
         draw(canvas, map.as_ref(), self, tile, cancel)
     }
 
-    fn check<M>(
+    pub(super) fn check<M>(
         &self,
         out: (usize, usize),
         part: Part,

@@ -39,13 +39,9 @@ impl Scene<'_> {
         finish: impl Fn(usize, ArrayView2<'_, f32>, ArrayViewMut3<'_, f32>) -> Result<(), Error> + Sync,
     ) -> Result<(), Error> {
         let [top, bottom, left, right] = part;
-        let shape = self.sorted.shape();
-        let fits = top <= bottom && bottom <= shape.0 && left <= right && right <= shape.1;
-        if !fits
-            || out.dim() != (bottom - top, right - left)
-            || glow.dim() != (bottom - top, right - left, 3)
-        {
-            return Err(Error::Internal("the part is not one of the frame, or not out's".into()));
+        self.sorted.check(out.dim(), part, depth.as_ref())?;
+        if glow.dim() != (bottom - top, right - left, 3) {
+            return Err(Error::Internal("light is not of out's shape".into()));
         }
         let mut tiles = Vec::new();
         let rows = top / TILE..bottom.div_ceil(TILE);
