@@ -58,7 +58,6 @@ __all__ = [
     "particle_draw_lit",
     "particle_edge_fade",
     "particle_ids",
-    "particle_image",
     "particle_positions",
     "particle_splat",
     "particle_sway_offsets",
@@ -195,7 +194,6 @@ def particle_positions(
     velocity: _Float64,
     time: float,
     sway: tuple[float, float] | None,
-    numbers: npt.NDArray[np.int64] | None = None,
 ) -> None: ...
 
 @final
@@ -274,7 +272,6 @@ def particle_draw(
 def particle_sway_offsets(
     out: _Float64, seed: int, time: float, sway: tuple[float, float]
 ) -> None: ...
-def particle_image(variance: _Float64, share: _Float64, sigma: _Float64) -> None: ...
 def smooth(out: _Float64, t: _Float64) -> None: ...
 def particle_edge_fade(
     out: _Float64,

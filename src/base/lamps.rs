@@ -58,11 +58,6 @@ impl Lamps {
             .collect();
         Ok(Self { lamps, asymmetry, albedo, eye })
     }
-
-    /// The radiance of a particle at a place.
-    pub fn at(&self, point: [f64; 3]) -> [f64; 3] {
-        block(self, &point.map(|part| [part])).map(|[sum]| sum)
-    }
 }
 
 /// Particles at a time.

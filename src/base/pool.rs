@@ -13,6 +13,7 @@
 
 use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
 
+use ndarray::{ArrayViewMut, Axis, RemoveAxis};
 use rayon::prelude::*;
 
 use crate::base::error::{Error, collected};
@@ -140,6 +141,20 @@ pub fn split(length: usize, parts: usize) -> Vec<std::ops::Range<usize>> {
         .map(|i| length * i / parts..length * (i + 1) / parts)
         .filter(|run| !run.is_empty())
         .collect()
+}
+
+/// The rows of a picture in at most `parts` runs, each with its part.
+pub fn rows<A, D: RemoveAxis>(
+    mut out: ArrayViewMut<'_, A, D>,
+    parts: usize,
+) -> Vec<(std::ops::Range<usize>, ArrayViewMut<'_, A, D>)> {
+    let mut all = Vec::new();
+    for run in split(out.len_of(Axis(0)), parts) {
+        let (part, rest) = out.split_at(Axis(0), run.len());
+        all.push((run, part));
+        out = rest;
+    }
+    all
 }
 
 #[cfg(test)]

@@ -116,49 +116,49 @@ pub fn multiply_add<T: Real, const LEVEL: u8>(a: T, b: T, c: T) -> T {
 macro_rules! dispatch {
     (
         $(#[$meta:meta])*
-        $visibility:vis fn $name:ident $(<$real:ident: $bound:path>)? ($($argument:ident: $type:ty),* $(,)?)
+        $visibility:vis fn $name:ident $(<$($real:ident: $bound:path),+>)? ($($argument:ident: $type:ty),* $(,)?)
             $(-> $result:ty)? = $kernel:ident
     ) => {
         $(#[$meta])*
         #[allow(clippy::too_many_arguments, reason = "some kernels take many slices, one by one")]
         #[allow(unsafe_code, reason = "what is compiled for a level may run where the level is there")]
-        $visibility fn $name $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
+        $visibility fn $name $(<$($real: $bound),+>)? ($($argument: $type),*) $(-> $result)? {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx2")]
-                unsafe fn avx2_plain $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
-                    $kernel::<$($real,)? { $crate::base::simd::PORTABLE }>($($argument),*)
+                unsafe fn avx2_plain $(<$($real: $bound),+>)? ($($argument: $type),*) $(-> $result)? {
+                    $kernel::<$($($real,)+)? { $crate::base::simd::PORTABLE }>($($argument),*)
                 }
                 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2")]
-                unsafe fn avx512_plain $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
-                    $kernel::<$($real,)? { $crate::base::simd::PORTABLE }>($($argument),*)
+                unsafe fn avx512_plain $(<$($real: $bound),+>)? ($($argument: $type),*) $(-> $result)? {
+                    $kernel::<$($($real,)+)? { $crate::base::simd::PORTABLE }>($($argument),*)
                 }
                 #[target_feature(enable = "avx2,fma")]
-                unsafe fn avx2 $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
-                    $kernel::<$($real,)? { $crate::base::simd::AVX2 }>($($argument),*)
+                unsafe fn avx2 $(<$($real: $bound),+>)? ($($argument: $type),*) $(-> $result)? {
+                    $kernel::<$($($real,)+)? { $crate::base::simd::AVX2 }>($($argument),*)
                 }
                 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma")]
-                unsafe fn avx512 $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
-                    $kernel::<$($real,)? { $crate::base::simd::AVX512 }>($($argument),*)
+                unsafe fn avx512 $(<$($real: $bound),+>)? ($($argument: $type),*) $(-> $result)? {
+                    $kernel::<$($($real,)+)? { $crate::base::simd::AVX512 }>($($argument),*)
                 }
                 let plain = $crate::base::simd::reproducible();
                 match $crate::base::simd::level() {
                     $crate::base::simd::Level::Avx512 if plain => {
                         // SAFETY: `level` has asked the processor for these instructions.
-                        return unsafe { avx512_plain $(::<$real>)? ($($argument),*) };
+                        return unsafe { avx512_plain $(::<$($real),+>)? ($($argument),*) };
                     }
                     $crate::base::simd::Level::Avx2 if plain => {
                         // SAFETY: as above.
-                        return unsafe { avx2_plain $(::<$real>)? ($($argument),*) };
+                        return unsafe { avx2_plain $(::<$($real),+>)? ($($argument),*) };
                     }
                     // SAFETY: `level` has asked the processor for these instructions.
-                    $crate::base::simd::Level::Avx512 => return unsafe { avx512 $(::<$real>)? ($($argument),*) },
+                    $crate::base::simd::Level::Avx512 => return unsafe { avx512 $(::<$($real),+>)? ($($argument),*) },
                     // SAFETY: as above.
-                    $crate::base::simd::Level::Avx2 => return unsafe { avx2 $(::<$real>)? ($($argument),*) },
+                    $crate::base::simd::Level::Avx2 => return unsafe { avx2 $(::<$($real),+>)? ($($argument),*) },
                     $crate::base::simd::Level::Portable => {}
                 }
             }
-            $kernel::<$($real,)? { $crate::base::simd::PORTABLE }>($($argument),*)
+            $kernel::<$($($real,)+)? { $crate::base::simd::PORTABLE }>($($argument),*)
         }
     };
 }

@@ -7,8 +7,6 @@
 //! that the nodes say. Nodes and runs count from the picture's first pixel: windows and parts have the
 //! bits of the whole.
 
-use std::ops::Range;
-
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 
 use super::layers::left;
@@ -175,7 +173,7 @@ impl<'a> Part<'a> {
 /// `corner` is the row and column of the first pixel in the picture. A group shows what lies before the
 /// `depth` of a pixel, of the shape of `out`; NaN hides nothing.
 pub fn read<'a>(
-    mut out: ArrayViewMut2<'_, f32>,
+    out: ArrayViewMut2<'_, f32>,
     corner: [usize; 2],
     groups: &[Group<'a>],
     depth: Option<ArrayView2<'a, f32>>,
@@ -196,14 +194,8 @@ pub fn read<'a>(
     for group in groups {
         pushed(&mut parts, Part::new(group, cancel)?)?;
     }
-    let mut tasks = Vec::new();
-    let rows = out.nrows();
-    for rows in pool::split(rows, rows.div_ceil(ROWS).max(pool::threads())) {
-        let (part, rest) = out.split_at(Axis(0), rows.len());
-        out = rest;
-        pushed(&mut tasks, (rows, part))?;
-    }
-    pool::for_each(tasks, |(rows, mut out): (Range<usize>, ArrayViewMut2<'_, f32>)| {
+    let runs = out.nrows().div_ceil(ROWS).max(pool::threads());
+    pool::for_each(pool::rows(out, runs), |(rows, mut out)| {
         out.fill(0.0);
         let mut plane = Vec::new();
         for part in &parts {
@@ -410,29 +402,19 @@ dispatch! {
 
 #[cfg(test)]
 mod tests {
-    use ndarray::{Array2, Array3, s};
+    use std::ops::Range;
+
+    use ndarray::{Array2, Array3};
 
     use super::super::layers::{self, Layer, Others};
-    use super::super::sheet::Law;
+    use super::super::sheet::{Law, law};
     use super::*;
-    use crate::base::scope::Scope;
 
     static CANCEL: Cancel = Cancel::new();
 
     fn sheet() -> Sheet {
-        Sheet::new(Law {
-            seed: 3,
-            period: (150, 170),
-            shear: 40,
-            count: 0.05,
-            diameters: vec![0.8, 1.6],
-            streak: [0.0; 2],
-            circle: 0.0,
-            tau0: 4.3,
-            thin: 1.0,
-            ranks: (0.0, 1.0),
-        })
-        .unwrap()
+        let flat = law(0.05, &[0.8, 1.6], [0.0; 2], (150, 170));
+        Sheet::new(Law { seed: 3, shear: 40, ..flat }).unwrap()
     }
 
     /// Nodes of a picture of at most 300 x 200 pixels, where a function says what is seen at a place.
@@ -473,20 +455,6 @@ mod tests {
             layers::read(want.view_mut(), [0, 0], &[layer], None, others, &CANCEL).unwrap();
             assert!((&got - &want).iter().all(|off| off.abs() < 1e-6), "{x} {y}");
         }
-    }
-
-    #[test]
-    fn windows_and_threads_have_the_bits_of_the_whole() {
-        let sheet = sheet();
-        let at = nodes(|y, x| [0.08 * x + 0.03 * y, -0.05 * y, 0.9, 0.01]);
-        let way = nodes(|y, x| [0.02 * x, 4.0 - 0.03 * y]);
-        let whole = picture(&sheet, &at, &way, (0..300, 0..200), None);
-        for (rows, cols) in [(0..300, 37..101), (130..171, 0..200), (299..300, 199..200)] {
-            let part = whole.slice(s![rows.clone(), cols.clone()]).to_owned();
-            assert_eq!(picture(&sheet, &at, &way, (rows, cols), None), part);
-        }
-        let _entered = Scope { threads: Some(3), reproducible: None }.enter();
-        assert_eq!(picture(&sheet, &at, &way, (0..300, 0..200), None), whole);
     }
 
     #[test]
@@ -539,19 +507,6 @@ mod tests {
             let part = depths(&picture(&sheet, &at, &moved, (0..150, 0..170), Some(&wall)));
             let off = (&part - &(share * &streaked)).mapv(f64::abs);
             assert!(off.iter().all(|&off| off < 2e-6), "{depth}");
-        }
-    }
-
-    #[test]
-    fn what_is_no_lattice_is_refused() {
-        let (sheet, way) = (sheet(), rest());
-        let mut out = Array2::zeros((300, 200));
-        let small = Array3::zeros((3, 7, 4));
-        let wild = Array3::from_elem((8, 7, 4), f32::NAN);
-        for at in [&small, &wild] {
-            let sheets = vec![Bent { sheet: &sheet, nodes: at.view() }];
-            let group = Group { sheets, ways: way.view(), near: 2.0, far: 3.0 };
-            assert!(read(out.view_mut(), [0, 0], &[group], None, &CANCEL).is_err());
         }
     }
 }

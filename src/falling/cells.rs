@@ -174,16 +174,6 @@ mod tests {
     }
 
     #[test]
-    fn more_density_adds_flakes_and_moves_none() {
-        let ids =
-            |density: f64| -> Vec<u64> { born(density, 8).iter().map(|one| one.2.id).collect() };
-        let (few, many) = (ids(20.0), ids(70.0));
-        let known: std::collections::HashSet<u64> = many.iter().copied().collect();
-        assert!(few.iter().all(|id| known.contains(id)));
-        assert!(known.len() == many.len() && few.iter().all(|&id| id < 1 << 53));
-    }
-
-    #[test]
     fn counts_are_of_poisson_s_law() {
         for (band, mean) in [(0, 1.0), (1, 2.0), (2, 4.0_f64)] {
             let n = 100_000;

@@ -109,19 +109,6 @@ mod tests {
     }
 
     #[test]
-    fn sizes_follow_their_law() {
-        let law = Sizes::new((0.002, 0.03), 300.0);
-        let n = 100_000;
-        let mean = (0..n).map(|i| law.quantile((f64::from(i) + 0.5) / f64::from(n))).sum::<f64>()
-            / f64::from(n);
-        // 1/slope + low - (high - low) / (exp(slope (high - low)) - 1)
-        let wanted = 1.0 / 300.0 + 0.002 - 0.028 / (8.4_f64.exp() - 1.0);
-        assert!((mean - wanted).abs() < 1e-8, "{mean} {wanted}");
-        let even = Sizes::new((0.01, 0.03), 0.0);
-        assert!((even.quantile(0.25) - 0.015).abs() < 1e-15);
-    }
-
-    #[test]
     fn tables_are_linear_between_their_steps() {
         let table = Table { range: (-2.0, 2.0), values: vec![0.0, 1.0, 0.5] };
         for (x, wanted) in [(-9.0, 0.0), (-1.0, 0.5), (0.0, 1.0), (1.0, 0.75), (9.0, 0.5)] {

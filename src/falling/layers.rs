@@ -4,9 +4,7 @@
 //! in quarters of a pixel. The sum goes over the layers in their order, pixel by pixel: bits don't depend
 //! on threads, windows or parts.
 
-use std::ops::Range;
-
-use ndarray::{ArrayView2, ArrayViewMut2, Axis};
+use ndarray::{ArrayView2, ArrayViewMut2};
 
 use super::sheet::Sheet;
 use crate::base::error::{Cancel, Error, finite, pushed};
@@ -129,7 +127,7 @@ impl<'a> Sight<'a> {
 /// `origin` is the row and column of the first pixel, counted from where sheets hang. A layer shows what
 /// lies before the `depth` of a pixel, of the shape of `out`; NaN hides nothing.
 pub fn read<'a>(
-    mut out: ArrayViewMut2<'_, f32>,
+    out: ArrayViewMut2<'_, f32>,
     origin: [i64; 2],
     layers: &[Layer<'_>],
     depth: Option<ArrayView2<'a, f32>>,
@@ -146,13 +144,7 @@ pub fn read<'a>(
     for layer in layers {
         pushed(&mut sights, Sight::new(layer, origin, cancel)?)?;
     }
-    let mut tasks = Vec::new();
-    for rows in pool::split(out.nrows(), pool::threads()) {
-        let (part, rest) = out.split_at(Axis(0), rows.len());
-        out = rest;
-        pushed(&mut tasks, (rows, part))?;
-    }
-    pool::for_each(tasks, |(rows, mut part): (Range<usize>, ArrayViewMut2<'_, f32>)| {
+    pool::for_each(pool::rows(out, pool::threads()), |(rows, mut part)| {
         for (row, mut out) in rows.zip(part.rows_mut()) {
             cancel.check()?;
             let out = out.as_slice_mut().ok_or_else(layout)?;
@@ -312,12 +304,10 @@ dispatch! {
 
 #[cfg(test)]
 mod tests {
-    use ndarray::{Array2, s};
+    use ndarray::Array2;
 
-    use super::super::sheet::Law;
+    use super::super::sheet::{Law, law};
     use super::*;
-    use crate::base::scope::Scope;
-    use crate::base::simd::PORTABLE;
 
     static CANCEL: Cancel = Cancel::new();
 
@@ -344,19 +334,11 @@ mod tests {
     }
 
     fn sheets() -> Vec<Sheet> {
-        let law = |i: usize| Law {
+        let one = |i: usize| Law {
             seed: i as u64,
-            period: (150 + i, 400 - 31 * i),
-            shear: 0,
-            count: 0.2,
-            diameters: vec![0.6, 1.2],
-            streak: [1.0, 2.0],
-            circle: 0.0,
-            tau0: 4.3,
-            thin: 1.0,
-            ranks: (0.0, 1.0),
+            ..law(0.2, &[0.6, 1.2], [1.0, 2.0], (150 + i, 400 - 31 * i))
         };
-        (0..3).map(|i| Sheet::new(law(i)).unwrap()).collect()
+        (0..3).map(|i| Sheet::new(one(i)).unwrap()).collect()
     }
 
     #[test]
@@ -402,56 +384,6 @@ mod tests {
                 let wanted = 1.0 - left * (-f64::from(sum[at])).exp();
                 assert!((f64::from(got) - wanted).abs() < 1e-6, "{at:?} {got} {wanted}");
             }
-        }
-    }
-
-    #[test]
-    fn bits_do_not_depend_on_threads_windows_or_vectors() {
-        let run = |threads, reproducible| {
-            let scope = Scope { threads: Some(threads), reproducible: Some(reproducible) };
-            let _entered = scope.enter();
-            let sheets = sheets();
-            let (layers, depth) = scene(&sheets);
-            let mut whole = Array2::zeros(depth.dim());
-            read(
-                whole.view_mut(),
-                [3, -9],
-                &layers,
-                Some(depth.view()),
-                Some(Others::default()),
-                &CANCEL,
-            )
-            .unwrap();
-            let window = s![13..60, 101..1207];
-            let (mut part, depth) = (Array2::zeros((47, 1106)), depth.slice(window).to_owned());
-            read(
-                part.view_mut(),
-                [16, 92],
-                &layers,
-                Some(depth.view()),
-                Some(Others::default()),
-                &CANCEL,
-            )
-            .unwrap();
-            assert_eq!(part, whole.slice(window));
-            whole
-        };
-        assert_eq!(run(1, false), run(4, false));
-        let reproducible = run(3, true);
-        let sheets = sheets();
-        let (layers, depth) = scene(&sheets);
-        let sights: Vec<_> =
-            layers.iter().map(|layer| Sight::new(layer, [3, -9], &CANCEL).unwrap()).collect();
-        for (row, depth) in depth.rows().into_iter().enumerate() {
-            let (mut out, depth) = ([0.0; BLOCK], &depth.to_slice().unwrap()[..BLOCK]);
-            block_with::<PORTABLE>(
-                &mut out,
-                (row, 0),
-                &sights,
-                Some(depth),
-                Some(Beside::default()),
-            );
-            assert_eq!(reproducible.row(row).as_slice().unwrap()[..BLOCK], out);
         }
     }
 }

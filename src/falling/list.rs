@@ -9,7 +9,7 @@ use super::air::{Air, CLOSE, Class, NOW, OPEN, Vector};
 use super::cells::{Born, Cells, side};
 use super::law::{presence, ramp};
 use super::sight::{Line, Sight, parts};
-use crate::air::waves;
+use crate::air;
 use crate::base::error::{Cancel, Error, collected, pushed};
 use crate::base::pool;
 use crate::base::real::Real;
@@ -165,7 +165,7 @@ fn blown(
     let mut out = collected(std::iter::repeat_n(0.0, channels * found.len()))?;
     let shape = |error: ndarray::ShapeError| Error::Internal(error.to_string());
     let waves = air.waves.len() / 3;
-    waves::sum(
+    air::sum(
         ArrayViewMut2::from_shape((found.len(), channels), &mut out).map_err(shape)?,
         ArrayView2::from_shape((found.len(), 3), &points).map_err(shape)?,
         ArrayView2::from_shape((waves, 3), &air.waves).map_err(shape)?,

@@ -80,14 +80,6 @@ fn weights(law: &Law) -> Result<[Rows; 2], Error> {
     let side = 2 * half as usize;
     let mut sharp = zeroed::<f32>(side * side)?;
     let middle = |index: usize| (index as f64 + 0.5 - half as f64) / CELLS;
-    // Times at which a coordinate lies within the pixel.
-    let within = |at: f64, way: f64| {
-        if way == 0.0 {
-            return if at.abs() < 0.5 { (-0.5, 0.5) } else { (0.0, 0.0) };
-        }
-        let (a, b) = ((at - 0.5) / way, (at + 0.5) / way);
-        (a.min(b).max(-0.5), a.max(b).min(0.5))
-    };
     for (row, out) in sharp.chunks_mut(side).enumerate() {
         let y = within(middle(row), streak[1]);
         for (col, out) in out.iter_mut().enumerate().filter(|_| y.1 > y.0) {
@@ -106,6 +98,15 @@ fn weights(law: &Law) -> Result<[Rows; 2], Error> {
         Ok(rows)
     };
     Ok([parity(0)?, parity(1)?])
+}
+
+/// The times at which a coordinate lies within the pixel.
+fn within(at: f64, way: f64) -> (f64, f64) {
+    if way == 0.0 {
+        return if at.abs() < 0.5 { (-0.5, 0.5) } else { (0.0, 0.0) };
+    }
+    let (a, b) = ((at - 0.5) / way, (at + 0.5) / way);
+    (a.min(b).max(-0.5), a.max(b).min(0.5))
 }
 
 /// The mean over a disc, row of the disc by row, from running sums.
@@ -297,12 +298,7 @@ fn swept(streak: [f64; 2], cells: &[f32], half: usize) -> Result<(i64, Vec<f32>)
         for n in -aside..aside {
             // The time for which this column of the ball lies within the pixel's.
             let away = ((2 * n + 2 - cx) as f64 + 0.5) / CELLS;
-            let (from, to) = if across == 0.0 {
-                if away.abs() < 0.5 { (-0.5, 0.5) } else { (0.0, 0.0) }
-            } else {
-                let (a, b) = ((away - 0.5) / across, (away + 0.5) / across);
-                (a.min(b).max(-0.5), a.max(b).min(0.5))
-            };
+            let (from, to) = within(away, across);
             if to <= from {
                 continue;
             }
@@ -419,6 +415,7 @@ fn stamp(image: &Rows, (y, x): (i64, i64), unit: f64) -> Result<Vec<Piece>, Erro
 
 #[cfg(test)]
 mod tests {
+    use super::super::sheet::law;
     use super::*;
 
     #[test]
@@ -430,18 +427,7 @@ mod tests {
             ([6.0, 6.0], 5.0),
             ([5.0, 0.0], 2.0),
         ] {
-            let law = Law {
-                seed: 1,
-                period: (64, 64),
-                shear: 0,
-                count: 1.0,
-                diameters: vec![1.0],
-                streak,
-                circle: 0.0,
-                tau0: 1.5,
-                ranks: (0.0, 1.0),
-                thin: 1.0,
-            };
+            let law = law(1.0, &[1.0], streak, (64, 64));
             let (cells, half) = Profile::new(1.5).cells(diameter).unwrap();
             let (reach, want) = summed(&weights(&law).unwrap(), &cells, half).unwrap();
             let (own, found) = swept(streak, &cells, half).unwrap();

@@ -116,32 +116,3 @@ pub fn bytes(
         Ok(())
     })
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn bytes_survive_their_light() {
-        let law = |v: f32| if v < 0.04 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) };
-        let light: Vec<f32> = (0..256).map(|v| law(v as f32 / 255.0)).collect();
-        let edges: Vec<f32> = (0..255).map(|v| law((v as f32 + 0.5) / 255.0)).collect();
-        let coding = Coding { light: &light, edges: &edges };
-        let mut out = vec![7_u8; 256];
-        bytes(&mut out, &light, &coding, &Cancel::new()).unwrap();
-        assert!(out.iter().enumerate().all(|(value, &byte)| value == usize::from(byte)));
-        let mut found = vec![0.0; 256];
-        coding.tables().unwrap().decode(&mut found, &out);
-        assert_eq!(found, light);
-        // Right at the edges.
-        for (value, &edge) in edges.iter().enumerate() {
-            let mut found = [0_u8; 3];
-            coding.tables().unwrap().encode(&mut found, &[edge.next_down(), edge, edge.next_up()]);
-            let value = value as u8;
-            assert_eq!(found, [value, value + 1, value + 1]);
-        }
-        let mut odd = vec![9_u8; 3];
-        bytes(&mut odd, &[f32::NAN, -1.0, f32::INFINITY], &coding, &Cancel::new()).unwrap();
-        assert_eq!(odd, [0, 0, 255]);
-    }
-}

@@ -1,7 +1,7 @@
 //! Snow over a background (Langer 2004, Eq. 7), a premultiplied layer over a background, and the
 //! joint opacity of layers of one color.
 
-use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis};
+use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3};
 use num_traits::{Float, One, Zero};
 
 use super::mix::{OneColor, dim, invert, joint};
@@ -11,8 +11,8 @@ use crate::base::pool;
 use crate::base::real::Real;
 
 /// Rows of an output with the matching rows of inputs, each a task of its own for the pool.
-fn each_row<'o, S: Sample, A: Sync + Send>(
-    out: ArrayViewMut3<'o, S>,
+fn each_row<S: Sample, A: Sync + Send>(
+    out: ArrayViewMut3<'_, S>,
     background: ArrayView3<'_, S>,
     layer: &[A],
     per_row: usize,
@@ -20,18 +20,10 @@ fn each_row<'o, S: Sample, A: Sync + Send>(
     work: impl Fn(&mut [S], &[S], &[A]) + Sync + Send,
 ) -> Result<(), Error> {
     let layout = || Error::Internal("rows are not contiguous".into());
-    let (height, width, channels) = out.dim();
-    let out = out.into_slice().ok_or_else(layout)?;
+    let (_, width, channels) = out.dim();
     let background = background.to_slice().ok_or_else(layout)?;
-    let mut tasks = Vec::new();
-    let mut rest: &'o mut [S] = out;
-    for run in pool::split(height, pool::threads()) {
-        let (part, later) = rest.split_at_mut(run.len() * width * channels);
-        tasks.push((run, part));
-        rest = later;
-    }
-    pool::for_each(tasks, |(run, part)| {
-        let line = width * channels;
+    pool::for_each(pool::rows(out, pool::threads()), |(run, part)| {
+        let (line, part) = (width * channels, part.into_slice().ok_or_else(layout)?);
         for (row, out) in run.zip(part.chunks_mut(line)) {
             cancel.check()?;
             work(out, &background[row * line..][..line], &layer[row * per_row..][..per_row]);
@@ -88,7 +80,7 @@ pub fn over<S: Sample, A: Real>(
 /// Opacity of several layers of one color together, behind a matte:
 /// `(1 - (1 - haze) prod (1 - alpha_i)) (1 - matte)`. The order does not matter.
 pub fn join<'p, T: Real>(
-    mut out: ArrayViewMut2<'_, T>,
+    out: ArrayViewMut2<'_, T>,
     layers: &[ArrayView2<'p, T>],
     haze: f64,
     matte: Option<ArrayView2<'_, T>>,
@@ -101,13 +93,7 @@ pub fn join<'p, T: Real>(
     for (plane, layer) in planes.iter_mut().zip(layers) {
         *plane = layer.to_slice().ok_or_else(layout)?;
     }
-    let mut tasks = Vec::new();
-    for run in pool::split(out.nrows(), pool::threads()) {
-        let (part, rest) = out.split_at(Axis(0), run.len());
-        out = rest;
-        tasks.push((run, part));
-    }
-    pool::for_each(tasks, |(run, mut part): (std::ops::Range<usize>, ArrayViewMut2<'_, T>)| {
+    pool::for_each(pool::rows(out, pool::threads()), |(run, mut part)| {
         for (row, mut out) in run.zip(part.rows_mut()) {
             cancel.check()?;
             let out = out.as_slice_mut().ok_or_else(layout)?;
@@ -130,30 +116,4 @@ pub fn join<'p, T: Real>(
         }
         Ok(())
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use ndarray::{Array2, Array3};
-
-    #[test]
-    fn integers_round_to_the_nearest() {
-        let background = Array3::from_elem((1, 1, 3), 100_u8);
-        let alpha = Array2::from_elem((1, 1), 0.5_f32);
-        let mut out = Array3::zeros((1, 1, 3));
-        let white = [250.0 / 255.0, 1.0, 0.0];
-        snow(out.view_mut(), background.view(), alpha.view(), &white, &Cancel::new()).unwrap();
-        assert_eq!(out.as_slice().unwrap(), [175, 178, 50]);
-    }
-
-    #[test]
-    fn layers_join_in_any_order() {
-        let layer = |a: f64| Array2::from_elem((2, 3), a);
-        let (a, b, matte) = (layer(0.25), layer(0.5), layer(0.5));
-        let mut out = layer(f64::NAN);
-        let views = [a.view(), b.view()];
-        join(out.view_mut(), &views, 0.2, Some(matte.view()), &Cancel::new()).unwrap();
-        assert!(out.iter().all(|&v| (v - (1.0 - 0.8 * 0.75 * 0.5) * 0.5).abs() < 1e-15));
-    }
 }

@@ -241,22 +241,3 @@ dispatch! {
     /// Adds colors times opacities.
     fn add_light(glow: &mut [[f32; 3]], colors: &[[f32; 3]], cover: &[f32]) = add_light_with
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use ndarray::{Array2, Array3};
-
-    #[test]
-    fn an_even_grid_is_one_color() {
-        let colors = Array3::from_elem((2, 3, 3), 0.5_f32);
-        let alpha = Array2::from_elem((5, 7), 0.25_f32);
-        let back = Array3::from_elem((5, 7, 3), 1.0_f32);
-        let glow = Array3::from_elem((5, 7, 3), 0.1_f32);
-        let grid = Grid { colors: colors.view(), cell: 3.0, first: (0, 0) };
-        let lit = Lit { alpha: alpha.view(), grid, glow: Some(glow.view()) };
-        let mut out = Array3::zeros((5, 7, 3));
-        over(out.view_mut(), back.view(), &lit, &Cancel::new()).unwrap();
-        assert!(out.iter().all(|&v| (v - (0.75 + 0.125 + 0.1)).abs() < 1e-6));
-    }
-}

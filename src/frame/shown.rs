@@ -3,14 +3,11 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 
-use crate::base::error::{Cancel, Error, collected, zeroed};
+use crate::base::error::{Cancel, Error, zeroed};
 use crate::base::pool;
 
 /// Rows of one item of work.
 const BAND: usize = 32;
-
-/// Bits of a word.
-const WORD: usize = u64::BITS as usize;
 
 /// What is asked of every pixel: the flake that shows most, -1 for none, and opacities.
 #[derive(Debug, Clone, Copy)]
@@ -49,7 +46,7 @@ impl Shown<'_> {
     pub fn seen(&self, cancel: &Cancel) -> Result<Vec<i32>, Error> {
         self.check()?;
         let most = self.numbers.iter().copied().max().unwrap_or(-1);
-        let mut words: Vec<u64> = zeroed((most.max(-1) + 1) as usize / WORD + 1)?;
+        let mut met: Vec<u8> = zeroed((most.max(-1) + 1) as usize)?;
         for row in 0..self.numbers.nrows() {
             cancel.check()?;
             let (flake, mut last) = (self.row(row)?, None);
@@ -58,21 +55,14 @@ impl Shown<'_> {
                 if found != last
                     && let Some(number) = found
                 {
-                    words[number / WORD] |= 1 << (number % WORD);
+                    met[number] = 1;
                 }
                 last = found;
             }
         }
-        let mut seen = Vec::new();
-        let count = words.iter().map(|word| word.count_ones() as usize).sum();
-        seen.try_reserve_exact(count).map_err(|_| Error::Memory { bytes: 4 * count })?;
-        for (place, &word) in words.iter().enumerate() {
-            let mut left = word;
-            while left != 0 {
-                seen.push((place * WORD) as i32 + left.trailing_zeros() as i32);
-                left &= left - 1;
-            }
-        }
+        let mut seen = zeroed(met.iter().map(|&met| usize::from(met)).sum())?;
+        let numbers = (0..).zip(&met).filter(|(_, met)| **met == 1);
+        seen.iter_mut().zip(numbers).for_each(|(seen, (number, _))| *seen = number);
         Ok(seen)
     }
 }
@@ -123,7 +113,7 @@ pub fn finish(
     let mut fits = [forward.dim(), backward.dim()] == [(rows, columns, 2); 2]
         && depth.dim() == (rows, columns)
         && scene.is_none_or(|scene| scene.dim() == (rows, columns));
-    let mut places = Places::default();
+    let mut places: Vec<u32> = Vec::new();
     if let Some(Flakes { shown, seen, said }) = flakes {
         shown.check()?;
         fits = fits
@@ -131,7 +121,10 @@ pub fn finish(
             && said.dim() == (seen.len(), SAID)
             && seen.is_sorted()
             && seen.first().is_none_or(|&first| first >= 0);
-        places = Places::of(seen)?;
+        if fits {
+            places = zeroed(seen.last().map_or(0, |&last| last as usize + 1))?;
+            (0..).zip(*seen).for_each(|(place, &number)| places[number as usize] = place);
+        }
     }
     if !fits {
         return Err(Error::Internal("planes or flakes do not fit".into()));
@@ -174,7 +167,7 @@ pub fn finish(
                     ahead.iter_mut().zip(&mut *behind).zip(&mut *depth).enumerate()
                 {
                     if let Some(number) = flake(column) {
-                        let said = line(said, places.at(number))?;
+                        let said = line(said, places[number] as usize)?;
                         *ahead = [said[0], said[1]];
                         *behind = [said[2], said[3]];
                         *depth = said[4];
@@ -213,32 +206,6 @@ pub fn rgba(
         }
         Ok(())
     })
-}
-
-/// Places of numbers in a sorted list: bits, and how many are set before each word.
-#[derive(Default)]
-struct Places(Vec<(u64, u32)>);
-
-impl Places {
-    fn of(seen: &[i32]) -> Result<Self, Error> {
-        let most = seen.last().map_or(0, |&last| last as usize);
-        let mut words = collected((0..most / WORD + 1).map(|_| (0_u64, 0_u32)))?;
-        for &number in seen {
-            words[number as usize / WORD].0 |= 1 << (number as usize % WORD);
-        }
-        let mut before = 0;
-        for word in &mut words {
-            word.1 = before;
-            before += word.0.count_ones();
-        }
-        Ok(Self(words))
-    }
-
-    #[inline(always)]
-    fn at(&self, number: usize) -> usize {
-        let (bits, before) = self.0[number / WORD];
-        before as usize + (bits & ((1 << (number % WORD)) - 1)).count_ones() as usize
-    }
 }
 
 #[cfg(test)]

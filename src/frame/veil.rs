@@ -3,7 +3,7 @@
 //! Patches are a coarse field, read between its points: the extinction is multiplied by
 //! `1 + strength * field`, no less than 0.
 
-use ndarray::{ArrayView2, ArrayViewMut2, Axis};
+use ndarray::{ArrayView2, ArrayViewMut2};
 
 use crate::base::error::{Cancel, Error, zeroed};
 use crate::base::normal::{Normal, least, most};
@@ -26,7 +26,7 @@ pub struct Patches<'a, T> {
 
 /// Writes the veil's opacity. `way` is what the light comes through, (H or 1, W or 1).
 pub fn veil<T: Normal>(
-    mut out: ArrayViewMut2<'_, T>,
+    out: ArrayViewMut2<'_, T>,
     way: ArrayView2<'_, T>,
     extinction: f64,
     patches: Option<Patches<'_, T>>,
@@ -51,13 +51,7 @@ pub fn veil<T: Normal>(
         Some(patches) => places::<T>(width, patches.cell)?,
         None => Vec::new(),
     };
-    let mut tasks = Vec::new();
-    for run in pool::split(height, pool::threads()) {
-        let (part, rest) = out.split_at(Axis(0), run.len());
-        out = rest;
-        tasks.push((run, part));
-    }
-    pool::for_each(tasks, |(run, mut part): (std::ops::Range<usize>, ArrayViewMut2<'_, T>)| {
+    pool::for_each(pool::rows(out, pool::threads()), |(run, mut part)| {
         let mut line = zeroed::<T>(patches.map_or(0, |patches| patches.field.ncols()))?;
         for (row, mut out) in run.zip(part.rows_mut()) {
             cancel.check()?;

@@ -11,8 +11,7 @@
 )]
 
 use super::bins::TILE;
-use super::canvas::Canvas;
-use super::dim::LANES;
+use super::canvas::{Canvas, LANES};
 use super::draw::{PIXELS, begin, multiply};
 use super::profile::Profile;
 use super::sprite::{REACH, Sprite};

@@ -15,10 +15,10 @@
 )]
 
 use super::balls::{Balls, ball};
-use super::bins::{Bins, Grid, TILE, touches};
-use super::canvas::{Canvas, Numbered};
-use super::dim::LANES;
+use super::bins::{TILE, touches};
+use super::canvas::{Canvas, LANES};
 use super::profile::{self, Profile};
+use super::sorted::Sorted;
 use super::sprite::{REACH, Sprite};
 use super::streak::streak;
 use crate::base::cover::pixels;
@@ -32,73 +32,30 @@ pub const PIXELS: usize = TILE * TILE;
 const LOOK: usize = 1024;
 
 dispatch! {
-    /// Multiplies what the flakes let through into a tile's transmittance.
+    /// Multiplies what a tile's flakes let through into a canvas.
     ///
     /// `depth`, where given, is the depth of what stands in the tile; a flake behind it is hidden. Pixels
     /// beyond the picture's border are computed like the others and never looked at.
-    pub fn draw<P: Profile>(
-        transmittance: &mut [f64; PIXELS],
+    pub fn draw<P: Profile, C: Canvas>(
+        canvas: &mut C,
         depth: Option<&[P; PIXELS]>,
-        runs: &[Bins],
-        grid: &Grid,
-        balls: Option<&Balls>,
+        sorted: &Sorted,
         tile: usize,
         cancel: &Cancel,
     ) -> Result<(), Error> = draw_with
 }
 
-dispatch! {
-    /// The same, with the number of the flake that shows most at every pixel.
-    pub fn draw_numbered<P: Profile>(
-        canvas: &mut Numbered,
-        depth: Option<&[P; PIXELS]>,
-        runs: &[Bins],
-        grid: &Grid,
-        balls: Option<&Balls>,
-        tile: usize,
-        cancel: &Cancel,
-    ) -> Result<(), Error> = numbered_with
-}
-
 #[inline(always)]
-fn draw_with<P: Profile, const LEVEL: u8>(
-    transmittance: &mut [f64; PIXELS],
-    depth: Option<&[P; PIXELS]>,
-    runs: &[Bins],
-    grid: &Grid,
-    balls: Option<&Balls>,
-    tile: usize,
-    cancel: &Cancel,
-) -> Result<(), Error> {
-    all::<P, _, LEVEL>(transmittance, depth, runs, grid, balls, tile, cancel)
-}
-
-#[inline(always)]
-fn numbered_with<P: Profile, const LEVEL: u8>(
-    canvas: &mut Numbered,
-    depth: Option<&[P; PIXELS]>,
-    runs: &[Bins],
-    grid: &Grid,
-    balls: Option<&Balls>,
-    tile: usize,
-    cancel: &Cancel,
-) -> Result<(), Error> {
-    all::<P, _, LEVEL>(canvas, depth, runs, grid, balls, tile, cancel)
-}
-
-#[inline(always)]
-fn all<P: Profile, C: Canvas, const LEVEL: u8>(
+fn draw_with<P: Profile, C: Canvas, const LEVEL: u8>(
     canvas: &mut C,
     depth: Option<&[P; PIXELS]>,
-    runs: &[Bins],
-    grid: &Grid,
-    balls: Option<&Balls>,
+    sorted: &Sorted,
     tile: usize,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    let origin = [tile % grid.columns, tile / grid.columns].map(corner);
-    let (row, column) = (tile / grid.columns, tile % grid.columns);
-    for bins in runs {
+    let (row, column) = (tile / sorted.grid.columns, tile % sorted.grid.columns);
+    let origin = [(column * TILE) as f64, (row * TILE) as f64];
+    for bins in &sorted.runs {
         let mut drawn = 0_usize;
         for (list, whole) in [(bins.small(tile), true), (bins.large(), false)] {
             for (sprite, &number) in list {
@@ -110,7 +67,7 @@ fn all<P: Profile, C: Canvas, const LEVEL: u8>(
                     cancel.check()?;
                 }
                 canvas.next(number);
-                one::<P, _, LEVEL>(canvas, depth, sprite, origin, balls);
+                one::<P, _, LEVEL>(canvas, depth, sprite, origin, sorted.balls.as_deref());
             }
         }
         cancel.check()?;
@@ -134,11 +91,6 @@ pub(super) fn one<P: Profile, C: Canvas, const LEVEL: u8>(
     } else {
         streak::<P, C, LEVEL>(canvas, depth, sprite, origin);
     }
-}
-
-#[inline(always)]
-fn corner(place: usize) -> f64 {
-    (place * TILE) as f64
 }
 
 /// The first pixel of `blocks` blocks of `lanes` that begin at `first`, moved to stay in the tile.
@@ -190,26 +142,9 @@ fn disc<P: Profile, C: Canvas, const LEVEL: u8>(
     let (first_x, first_y) = (P::of(first_x * inverse), P::of(first_y * inverse));
     let (step, amplitude) = (P::of(inverse), P::of(sprite.amplitude));
     let place = Place { map, depth: P::of(sprite.depth), left, top, rows };
-    if blocks <= 2 && row_blocks <= 2 {
-        // Most flakes. Both axes at once, so that the chain of the exponential is waited for once.
-        let mut values = [P::zero(); 4 * LANES];
-        for k in 0..4 * LANES {
-            let (start, scale) =
-                if k < 2 * LANES { (first_x, P::one()) } else { (first_y, amplitude) };
-            let offset = P::of((k % (2 * LANES)) as f64);
-            values[k] = scale * profile::gaussian::<P, LEVEL>(start + offset * step);
-        }
-        let (across, down) = values.split_at(2 * LANES);
-        if blocks == 1 {
-            outer::<P, C, LANES, LEVEL>(canvas, &place, 1, across, down);
-        } else {
-            outer::<P, C, { 2 * LANES }, LEVEL>(canvas, &place, 1, across, down);
-        }
-    } else {
-        let across = axis::<P, LEVEL>(first_x, step, P::one(), blocks);
-        let down = axis::<P, LEVEL>(first_y, step, amplitude, row_blocks);
-        outer::<P, C, LANES, LEVEL>(canvas, &place, blocks, &across, &down);
-    }
+    let across = axis::<P, LEVEL>(first_x, step, P::one(), blocks);
+    let down = axis::<P, LEVEL>(first_y, step, amplitude, row_blocks);
+    outer::<P, C, LEVEL>(canvas, &place, blocks, &across, &down);
 }
 
 /// Where a disc lies in its tile.
@@ -221,9 +156,9 @@ struct Place<'a, P> {
     rows: std::ops::Range<usize>,
 }
 
-/// The product of the two axes, `blocks` blocks of N columns.
+/// The product of the two axes, `blocks` blocks of columns.
 #[inline(always)]
-fn outer<P: Profile, C: Canvas, const N: usize, const LEVEL: u8>(
+fn outer<P: Profile, C: Canvas, const LEVEL: u8>(
     canvas: &mut C,
     place: &Place<'_, P>,
     blocks: usize,
@@ -231,24 +166,24 @@ fn outer<P: Profile, C: Canvas, const N: usize, const LEVEL: u8>(
     down: &[P],
 ) {
     for block in 0..blocks {
-        let mut profile = [0.0; N];
-        for k in 0..N {
-            profile[k] = across[block * N + k].wide();
+        let mut profile = [0.0; LANES];
+        for k in 0..LANES {
+            profile[k] = across[block * LANES + k].wide();
         }
         for row in place.rows.start..place.rows.end {
             let weight = down[row - place.top].wide();
-            let at = row * TILE + place.left + block * N;
+            let at = row * TILE + place.left + block * LANES;
             let Some(map) = place.map else {
-                canvas.take::<N, LEVEL>(at, weight, &profile);
+                canvas.take::<LANES, LEVEL>(at, weight, &profile);
                 continue;
             };
-            let map: &[P; N] = map[at..at + N].try_into().expect("lanes lie in the tile");
+            let map: &[P; LANES] = map[at..at + LANES].try_into().expect("lanes lie in the tile");
             let mut seen = profile;
-            for k in 0..N {
+            for k in 0..LANES {
                 // NaN in the map hides nothing.
                 seen[k] = if map[k] < place.depth { 0.0 } else { seen[k] };
             }
-            canvas.take::<N, LEVEL>(at, weight, &seen);
+            canvas.take::<LANES, LEVEL>(at, weight, &seen);
         }
     }
 }

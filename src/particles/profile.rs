@@ -14,7 +14,7 @@
 //! G = exp(-x^2/2) sum_n (L/2)^2n / (2n+1)! He_2n(x), x from the middle, is used instead.
 
 use crate::base::normal::{Normal, least, most, polynomial_at};
-use crate::base::simd::{PORTABLE, multiply_add};
+use crate::base::simd::multiply_add;
 
 /// Where the end of the footprint begins, in sigma.
 const RIM: f64 = 3.0;
@@ -76,13 +76,7 @@ impl Profile for f64 {
 
 /// The end of the footprint: 1 up to 3 sigma, 0 from 4 sigma on; any u, also a negative one.
 #[inline(always)]
-pub fn rim<P: Profile>(u: P) -> P {
-    rim_at::<P, PORTABLE>(u)
-}
-
-/// The same with the products of a level.
-#[inline(always)]
-pub fn rim_at<P: Profile, const LEVEL: u8>(u: P) -> P {
+pub fn rim<P: Profile, const LEVEL: u8>(u: P) -> P {
     let t = least(most(u - P::of(RIM), P::zero()), P::one());
     let slope = multiply_add::<P, LEVEL>(t, P::of(-2.0), P::of(3.0));
     multiply_add::<P, LEVEL>(-(t * t), slope, P::one())
@@ -108,7 +102,7 @@ pub fn bare<P: Profile, const LEVEL: u8>(u: P) -> P {
 #[inline(always)]
 pub fn gaussian<P: Profile, const LEVEL: u8>(u: P) -> P {
     let u = least(u.abs(), P::of(4.0));
-    P::exp_at::<LEVEL>(P::of(-0.5) * u * u) * rim_at::<P, LEVEL>(u)
+    P::exp_at::<LEVEL>(P::of(-0.5) * u * u) * rim::<P, LEVEL>(u)
 }
 
 /// G for segments of `P::SHORT` and longer, without its factor sqrt(pi/2) / L: the error functions of
@@ -171,25 +165,7 @@ pub fn swept_short<P: Profile, const LEVEL: u8>(x: P, q: P, half: P, series: [P;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::simd::AVX2;
-
-    fn plain<P: Profile>(u: P) -> P {
-        gaussian::<P, PORTABLE>(u)
-    }
-
-    #[test]
-    fn the_ended_gaussian_has_no_step_and_loses_little() {
-        let steps = 1 << 16;
-        let width = 8.0 / f64::from(steps);
-        let values: Vec<f64> = (0..=steps).map(|i| plain(-4.0 + width * f64::from(i))).collect();
-        let integral = values.iter().sum::<f64>() * width;
-        let lost = 1.0 - integral / std::f64::consts::TAU.sqrt();
-        assert!((lost - 6.31e-4).abs() < 1e-6, "{lost}");
-        let jump = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
-        assert!(jump < 0.61 * width, "{jump}");
-        assert_eq!((plain(4.0), plain(4.5_f32), plain(-1e30_f32)), (0.0, 0.0, 0.0));
-        assert_eq!(plain(2.9), f64::exp_negative(-0.5 * 2.9 * 2.9));
-    }
+    use crate::base::simd::PORTABLE;
 
     /// G by Simpson's rule over the segment: the definition.
     fn by_quadrature(x: f64, length: f64) -> f64 {
@@ -240,29 +216,5 @@ mod tests {
             assert!(wide < if length > 10.0 { 1e-11 } else { 3e-15 }, "{length}: {wide:e}");
             assert!(narrow < 3e-7, "{length}: {narrow:e}");
         }
-    }
-
-    #[test]
-    fn error_functions_are_right_to_rounding() {
-        for k in -900..=900 {
-            let u = f64::from(k) / 100.0;
-            let wanted = libm::erf(u * std::f64::consts::FRAC_1_SQRT_2);
-            assert!((<f64 as Profile>::erf::<PORTABLE>(u) - wanted).abs() < 5e-16, "{u}");
-            let narrow = u as f32;
-            for narrow in
-                [<f32 as Profile>::erf::<PORTABLE>(narrow), <f32 as Profile>::erf::<AVX2>(narrow)]
-            {
-                assert!((f64::from(narrow) - wanted).abs() < 3.2e-7, "{u} {narrow}");
-            }
-        }
-    }
-
-    #[test]
-    fn a_difference_of_error_functions_would_lose_the_digits_of_a_short_segment() {
-        // The negative control: without the series, f32 at L = 1e-4.
-        let half = 0.5e-4_f32;
-        let scale = std::f64::consts::FRAC_PI_2.sqrt() / 1e-4;
-        let got = f64::from(swept::<_, PORTABLE>(1.0 + half, half - 1.0)) * scale;
-        assert!((got - by_quadrature(1.0, 1e-4)).abs() > 1e-5);
     }
 }

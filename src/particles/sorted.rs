@@ -3,18 +3,16 @@
 //! A frame made in bands of rows asks for its flakes once and draws each band from them.
 
 use std::cell::Cell;
-use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
 use super::balls::Balls;
 use super::bins::{Bins, Grid, Scratch, TILE};
-use super::canvas::{NONE, Numbered};
-use super::draw::{PIXELS, draw, draw_numbered};
+use super::canvas::{Canvas, NONE, Numbered};
+use super::draw::{PIXELS, draw};
 use super::profile::Profile;
-use super::spare;
-use super::splat::{Source, check_lens};
+use super::splat::{Flakes, check_lens};
 use super::sprite::{Lens, Sprite};
 use crate::base::error::{Cancel, Error, pushed};
 use crate::base::pool;
@@ -35,35 +33,48 @@ thread_local! {
 /// A part of a frame, pixels: top, bottom, left, right.
 pub type Part = [usize; 4];
 
+/// Buffers of runs, kept from frame to frame: fresh pages cost a fifth of a frame of flakes.
+///
+/// The lock is only ever tried: after a fork it may be held for ever by a thread that no longer exists,
+/// and then buffers are made anew.
+static SPARE: Mutex<Vec<Bins>> = Mutex::new(Vec::new());
+
+/// What is kept at most, bytes.
+const MOST_SPARE: usize = 32 << 20;
+
 /// The flakes of a frame by the tiles that they touch.
 pub struct Sorted {
-    runs: Vec<Bins>,
-    grid: Grid,
+    pub(super) runs: Vec<Bins>,
+    pub(super) grid: Grid,
     /// What sprites are the images of; None where they are Gaussians.
-    balls: Option<Arc<Balls>>,
+    pub(super) balls: Option<Arc<Balls>>,
 }
 
 impl Drop for Sorted {
     fn drop(&mut self) {
-        spare::keep(std::mem::take(&mut self.runs));
+        let (mut runs, mut bytes) = (std::mem::take(&mut self.runs), 0);
+        runs.retain(|bins| {
+            bytes += bins.bytes();
+            bytes <= MOST_SPARE
+        });
+        if let Ok(mut kept) = SPARE.try_lock() {
+            *kept = runs;
+        }
     }
 }
 
 impl Sorted {
     /// Projects and sorts the flakes of a frame of `shape`.
     pub fn of(
-        flakes: &impl Source,
+        flakes: &Flakes<'_>,
         lens: &Lens,
         shape: (usize, usize),
         cancel: &Cancel,
     ) -> Result<Self, Error> {
         flakes.check()?;
         check_lens(lens)?;
-        let grid = Grid::over(shape);
-        let runs = binned(flakes.len(), &grid, cancel, |bins, range, scratch| {
-            fill(bins, flakes, range, lens, &grid, scratch)
-        })?;
-        Ok(Self { runs, grid, balls: None })
+        let image = |index| Some((Sprite::of(&flakes.get(index), lens)?, index as i32));
+        Self::new(flakes.points.nrows(), image, None, shape, cancel)
     }
 
     /// Sorts images of balls, each with its number.
@@ -73,35 +84,41 @@ impl Sorted {
         shape: (usize, usize),
         cancel: &Cancel,
     ) -> Result<Self, Error> {
-        let grid = Grid::over(shape);
-        let runs = binned(sprites.len(), &grid, cancel, |bins, range, scratch| {
-            bins.sort(range.len(), &grid, scratch, |sorter| {
-                sprites[range]
-                    .iter()
-                    .try_for_each(|&(sprite, number)| sorter.place(Some(sprite), number))
-            })
-        })?;
-        Ok(Self { runs, grid, balls: Some(balls) })
+        Self::new(sprites.len(), |index| Some(sprites[index]), Some(balls), shape, cancel)
     }
 
-    /// What its sprites are the images of; None where they are Gaussians.
-    pub fn balls(&self) -> Option<&Balls> {
-        self.balls.as_deref()
+    fn new(
+        count: usize,
+        image: impl Fn(usize) -> Option<(Sprite, i32)> + Sync,
+        balls: Option<Arc<Balls>>,
+        shape: (usize, usize),
+        cancel: &Cancel,
+    ) -> Result<Self, Error> {
+        let grid = Grid::over(shape);
+        // A run of this length keeps the tables of tiles (one per run) small beside the flakes.
+        let length = RUN.max(grid.len()).min(LONGEST_RUN);
+        let spare = SPARE.try_lock().map(|mut kept| std::mem::take(&mut *kept));
+        let mut runs = spare.unwrap_or_default();
+        runs.resize_with(count.div_ceil(length), Bins::default);
+        // Several runs to an item, which share their scratch buffers.
+        let together = runs.len().div_ceil(4 * pool::threads()).max(1);
+        pool::for_each(runs.chunks_mut(together).enumerate(), |(item, runs)| {
+            let mut scratch = SCRATCH.take();
+            for (i, bins) in runs.iter_mut().enumerate() {
+                cancel.check()?;
+                let start = (item * together + i) * length;
+                let range = start..(start + length).min(count);
+                bins.sort(range.len(), range.filter_map(&image), &grid, &mut scratch)?;
+            }
+            SCRATCH.set(scratch);
+            Ok(())
+        })?;
+        Ok(Self { runs, grid, balls })
     }
 
     /// Size of the frame, px.
     pub fn shape(&self) -> (usize, usize) {
         self.grid.shape
-    }
-
-    /// The runs of flakes.
-    pub(super) fn runs(&self) -> &[Bins] {
-        &self.runs
-    }
-
-    /// The tiles.
-    pub(super) fn grid(&self) -> &Grid {
-        &self.grid
     }
 
     /// A tile of a depth map of the frame.
@@ -125,21 +142,9 @@ impl Sorted {
         self.check(out.dim(), part, depth.as_ref())?;
         let tiles = tiles(out, (part[0], part[2]), self.grid.columns)?;
         pool::for_each(tiles, |(tile, (row, column), pixels)| {
-            cancel.check()?;
-            let map: Option<[P; PIXELS]> =
-                depth.as_ref().map(|map| map_of_tile(map, &self.grid, tile));
-            let mut transmittance = [1.0; PIXELS];
-            draw(
-                &mut transmittance,
-                map.as_ref(),
-                &self.runs,
-                &self.grid,
-                self.balls(),
-                tile,
-                cancel,
-            )?;
-            store(pixels, &transmittance, row, column).ok_or_else(layout)?;
-            Ok(())
+            let mut through = [1.0; PIXELS];
+            self.onto::<P, M>(&mut through, depth.as_ref(), tile, cancel)?;
+            store(pixels, &through, row, column).ok_or_else(layout)
         })
     }
 
@@ -167,19 +172,8 @@ impl Sorted {
             pushed(&mut parts, (tile, own.2, most.next().map(|most| most.2)))?;
         }
         pool::for_each(parts, |((tile, (row, column), pixels), mut own, most)| {
-            cancel.check()?;
-            let map: Option<[P; PIXELS]> =
-                depth.as_ref().map(|map| map_of_tile(map, &self.grid, tile));
             let mut canvas = Numbered::new();
-            draw_numbered(
-                &mut canvas,
-                map.as_ref(),
-                &self.runs,
-                &self.grid,
-                self.balls(),
-                tile,
-                cancel,
-            )?;
+            self.onto::<P, M>(&mut canvas, depth.as_ref(), tile, cancel)?;
             store(pixels, &canvas.through, row, column).ok_or_else(layout)?;
             // A flake so faint that the pixel's opacity is rounded to 0 is not seen.
             for (number, &through) in canvas.numbers.iter_mut().zip(&canvas.through) {
@@ -193,7 +187,19 @@ impl Sorted {
         })
     }
 
-    fn check<M>(
+    fn onto<P: Profile, M: Real>(
+        &self,
+        canvas: &mut impl Canvas,
+        depth: Option<&ArrayView2<'_, M>>,
+        tile: usize,
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        cancel.check()?;
+        let map: Option<[P; PIXELS]> = depth.map(|map| map_of_tile(map, &self.grid, tile));
+        draw(canvas, map.as_ref(), self, tile, cancel)
+    }
+
+    pub(super) fn check<M>(
         &self,
         out: (usize, usize),
         part: Part,
@@ -211,55 +217,6 @@ impl Sorted {
         }
         Ok(())
     }
-}
-
-fn binned(
-    count: usize,
-    grid: &Grid,
-    cancel: &Cancel,
-    fill: impl Fn(&mut Bins, Range<usize>, &mut Scratch) -> Result<(), Error> + Sync,
-) -> Result<Vec<Bins>, Error> {
-    // A run of this length keeps the tables of tiles (one per run) small beside the flakes.
-    let length = RUN.max(grid.len()).min(LONGEST_RUN);
-    let mut runs = spare::take(count.div_ceil(length));
-    // Several runs to an item, which share their scratch buffers.
-    let together = runs.len().div_ceil(4 * pool::threads()).max(1);
-    pool::for_each(runs.chunks_mut(together).enumerate(), |(item, runs)| {
-        let mut scratch = SCRATCH.take();
-        for (i, bins) in runs.iter_mut().enumerate() {
-            cancel.check()?;
-            let start = (item * together + i) * length;
-            let range = start..(start + length).min(count);
-            fill(bins, range, &mut scratch)?;
-        }
-        SCRATCH.set(scratch);
-        Ok(())
-    })?;
-    Ok(runs)
-}
-
-dispatch! {
-    /// One run of flakes, placed, projected and sorted: all of it compiled for the best instructions.
-    fn fill<S: Source>(
-        bins: &mut Bins,
-        flakes: &S,
-        range: Range<usize>,
-        lens: &Lens,
-        grid: &Grid,
-        scratch: &mut Scratch,
-    ) -> Result<(), Error> = fill_with
-}
-
-#[inline(always)]
-fn fill_with<S: Source, const LEVEL: u8>(
-    bins: &mut Bins,
-    flakes: &S,
-    range: Range<usize>,
-    lens: &Lens,
-    grid: &Grid,
-    scratch: &mut Scratch,
-) -> Result<(), Error> {
-    bins.fill::<LEVEL>(flakes, range, lens, grid, scratch)
 }
 
 /// A tile's number, where in it the part begins, and its pixels.
@@ -346,53 +303,4 @@ fn store_with<P: Profile, const LEVEL: u8>(
         }
     }
     Some(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::base::random::Hash;
-    use crate::particles::splat::Flakes;
-    use ndarray::{Array1, Array2, array, s};
-
-    #[test]
-    fn a_part_has_the_bits_of_the_whole() {
-        let unit = |i: usize, word: i64| Hash::seeded(3).word(i as i64).word(word).unit();
-        let points = Array2::from_shape_fn((400, 3), |(i, axis)| {
-            [2.0 * unit(i, 0) - 1.0, 1.5 * unit(i, 1) - 0.7, 0.5 + 2.0 * unit(i, 2)][axis]
-        });
-        let radius = Array1::from_shape_fn(400, |i| 0.02 + 0.4 * unit(i, 3).powi(8));
-        let (opacity, velocity) = (array![0.8], array![[0.2, -0.5, 0.1]]);
-        let flakes = Flakes {
-            points: points.view(),
-            radius: radius.view(),
-            opacity: opacity.view(),
-            velocity: velocity.view(),
-            shutter: 0.3,
-        };
-        let lens = Lens { focal: 100.0, center: [70.0, 75.0], offset: [0.0; 3], near: 0.1 };
-        let shape = (150, 200);
-        let cancel = Cancel::new();
-        let sorted = Sorted::of(&flakes, &lens, shape, &cancel).unwrap();
-        let map =
-            Array2::from_shape_fn(shape, |(y, x)| if y > x { 1.5_f32 } else { f32::INFINITY });
-        let drawn = |part: Part, depth: Option<ArrayView2<'_, f32>>| {
-            let mut out = Array2::from_elem((part[1] - part[0], part[3] - part[2]), f32::NAN);
-            sorted.draw(out.view_mut(), part, depth, &cancel).unwrap();
-            out
-        };
-        for depth in [None, Some(map.view())] {
-            let whole = drawn([0, 150, 0, 200], depth);
-            assert!(whole.iter().any(|&alpha| alpha > 0.1));
-            for part in [[0, 64, 0, 200], [64, 150, 0, 200], [7, 71, 60, 131], [149, 150, 199, 200]]
-            {
-                let [top, bottom, left, right] = part;
-                assert_eq!(drawn(part, depth), whole.slice(s![top..bottom, left..right]));
-            }
-        }
-        let mut small = Array2::<f32>::zeros((3, 3));
-        assert!(
-            sorted.draw(small.view_mut(), [0, 4, 0, 3], None::<ArrayView2<f32>>, &cancel).is_err()
-        );
-    }
 }

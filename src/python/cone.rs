@@ -9,7 +9,6 @@ use pyo3::prelude::*;
 use super::gate::{self, PlaneMut, each_precision};
 use crate::base::error::Error;
 use crate::base::pool;
-use crate::base::real::Real;
 use crate::cone::area::Area;
 use crate::cone::basis::Basis;
 use crate::cone::chart::{self, Chart, Course};
@@ -274,13 +273,9 @@ pub fn cone_tile(
     out: PlaneMut<'_>,
     drops: PyReadonlyArray2<'_, f64>,
 ) -> PyResult<()> {
-    fn run<T: Real>(
-        py: Python<'_>,
-        out: ArrayViewMut2<'_, T>,
-        drops: ArrayView2<'_, f64>,
-    ) -> PyResult<()> {
-        let work = 20.0 * drops.nrows() as f64 * out.nrows() as f64;
-        gate::run(py, work, move |cancel| tile::tile(out, drops, cancel))
-    }
-    each_precision!(out, view => run(py, view, drops.as_array()))
+    let drops = drops.as_array();
+    each_precision!(out, view => {
+        let work = 20.0 * drops.nrows() as f64 * view.nrows() as f64;
+        gate::run(py, work, |cancel| tile::tile(view, drops, cancel))
+    })
 }

@@ -132,7 +132,7 @@ const UNKNOWN: f64 = 5e7;
 #[pyfunction]
 pub fn fall(py: Python<'_>, request: AirRequest<'_>) -> PyResult<SortedFlakes> {
     let air = request.air()?;
-    let closeup = request.closeup.as_ref().map(CloseupRequest::closeup).transpose()?;
+    let closeup = request.closeup.as_ref().map(CloseupRequest::closeup);
     let images = Arc::clone(&request.images.get().0);
     let (list, images) = gate::run(py, work(&air), |cancel| {
         let list = List::of(&air, cancel)?;
@@ -140,7 +140,8 @@ pub fn fall(py: Python<'_>, request: AirRequest<'_>) -> PyResult<SortedFlakes> {
         Ok((list, images))
     })?;
     let nanoseconds = (air.shape.0 * air.shape.1) as f64 + 300.0 * list.flakes.len() as f64;
-    Ok(SortedFlakes::listed(images.sorted, images.patches, lens_of(&air), nanoseconds, list))
+    let Images { sorted, patches } = images;
+    Ok(SortedFlakes { sorted, patches, lens: lens_of(&air), nanoseconds, list })
 }
 
 /// A rough estimate of listing the flakes, nanoseconds.
@@ -159,8 +160,7 @@ type Rows<'py> = (Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f64>>, Bound<'p
 /// numbers for each, (n, 2 k).
 #[pyfunction]
 pub fn flake_rows<'py>(py: Python<'py>, flakes: &SortedFlakes) -> PyResult<Rows<'py>> {
-    let list =
-        flakes.list.as_ref().ok_or_else(|| Error::Internal("flakes without a list".into()))?;
+    let list = &flakes.list;
     let count = list.flakes.len();
     let ids = collected(list.flakes.iter().map(|flake| flake.id))?;
     let mut rows = Vec::new();

@@ -1,6 +1,5 @@
 //! The texture of flakes: patterns, the choices of tiles, frames.
 
-use ndarray::ArrayViewMut2;
 use num_complex::Complex;
 use numpy::{
     PyArray3, PyArray4, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4,
@@ -9,8 +8,7 @@ use numpy::{
 use pyo3::prelude::*;
 
 use super::gate::{self, PlaneMut, arrays, each_precision, either};
-use crate::base::error::{Cancel, Error};
-use crate::base::real::Real;
+use crate::base::error::Error;
 use crate::spectral::flakes::frame::{Frame, Layers, choice};
 use crate::spectral::flakes::pattern::{Law, patterns};
 use crate::spectral::flakes::prepared::Prepared;
@@ -98,20 +96,7 @@ pub fn flake_frame(
     spectra: Spectra<'_>,
     request: FlakeRequest<'_>,
 ) -> PyResult<()> {
-    each_precision!(out, out => either!(Spectra spectra = &spectra => {
-        let spectra = spectra.as_array();
-        render(py, out, spectra.dim().1, &request, move |shear| Prepared::new(spectra, shear))
-    }))
-}
-
-fn render<T: Real>(
-    py: Python<'_>,
-    out: ArrayViewMut2<'_, T>,
-    tile: usize,
-    request: &FlakeRequest<'_>,
-    prepared: impl FnOnce(f64) -> Result<Prepared<T>, Error> + Send,
-) -> PyResult<()> {
-    let &FlakeRequest { overlap, shear, mean, .. } = request;
+    let FlakeRequest { overlap, shear, mean, .. } = request;
     let layers = Layers {
         pattern: request.pattern.as_array(),
         shift: request.shift.as_array(),
@@ -119,13 +104,16 @@ fn render<T: Real>(
         gain: request.gain.as_array(),
         mean,
     };
-    let shape = out.dim();
-    // Overlapping tiles are many times the picture.
-    let step = tile.saturating_sub(overlap).max(1) as f64;
-    let tiles = |length: usize| 1.0 + length as f64 / step;
-    let each = (tile * tile) as f64 * (tile + layers.gain.len()) as f64 / 16.0 * PIXEL;
-    gate::run(py, tiles(shape.0) * tiles(shape.1) * each, move |cancel: &Cancel| {
-        let patterns = prepared(shear)?;
-        Frame::new(shape, overlap, &patterns, &layers)?.render(out, cancel)
-    })
+    each_precision!(out, out => either!(Spectra spectra = &spectra => {
+        let (spectra, shape) = (spectra.as_array(), out.dim());
+        let tile = spectra.dim().1;
+        // Overlapping tiles are many times the picture.
+        let step = tile.saturating_sub(overlap).max(1) as f64;
+        let tiles = |length: usize| 1.0 + length as f64 / step;
+        let each = (tile * tile) as f64 * (tile + layers.gain.len()) as f64 / 16.0 * PIXEL;
+        gate::run(py, tiles(shape.0) * tiles(shape.1) * each, |cancel| {
+            let patterns = Prepared::new(spectra, shear)?;
+            Frame::new(shape, overlap, &patterns, &layers)?.render(out, cancel)
+        })
+    }))
 }

@@ -5,9 +5,8 @@ use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut, alike, arrays, either};
 use crate::base::error::Error;
-use crate::base::real::Real;
+use crate::frame::composite;
 use crate::frame::veil::{self as fog, Patches};
-use crate::frame::{composite, sample::Sample};
 
 /// Rough nanoseconds for a value.
 const VALUE: f64 = 0.3;
@@ -44,22 +43,12 @@ pub fn snow(
     alpha: Plane<'_>,
     intensity: Vec<f64>,
 ) -> PyResult<()> {
-    fn run<S: Sample + numpy::Element>(
-        py: Python<'_>,
-        mut out: PyReadwriteArray3<'_, S>,
-        background: &PyReadonlyArray3<'_, S>,
-        alpha: &Plane<'_>,
-        intensity: &[f64],
-    ) -> PyResult<()> {
-        let (out, back) = (out.as_array_mut(), background.as_array());
-        let work = VALUE * out.len() as f64;
-        either!(Plane alpha = alpha => {
-            let alpha = alpha.as_array();
-            gate::run(py, work, move |cancel| composite::snow(out, back, alpha, intensity, cancel))
-        })
-    }
-    alike!([Byte, Word, Single, Double] PictureMut out = out, Picture back = background =>
-        run(py, out, &back, &alpha, &intensity), else mismatch())
+    alike!([Byte, Word, Single, Double] PictureMut mut out = out, Picture back = background =>
+        either!(Plane alpha = &alpha => {
+            let (out, back, alpha) = (out.as_array_mut(), back.as_array(), alpha.as_array());
+            let work = VALUE * out.len() as f64;
+            gate::run(py, work, |cancel| composite::snow(out, back, alpha, &intensity, cancel))
+        }), else mismatch())
 }
 
 /// A premultiplied layer over a background.
@@ -70,21 +59,12 @@ pub fn over(
     background: Picture<'_>,
     layer: Layer<'_>,
 ) -> PyResult<()> {
-    fn run<S: Sample + numpy::Element>(
-        py: Python<'_>,
-        mut out: PyReadwriteArray3<'_, S>,
-        background: &PyReadonlyArray3<'_, S>,
-        layer: &Layer<'_>,
-    ) -> PyResult<()> {
-        let (out, back) = (out.as_array_mut(), background.as_array());
-        let work = VALUE * out.len() as f64;
-        either!(Layer layer = layer => {
-            let layer = layer.as_array();
-            gate::run(py, work, move |cancel| composite::over(out, back, layer, cancel))
-        })
-    }
-    alike!([Byte, Word, Single, Double] PictureMut out = out, Picture back = background =>
-        run(py, out, &back, &layer), else mismatch())
+    alike!([Byte, Word, Single, Double] PictureMut mut out = out, Picture back = background =>
+        either!(Layer layer = &layer => {
+            let (out, back, layer) = (out.as_array_mut(), back.as_array(), layer.as_array());
+            let work = VALUE * out.len() as f64;
+            gate::run(py, work, |cancel| composite::over(out, back, layer, cancel))
+        }), else mismatch())
 }
 
 /// Joint opacity of layers of one color.
@@ -97,34 +77,23 @@ pub fn join(
     haze: f64,
     matte: Option<Plane<'_>>,
 ) -> PyResult<()> {
-    fn run<T: Real + numpy::Element>(
-        py: Python<'_>,
-        mut out: numpy::PyReadwriteArray2<'_, T>,
-        layers: &[&PyReadonlyArray2<'_, T>],
-        haze: f64,
-        matte: Option<&PyReadonlyArray2<'_, T>>,
-    ) -> PyResult<()> {
-        let out = out.as_array_mut();
-        let layers: Vec<_> = layers.iter().map(|layer| layer.as_array()).collect();
-        let matte = matte.map(|matte| matte.as_array());
-        let work = VALUE * out.len() as f64;
-        gate::run(py, work, move |cancel| composite::join(out, &layers, haze, matte, cancel))
-    }
     let differ = || PyErr::from(Error::invalid("layers", "must have the dtype of out"));
     macro_rules! of {
         ($variant:ident, $out:expr) => {{
             let pick = |plane| match plane {
-                &Plane::$variant(ref array) => Ok(array),
+                &Plane::$variant(ref array) => Ok(array.as_array()),
                 _ => Err(differ()),
             };
             let planes = layers.iter().map(pick).collect::<PyResult<Vec<_>>>()?;
             let matte = matte.as_ref().map(pick).transpose()?;
-            run(py, $out, &planes, haze, matte)
+            let out = $out.as_array_mut();
+            let work = VALUE * out.len() as f64;
+            gate::run(py, work, |cancel| composite::join(out, &planes, haze, matte, cancel))
         }};
     }
     match out {
-        PlaneMut::Single(out) => of!(Single, out),
-        PlaneMut::Double(out) => of!(Double, out),
+        PlaneMut::Single(mut out) => of!(Single, out),
+        PlaneMut::Double(mut out) => of!(Double, out),
     }
 }
 

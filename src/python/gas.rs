@@ -1,6 +1,5 @@
 //! Gas: the image of its particles, and the light that reaches them.
 
-use numpy::ndarray::ArrayView2;
 use numpy::{
     PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1,
     PyReadwriteArray2, PyReadwriteArray3,
@@ -9,8 +8,6 @@ use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut, arrays, each_map, either};
 use crate::base::error::Error;
-use crate::base::normal::Normal;
-use crate::base::real::Real;
 use crate::gas::cloud::Cloud;
 use crate::gas::draw::Drawing;
 use crate::gas::footprint::Edge;
@@ -99,23 +96,14 @@ pub fn gas_splat(
     let colors = colors_of(&colors)?;
     let cloud = gas.cloud(&colors);
     let (eye, look) = (eye_of(lens), look_of(manner)?);
-    either!(LayerMut out = out => {
-        each_map!(&depth, map => layer(py, out, &cloud, &eye, &look, map))
-    })
-}
-
-fn layer<P: Normal + numpy::Element, M: Real>(
-    py: Python<'_>,
-    mut out: PyReadwriteArray3<'_, P>,
-    cloud: &Cloud<'_>,
-    eye: &Eye,
-    look: &Look,
-    depth: Option<ArrayView2<'_, M>>,
-) -> PyResult<()> {
-    let out = out.as_array_mut();
     cloud.check()?;
-    let nanoseconds = splat::estimate((out.dim().0, out.dim().1), cloud, eye, look);
-    gate::run(py, nanoseconds, |cancel| splat::splat(out, cloud, eye, look, depth, cancel))
+    either!(LayerMut mut out = out => {
+        let out = out.as_array_mut();
+        let nanoseconds = splat::estimate((out.dim().0, out.dim().1), &cloud, &eye, &look);
+        each_map!(&depth, map => gate::run(py, nanoseconds, |cancel| {
+            splat::splat(out, &cloud, &eye, &look, map, cancel)
+        }))
+    })
 }
 
 /// Draws the alpha of a gas into `out` (H, W).

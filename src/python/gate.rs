@@ -198,16 +198,10 @@ pub(crate) use alike;
 /// Runs `$body` with `$view`, the mutable view of an output of either precision.
 macro_rules! each_precision {
     ($out:expr, $view:ident => $body:expr) => {
-        match $out {
-            $crate::python::gate::PlaneMut::Single(mut array) => {
-                let $view = array.as_array_mut();
-                $body
-            }
-            $crate::python::gate::PlaneMut::Double(mut array) => {
-                let $view = array.as_array_mut();
-                $body
-            }
-        }
+        $crate::python::gate::either!(PlaneMut mut array = $out => {
+            let $view = array.as_array_mut();
+            $body
+        })
     };
 }
 pub(crate) use each_precision;

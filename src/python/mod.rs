@@ -5,19 +5,15 @@
 
 use pyo3::prelude::*;
 
-mod air;
 mod cone;
-mod encode;
 mod falling;
 mod flakes;
 mod frame;
 mod gas;
 mod gate;
-mod laws;
 mod lookup;
+mod numbers;
 mod particles;
-mod random;
-mod scan;
 mod shade;
 mod shown;
 mod spectral;
@@ -30,14 +26,10 @@ mod core {
     use pyo3::prelude::*;
 
     #[pymodule_export]
-    use super::air::wind_waves;
-    #[pymodule_export]
     use super::cone::{
         cone_basis, cone_chart, cone_footprints, cone_layer, cone_moving, cone_needed, cone_rays,
         cone_shown, cone_stack, cone_table, cone_tile,
     };
-    #[pymodule_export]
-    use super::encode::to_half;
     #[pymodule_export]
     use super::falling::{BallImages, FlakeSheet, fall, flake_rows, sheet_bent, sheet_read};
     #[pymodule_export]
@@ -49,18 +41,14 @@ mod core {
     #[pymodule_export]
     use super::gate::InternalError;
     #[pymodule_export]
-    use super::laws::{
-        lamp_light, particle_edge_fade, particle_image, particle_positions, particle_sway_offsets,
-        smooth,
+    use super::numbers::{
+        all_finite, all_within, lamp_light, particle_edge_fade, particle_positions,
+        particle_sway_offsets, smooth, to_half, uniform, wind_waves,
     };
     #[pymodule_export]
     use super::particles::{
         SortedFlakes, particle_draw, particle_draw_lit, particle_ids, particle_splat,
     };
-    #[pymodule_export]
-    use super::random::uniform;
-    #[pymodule_export]
-    use super::scan::{all_finite, all_within};
     #[pymodule_export]
     use super::shade::{encode_bytes, plate_cells, shade_add, shade_light, shade_over};
     #[pymodule_export]

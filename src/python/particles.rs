@@ -1,6 +1,6 @@
 //! Flakes sorted for a frame and drawn.
 
-use numpy::ndarray::{Array2, ArrayView2, ArrayViewMut2};
+use numpy::ndarray::Array2;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
@@ -8,16 +8,14 @@ use super::gate::{self, Plane, PlaneMut, each_map};
 use super::shade::{Shade, grid};
 use crate::base::error::{Error, collected};
 use crate::base::lamps::Lamps;
-use crate::base::real::Real;
 use crate::falling::list::List;
 use crate::frame::shade::{Behind, Lit};
 use crate::particles::closeup::aperture::Blur;
 use crate::particles::closeup::lit;
 use crate::particles::closeup::near::{self, Closeup};
 use crate::particles::closeup::patch::{Kind, Patch, Tumble};
-use crate::particles::profile::Profile;
 use crate::particles::sorted::Sorted;
-use crate::particles::splat::{self, Flakes, Source};
+use crate::particles::splat::{self, Flakes};
 use crate::particles::sprite::Lens;
 use crate::particles::torus::Sway;
 
@@ -62,19 +60,11 @@ pub fn particle_splat(
 ) -> PyResult<()> {
     let (flakes, lens) = (flakes.flakes(), lens_of(lens));
     gate::each_precision!(out, view => {
-        each_map!(&depth, map => drawn(py, view, &flakes, &lens, map))
+        let nanoseconds = splat::estimate(view.dim(), &flakes, &lens);
+        each_map!(&depth, map => gate::run(py, nanoseconds, |cancel| {
+            splat::splat(view, &flakes, &lens, map, cancel)
+        }))
     })
-}
-
-fn drawn<P: Profile, M: Real>(
-    py: Python<'_>,
-    out: ArrayViewMut2<P>,
-    flakes: &impl Source,
-    lens: &Lens,
-    depth: Option<ArrayView2<M>>,
-) -> PyResult<()> {
-    let nanoseconds = splat::estimate(out.dim(), flakes, lens);
-    gate::run(py, nanoseconds, |cancel| splat::splat(out, flakes, lens, depth, cancel))
 }
 
 /// Writes the index of the flake that each pixel shows into `out` (H, W), -1 where there is none.
@@ -88,27 +78,16 @@ pub fn particle_ids(
 ) -> PyResult<()> {
     let (flakes, lens) = (flakes.flakes(), lens_of(lens));
     let out = out.as_array_mut();
-    each_map!(&depth, map => shown(py, out, &flakes, &lens, map))
-}
-
-fn shown<M: Real>(
-    py: Python<'_>,
-    out: ArrayViewMut2<i32>,
-    flakes: &Flakes<'_>,
-    lens: &Lens,
-    depth: Option<ArrayView2<M>>,
-) -> PyResult<()> {
-    let nanoseconds = 2.0 * splat::estimate(out.dim(), flakes, lens);
-    let (height, width) = out.dim();
-    gate::run(py, nanoseconds, |cancel| {
-        if i32::try_from(flakes.len()).is_err() {
-            return Err(Error::invalid("points", "must be fewer than 2^31"));
-        }
-        let sorted = Sorted::of(flakes, lens, (height, width), cancel)?;
+    let nanoseconds = 2.0 * splat::estimate(out.dim(), &flakes, &lens);
+    if i32::try_from(flakes.points.nrows()).is_err() {
+        return Err(Error::invalid("points", "must be fewer than 2^31").into());
+    }
+    each_map!(&depth, map => gate::run(py, nanoseconds, |cancel| {
+        let (height, width) = out.dim();
+        let sorted = Sorted::of(&flakes, &lens, (height, width), cancel)?;
         let mut alpha = filled((height, width), 0.0_f64)?;
-        let whole = [0, height, 0, width];
-        sorted.draw_numbered(alpha.view_mut(), out, None, whole, depth, cancel)
-    })
+        sorted.draw_numbered(alpha.view_mut(), out, None, [0, height, 0, width], map, cancel)
+    }))
 }
 
 pub(super) fn lens_of((focal, x, y, offset, near): LensValues) -> Lens {
@@ -118,27 +97,14 @@ pub(super) fn lens_of((focal, x, y, offset, near): LensValues) -> Lens {
 /// The flakes of a frame, projected and sorted: to be drawn in any part of it, any number of times.
 #[pyclass(frozen, module = "flurries._core")]
 pub struct SortedFlakes {
-    sorted: Sorted,
+    pub(super) sorted: Sorted,
     /// What is near or out of focus.
-    patches: Vec<Patch>,
-    lens: Lens,
+    pub(super) patches: Vec<Patch>,
+    pub(super) lens: Lens,
     /// A rough estimate of drawing all of them.
     pub(super) nanoseconds: f64,
-    /// The flakes themselves, where they live in the world.
-    pub(super) list: Option<List>,
-}
-
-impl SortedFlakes {
-    /// The images of a list of flakes.
-    pub(super) fn listed(
-        sorted: Sorted,
-        patches: Vec<Patch>,
-        lens: Lens,
-        nanoseconds: f64,
-        list: List,
-    ) -> Self {
-        Self { sorted, patches, lens, nanoseconds, list: Some(list) }
-    }
+    /// The flakes themselves.
+    pub(super) list: List,
 }
 
 /// Draws the alpha of flakes into `out` (h, w), the part `window` (top, bottom, left, right) of their
@@ -231,7 +197,7 @@ pub struct CloseupRequest {
 }
 
 impl CloseupRequest {
-    pub(super) fn closeup(&self) -> Result<Closeup, Error> {
+    pub(super) fn closeup(&self) -> Closeup {
         let kind = match self.kind.as_str() {
             "aggregate" => Some(Kind::Aggregate),
             "drop" => Some(Kind::Drop),
@@ -239,16 +205,7 @@ impl CloseupRequest {
         };
         let blur =
             self.blur.map(|(strength, focus, blades, turn)| Blur { strength, focus, blades, turn });
-        let sound = self.switch.0 < self.switch.1
-            && self.seconds.is_finite()
-            && blur.is_none_or(|b| {
-                b.strength >= 0.0 && b.strength.is_finite() && b.focus >= 0.0 && b.turn.is_finite()
-            });
         let tumble = Tumble { seed: self.seed, seconds: self.seconds };
-        if sound {
-            Ok(Closeup { kind, switch: self.switch, blur, tumble })
-        } else {
-            Err(Error::Internal("no look from near is like that".into()))
-        }
+        Closeup { kind, switch: self.switch, blur, tumble }
     }
 }

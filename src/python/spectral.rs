@@ -168,28 +168,18 @@ pub fn opacity(
 ) -> PyResult<()> {
     let map = opacity_map(map).checked("exponent")?;
     alike!([Single, Double] PlaneMut mut out = out, Plane field = field =>
-        map_plane(py, out.as_array_mut(), field.as_array(), map),
+        {
+            let (mut out, field) = (out.as_array_mut(), field.as_array());
+            gate::run(py, field.len() as f64, |_| {
+                pool::for_each(out.outer_iter_mut().zip(field.outer_iter()), |(mut out, field)| {
+                    let layout = || Error::Internal("rows are not contiguous".into());
+                    let out = out.as_slice_mut().ok_or_else(layout)?;
+                    map.map_row(field.as_slice().ok_or_else(layout)?, out);
+                    Ok(())
+                })
+            })
+        },
         else Error::invalid("out", "must have the dtype of the field"))
-}
-
-fn map_plane<T: Real>(
-    py: Python<'_>,
-    mut out: ndarray::ArrayViewMut2<'_, T>,
-    field: ndarray::ArrayView2<'_, T>,
-    map: Opacity,
-) -> PyResult<()> {
-    gate::run(py, field.len() as f64, move |_| {
-        let tasks = out.rows_mut().into_iter().zip(field.rows());
-        pool::for_each(
-            tasks,
-            |(mut out, field): (ndarray::ArrayViewMut1<'_, T>, ndarray::ArrayView1<'_, T>)| {
-                let layout = || Error::Internal("rows are not contiguous".into());
-                let out = out.as_slice_mut().ok_or_else(layout)?;
-                map.map_row(field.as_slice().ok_or_else(layout)?, out);
-                Ok(())
-            },
-        )
-    })
 }
 
 /// The map of (mean, spread, power, amount).

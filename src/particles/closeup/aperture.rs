@@ -88,23 +88,3 @@ impl Blur {
         (self.corner() * libm::cos(0.5 * step), facing.collect())
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn openings_have_the_area_of_their_circle() {
-        for blades in [0, 5, 6, 9] {
-            let lens = Blur { strength: 1.0, focus: 0.1, blades, turn: 0.2 };
-            let taps = lens.taps(40.0);
-            let most = taps.iter().map(|tap| tap.weight).fold(0.0, f32::max);
-            let area = 1.0 / f64::from(most);
-            let wanted = std::f64::consts::PI * 400.0;
-            assert!((area / wanted - 1.0).abs() < 0.02, "{blades} {area}");
-            let sum: f64 = taps.iter().map(|tap| f64::from(tap.weight)).sum();
-            assert!((sum - 1.0).abs() < 1e-6);
-        }
-        assert!(Blur { strength: 8.0, focus: 0.5, blades: 0, turn: 0.0 }.circle(2.0).abs() < 1e-15);
-    }
-}

@@ -9,8 +9,7 @@ use crate::base::lamps::{Lamps, light};
 use crate::base::pool;
 use crate::base::simd::dispatch;
 use crate::particles::bins::{TILE, touches};
-use crate::particles::canvas::Canvas;
-use crate::particles::dim::rows;
+use crate::particles::canvas::{Canvas, rows};
 use crate::particles::draw::{PIXELS, one};
 use crate::particles::sorted::{Part, Sorted};
 use crate::particles::sprite::{Lens, Sprite};
@@ -40,13 +39,9 @@ impl Scene<'_> {
         finish: impl Fn(usize, ArrayView2<'_, f32>, ArrayViewMut3<'_, f32>) -> Result<(), Error> + Sync,
     ) -> Result<(), Error> {
         let [top, bottom, left, right] = part;
-        let shape = self.sorted.shape();
-        let fits = top <= bottom && bottom <= shape.0 && left <= right && right <= shape.1;
-        if !fits
-            || out.dim() != (bottom - top, right - left)
-            || glow.dim() != (bottom - top, right - left, 3)
-        {
-            return Err(Error::Internal("the part is not one of the frame, or not out's".into()));
+        self.sorted.check(out.dim(), part, depth.as_ref())?;
+        if glow.dim() != (bottom - top, right - left, 3) {
+            return Err(Error::Internal("light is not of out's shape".into()));
         }
         let mut tiles = Vec::new();
         let rows = top / TILE..bottom.div_ceil(TILE);
@@ -166,10 +161,10 @@ fn sprites_with<const LEVEL: u8>(
     lit: &mut Lit,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    let grid = scene.sorted.grid();
+    let grid = &scene.sorted.grid;
     let number = tile.row * grid.columns + tile.column;
     let origin = [(tile.column * TILE) as f64, (tile.row * TILE) as f64];
-    for bins in scene.sorted.runs() {
+    for bins in &scene.sorted.runs {
         cancel.check()?;
         let large = bins.large().filter(|(sprite, _)| touches(sprite, tile.row, tile.column));
         let drawn: Vec<&Sprite> =
@@ -177,7 +172,7 @@ fn sprites_with<const LEVEL: u8>(
         let colors = scene.colors(drawn.iter().map(|sprite| scene.place(sprite)));
         for (sprite, color) in drawn.into_iter().zip(colors) {
             lit.color = color;
-            one::<f32, _, LEVEL>(lit, tile.map, sprite, origin, scene.sorted.balls());
+            one::<f32, _, LEVEL>(lit, tile.map, sprite, origin, scene.sorted.balls.as_deref());
         }
     }
     Ok(())

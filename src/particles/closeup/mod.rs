@@ -4,16 +4,6 @@
 //! is large or out of focus becomes a [`patch::Patch`], a small picture of its opacity. Between the two
 //! a flake is part one and part the other, and its energy (opacity summed over pixels) is always that
 //! of its sprite.
-//!
-//! | module | what |
-//! | --- | --- |
-//! | [`bank`] | silhouettes of aggregates, made by rule, turned and made smaller |
-//! | [`aperture`] | the circle of confusion, and the opening of a lens as a kernel |
-//! | [`shape`] | a flake at rest and in focus |
-//! | [`spread`] | what its way and the opening make of that |
-//! | [`patch`] | one flake's picture |
-//! | [`near`] | which flakes are drawn so, and all of them over a frame |
-//! | [`lit`] | flakes drawn with the light of lamps |
 
 pub mod aperture;
 pub mod bank;

@@ -44,8 +44,6 @@ pub struct Look {
 
 /// The picture of one flake's opacity.
 pub struct Patch {
-    /// What the flake is known by, the same in all frames.
-    pub number: i64,
     /// Its place among the flakes of its source.
     pub index: i32,
     /// Pixels a texel is wide: 1, 2, 4, ...
@@ -161,7 +159,6 @@ impl Patch {
         }
         alpha.iter_mut().for_each(|v| *v = if *v > 0.0 { v.min(1.0) } else { 0.0 });
         Some(Self {
-            number,
             index: 0,
             scale,
             origin: low.map(|v| v as i64 * scale as i64),
@@ -233,49 +230,4 @@ pub struct Line {
     texels: Vec<f32>,
     parts: Vec<f32>,
     pixels: Vec<f32>,
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const LENS: Lens = Lens { focal: 800.0, center: [200.0; 2], offset: [0.0; 3], near: 0.1 };
-
-    fn energy(patch: &Patch) -> f64 {
-        let (mut sum, mut line) = (0.0, Line::default());
-        for y in 0..400 {
-            let row = patch.row(y, 0..400, &mut line).1;
-            sum += row.iter().map(|&alpha| f64::from(alpha)).sum::<f64>();
-        }
-        sum
-    }
-
-    #[test]
-    fn a_patch_has_its_sprite_s_energy() {
-        let tumble = Tumble { seed: 5, seconds: 0.3 };
-        for (radius, opacity) in [(0.004, 0.9), (0.012, 0.5), (0.03, 0.9)] {
-            for travel in [[0.0; 3], [0.01, 0.02, 0.0], [0.002, -0.05, 0.001]] {
-                for circle in [0.0, 3.0, 11.0, 47.0] {
-                    let flake = Flake { point: [0.013, -0.02, 1.3], radius, opacity, travel };
-                    let blur = Blur {
-                        strength: circle / (1.0 - 1.0 / 1.3),
-                        focus: 1.0,
-                        blades: 6,
-                        turn: 0.1,
-                    };
-                    for kind in [Kind::Aggregate, Kind::Drop, Kind::Dot] {
-                        for share in [0.3, 1.0] {
-                            let look = Look { kind, share, blur: Some(blur), tumble };
-                            let patch = Patch::of(3, &flake, &LENS, &look, (400, 400));
-                            let sigma = LENS.focal * radius / 3.9;
-                            let wanted = std::f64::consts::TAU * opacity * sigma * sigma;
-                            let found = energy(&patch.unwrap());
-                            let case = (kind, circle, share, found, wanted);
-                            assert!((found / wanted - 1.0).abs() < 5e-3, "{case:?}");
-                        }
-                    }
-                }
-            }
-        }
-    }
 }

@@ -186,16 +186,4 @@ mod tests {
             assert!((f64::from(value) - wanted).abs() < 1e-5, "{x} {y}");
         }
     }
-
-    #[test]
-    fn a_way_is_centred_and_whole() {
-        for way in [[0.3, 0.0], [5.0, 2.5], [-7.3, 11.1], [0.0, -40.0]] {
-            let taps = along(way);
-            let sum = |of: &dyn Fn(&Tap) -> f64| -> f64 { taps.iter().map(of).sum() };
-            assert!((sum(&|tap| f64::from(tap.weight)) - 1.0).abs() < 1e-6);
-            assert!(sum(&|tap| tap.x as f64 * f64::from(tap.weight)).abs() < 1e-5);
-            assert!(sum(&|tap| tap.y as f64 * f64::from(tap.weight)).abs() < 1e-5);
-            assert!(taps.iter().zip(&taps[1..]).all(|(a, b)| (a.y, a.x) < (b.y, b.x)));
-        }
-    }
 }
