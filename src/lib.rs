@@ -12,7 +12,7 @@
 //! | [`air`] | plane waves of wind | Langer 2004, section 8 |
 //! | [`cone`] | textures on a double cone around the camera | Wang 2004 |
 //! | [`gas`] | splatted mist, fog and clouds | Johnson 2005 |
-//! | [`frame`] | compositing; texture, flakes and veil over a picture in one pass | Langer 2004, Eq. 7 |
+//! | [`frame`] | compositing; mixing, light | Langer 2004, Eq. 7 |
 //! | [`encode`] | half floats | |
 //! | `python` | the binding, behind the feature of that name | |
 
@@ -20,14 +20,14 @@
 // Without the binding only tests and benches call kernels.
 #![cfg_attr(not(feature = "python"), allow(dead_code))]
 
-pub mod air;
-pub mod base;
+mod air;
+mod base;
 mod cone;
-pub mod encode;
-pub mod falling;
-pub mod frame;
-pub mod gas;
-pub mod particles;
+mod encode;
+mod falling;
+mod frame;
+mod gas;
+mod particles;
 #[cfg(feature = "python")]
 mod python;
-pub mod spectral;
+mod spectral;

@@ -20,7 +20,6 @@ use num_traits::Float;
 /// # Safety
 ///
 /// Of all functions: the processor has the level's instructions; and what `load` and `store` say.
-#[expect(clippy::missing_safety_doc, reason = "one for all, above")]
 pub trait Lanes<T>: Copy {
     /// How many.
     const N: usize;

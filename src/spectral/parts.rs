@@ -8,7 +8,7 @@ use std::any::{Any, TypeId};
 use std::sync::{Arc, Mutex};
 
 use super::field::Field;
-use super::tile::{Choice, Plan};
+use super::tile::Plan;
 use super::tiles::{Blend, Row};
 use super::waves::Waves;
 use crate::base::error::Error;
@@ -69,7 +69,7 @@ pub fn parts<T: Real>(field: &Field<'_>, down: Row, across: Row) -> Result<Arc<P
     }
     let waves = Waves::new(field.tile, field.band, field.ring_edges)?.weighted(field.ring_gains)?;
     let made = Arc::new(Parts {
-        plan: Plan::new(&waves, Choice::Cheaper, plain)?,
+        plan: Plan::new(&waves, None, plain)?,
         weights: (down.weights(field.blend)?, across.weights(field.blend)?),
     });
     if waves.list.len() <= MOST_WAVES

@@ -131,11 +131,6 @@ impl Columns {
         2 * self.half * self.stride
     }
 
-    /// Whether there are none.
-    pub const fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// Rows of one sign, ky = 0 included, and places in each.
     pub const fn size(&self) -> (usize, usize) {
         (self.half, self.stride)

@@ -43,17 +43,6 @@ enum Way<T: Real> {
     Fft { columns: usize, along_y: Arc<dyn Fft<T>>, along_x: Arc<dyn ComplexToReal<T>> },
 }
 
-/// Which way to take; both give the same field within rounding.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Choice {
-    /// By the operation count.
-    Cheaper,
-    /// Two dense products.
-    Dense,
-    /// FFTs of the columns in the band, then of every row.
-    Fft,
-}
-
 /// Buffers of one worker, reused from tile to tile.
 pub struct Scratch<T> {
     values: Values<T>,
@@ -67,14 +56,13 @@ pub struct Scratch<T> {
 }
 
 impl<T: Real> Plan<T> {
-    /// Plans the transform for a set of waves, `plain` for the same bits on every processor.
-    pub fn new(waves: &Waves, choice: Choice, plain: bool) -> Result<Self, Error> {
+    /// Plans the transform for a set of waves, `plain` for the same bits on every processor: `dense`
+    /// two dense products, or FFTs of the columns in the band and then of every row, or what the
+    /// operation count says; both give the same field within rounding.
+    pub fn new(waves: &Waves, dense: Option<bool>, plain: bool) -> Result<Self, Error> {
         let (height, width) = waves.tile;
-        let take_dense = match choice {
-            Choice::Cheaper => operations(waves) < DENSE_ADVANTAGE * fft_operations(waves),
-            Choice::Dense => true,
-            Choice::Fft => false,
-        };
+        let take_dense =
+            dense.unwrap_or_else(|| operations(waves) < DENSE_ADVANTAGE * fft_operations(waves));
         let longest = waves.list.iter().map(|wave| wave.wavelength).fold(0.0, f64::max);
         let tile = waves.tile;
         if take_dense {
@@ -219,8 +207,8 @@ mod tests {
             filter: TemporalFilter { alias: Alias::Keep, soft_from: 0.4, shutter: 0.3 },
             shortest: 4.0,
         };
-        let tiles = [Choice::Dense, Choice::Fft].map(|choice| {
-            let plan = Plan::<T>::new(&waves, choice, false).unwrap();
+        let tiles = [true, false].map(|dense| {
+            let plan = Plan::<T>::new(&waves, Some(dense), false).unwrap();
             let mut scratch = plan.scratch().unwrap();
             // Twice, so that the second tile finds the buffers dirty.
             let mut pixels = vec![T::nan(); tile.0 * tile.1];
