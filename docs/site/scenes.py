@@ -21,8 +21,13 @@ TABLES = (
     ("[camera]: the lens", "camera", fl.Camera, tables.LENS),
     ("[camera]: its way", "camera", fl.CameraPath, tables.WAY),
     ("[depth]: a grey picture as a depth", "depth", fl.DepthMap, tables.DEPTH),
-    ("[sun]", "sun", fl.Sun, tables.SUN),
-    ("[output]: how frames are written", "output", fl.Output, tables.OUTPUT),
+    ("[sun]", "sun", fl.Sun, [field.name for field in fields(fl.Sun)]),
+    (
+        "[output]: how frames are written",
+        "output",
+        fl.Output,
+        [field.name for field in fields(fl.Output)],
+    ),
     ("wind = {...}", "wind", fl.Wind, tables.WIND),
 )
 

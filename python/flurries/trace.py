@@ -146,7 +146,7 @@ def tracing(*, memory: bool = False) -> Iterator[Trace]:
     >>> with fl.trace.tracing() as trace:
     ...     frame = scene.render(3)
     >>> sorted(trace.calls)
-    ['background', 'composite', 'texture']
+    ['background', 'composite', 'join', 'texture']
     """
     starts = memory and not tracemalloc.is_tracing()
     if starts:

@@ -175,7 +175,6 @@ CALLS: dict[str, Call] = {
         {"left": PICTURE, "right": OTHER, "index": 3, "distance": 0.1}, of=FOG.pair,
         pictures=("left", "right")),
     "augment.Fog.record": Call({"index": 3}, of=FOG.record),
-    "trace.count": Call({"name": "flakes", "number": 3}, words=("name",), loose=True),
     "trace.stage": Call({"name": "texture"}, words=("name",), loose=True),
     "trace.tracing": Call({"memory": False}, loose=True),
     "augment.Snowfall": Call({}, loose=True),
