@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -152,3 +153,15 @@ def read_text(path: str | os.PathLike[str], most: int, kind: str) -> str:
         return data.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         raise ValueError(f"{os.fspath(path)}: a {kind} is UTF-8 text: {error}") from None
+
+
+def require_whole_png(path: Path) -> None:
+    # libpng tells the terminal, too, of a file that broke off.
+    with path.open("rb") as stream:
+        name = b"" if stream.read(8) == b"\x89PNG\r\n\x1a\n" else b"IEND"
+        while name != b"IEND":
+            head = stream.read(8)
+            if len(head) < 8:
+                raise OSError(f"{path}: the picture is damaged or cut short: it lacks its end")
+            length, name = struct.unpack(">I4s", head)
+            stream.seek(length + 4, os.SEEK_CUR)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -15,7 +14,7 @@ import numpy as np
 
 from flurries._contract import flag
 from flurries.io.color import Array, Encoding
-from flurries.io.files import Budget, plain_file
+from flurries.io.files import Budget, plain_file, require_whole_png
 from flurries.io.oiio import last_error, let_open, openimageio
 from flurries.io.pictures import metadata
 
@@ -258,7 +257,7 @@ def opened_picture(
     limits = Budget.of(budget)
     if found.stat().st_size == 0:
         raise OSError(f"{found}: the file is empty")
-    _require_whole_png(found)
+    require_whole_png(found)
     reader = reader_of(found, limits)
     try:
         part, spec = _part_with_color(found, reader)
@@ -273,18 +272,6 @@ def opened_picture(
         raise OSError(f"{found}: the picture's header is damaged: a name is not text") from error
     finally:
         reader.close()
-
-
-def _require_whole_png(path: Path) -> None:
-    # libpng tells the terminal, too, of a file that broke off.
-    with path.open("rb") as stream:
-        name = b"" if stream.read(8) == b"\x89PNG\r\n\x1a\n" else b"IEND"
-        while name != b"IEND":
-            head = stream.read(8)
-            if len(head) < 8:
-                raise OSError(f"{path}: the picture is damaged or cut short: it lacks its end")
-            length, name = struct.unpack(">I4s", head)
-            stream.seek(length + 4, os.SEEK_CUR)
 
 
 def reader_of(path: Path, budget: Budget) -> Any:

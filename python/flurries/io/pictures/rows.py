@@ -20,6 +20,7 @@ import numpy as np
 from flurries import _core
 from flurries.io.atomic import replacing
 from flurries.io.color import Array
+from flurries.io.files import require_whole_png
 from flurries.io.oiio import last_error, let_open, openimageio, packing_threads
 from flurries.io.pictures.metadata import seal
 
@@ -135,6 +136,7 @@ def _verify(
     library = openimageio()
     wishes = library.ImageSpec()
     wishes.attribute("oiio:UnassociatedAlpha", 1)
+    require_whole_png(temporary)
     reader = library.ImageInput.open(str(temporary), wishes)
     if reader is None:
         raise OSError(f"{target}: cannot be read back: {last_error()}")
