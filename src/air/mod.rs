@@ -60,8 +60,8 @@ pub fn sum(
     })
 }
 
-#[inline(always)]
-fn add_waves_with<const LEVEL: u8>(
+#[dispatch]
+fn add_waves<const LEVEL: u8>(
     places: &[[f64; LANES]; 3],
     k: &[f64],
     weights: &[f64],
@@ -89,16 +89,6 @@ fn add_waves_with<const LEVEL: u8>(
             }
         }
     }
-}
-
-dispatch! {
-    fn add_waves(
-        places: &[[f64; LANES]; 3],
-        k: &[f64],
-        weights: &[f64],
-        channels: usize,
-        sums: &mut [[f64; LANES]; MOST_CHANNELS],
-    ) = add_waves_with
 }
 
 #[cfg(test)]

@@ -63,13 +63,9 @@ impl Lamps {
 /// Particles at a time.
 const LANES: usize = 8;
 
-dispatch! {
-    /// Fills `out` with the radiances of particles at places.
-    pub fn light(lamps: &Lamps, points: &[[f64; 3]], out: &mut [[f64; 3]]) = light_with
-}
-
-#[inline(always)]
-fn light_with<const LEVEL: u8>(lamps: &Lamps, points: &[[f64; 3]], out: &mut [[f64; 3]]) {
+/// Fills `out` with the radiances of particles at places.
+#[dispatch]
+pub fn light<const LEVEL: u8>(lamps: &Lamps, points: &[[f64; 3]], out: &mut [[f64; 3]]) {
     for (points, out) in points.chunks(LANES).zip(out.chunks_mut(LANES)) {
         let mut lanes = [[1.0; LANES]; 3];
         for (k, point) in points.iter().enumerate() {

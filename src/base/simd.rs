@@ -1,7 +1,7 @@
 //! Vector instructions chosen at run time, so that a portable build is as fast as a native one.
 //!
-//! Kernels are plain generic loops over slices, `#[inline(always)]`; [`dispatch`] compiles them once
-//! for each level and calls the best that the processor has. Loops use [`multiply_add`], which is one
+//! Kernels are plain generic loops over slices; [`dispatch`] compiles them once for each level and calls
+//! the best that the processor has. Loops use [`multiply_add`], which is one
 //! instruction with one rounding on both vector levels: these give the same bits. The portable level
 //! rounds twice, so its last bits differ (see docs/internals/architecture.md).
 //!
@@ -10,6 +10,8 @@
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
+
+pub use flurries_dispatch::dispatch;
 
 use crate::base::error::Error;
 use crate::base::real::Real;
@@ -112,54 +114,51 @@ pub fn multiply_add<T: Real, const LEVEL: u8>(a: T, b: T, c: T) -> T {
     if LEVEL == PORTABLE { a * b + c } else { a.mul_add(b, c) }
 }
 
-/// Defines `$name`, which runs `$kernel::<.., LEVEL>` compiled for the best level.
-macro_rules! dispatch {
+/// Makes `$name` run its body, a kernel of a level, compiled for the best one. Functions take it by [`dispatch`].
+macro_rules! dispatched {
     (
         $(#[$meta:meta])*
-        $visibility:vis fn $name:ident $(<$($real:ident: $bound:path),+>)? ($($argument:ident: $type:ty),* $(,)?)
-            $(-> $result:ty)? = $kernel:ident
+        $visibility:vis fn $name:ident<const $level:ident: u8 $(, $real:ident: $bound:path)*>
+            ($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)? $body:block
     ) => {
         $(#[$meta])*
-        #[allow(clippy::too_many_arguments, reason = "some kernels take many slices, one by one")]
         #[allow(unsafe_code, reason = "what is compiled for a level may run where the level is there")]
-        $visibility fn $name $(<$($real: $bound),+>)? ($($argument: $type),*) $(-> $result)? {
+        $visibility fn $name<$($real: $bound),*>($($argument: $type),*) $(-> $result)? {
+            #[inline(always)]
+            fn kernel<const $level: u8 $(, $real: $bound)*>($($argument: $type),*) $(-> $result)? $body
             #[cfg(target_arch = "x86_64")]
             {
+                use $crate::base::simd::{AVX2, AVX512, Level, PORTABLE};
                 #[target_feature(enable = "avx2")]
-                unsafe fn avx2_plain $(<$($real: $bound),+>)? ($($argument: $type),*) $(-> $result)? {
-                    $kernel::<$($($real,)+)? { $crate::base::simd::PORTABLE }>($($argument),*)
+                unsafe fn avx2_plain<$($real: $bound),*>($($argument: $type),*) $(-> $result)? {
+                    kernel::<PORTABLE $(, $real)*>($($argument),*)
                 }
                 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2")]
-                unsafe fn avx512_plain $(<$($real: $bound),+>)? ($($argument: $type),*) $(-> $result)? {
-                    $kernel::<$($($real,)+)? { $crate::base::simd::PORTABLE }>($($argument),*)
+                unsafe fn avx512_plain<$($real: $bound),*>($($argument: $type),*) $(-> $result)? {
+                    kernel::<PORTABLE $(, $real)*>($($argument),*)
                 }
                 #[target_feature(enable = "avx2,fma")]
-                unsafe fn avx2 $(<$($real: $bound),+>)? ($($argument: $type),*) $(-> $result)? {
-                    $kernel::<$($($real,)+)? { $crate::base::simd::AVX2 }>($($argument),*)
+                unsafe fn avx2<$($real: $bound),*>($($argument: $type),*) $(-> $result)? {
+                    kernel::<AVX2 $(, $real)*>($($argument),*)
                 }
                 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma")]
-                unsafe fn avx512 $(<$($real: $bound),+>)? ($($argument: $type),*) $(-> $result)? {
-                    $kernel::<$($($real,)+)? { $crate::base::simd::AVX512 }>($($argument),*)
+                unsafe fn avx512<$($real: $bound),*>($($argument: $type),*) $(-> $result)? {
+                    kernel::<AVX512 $(, $real)*>($($argument),*)
                 }
                 let plain = $crate::base::simd::reproducible();
-                match $crate::base::simd::level() {
-                    $crate::base::simd::Level::Avx512 if plain => {
-                        // SAFETY: `level` has asked the processor for these instructions.
-                        return unsafe { avx512_plain $(::<$($real),+>)? ($($argument),*) };
+                // SAFETY: `level` has asked the processor for these instructions.
+                unsafe {
+                    match $crate::base::simd::level() {
+                        Level::Avx512 if plain => return avx512_plain::<$($real),*>($($argument),*),
+                        Level::Avx2 if plain => return avx2_plain::<$($real),*>($($argument),*),
+                        Level::Avx512 => return avx512::<$($real),*>($($argument),*),
+                        Level::Avx2 => return avx2::<$($real),*>($($argument),*),
+                        Level::Portable => {}
                     }
-                    $crate::base::simd::Level::Avx2 if plain => {
-                        // SAFETY: as above.
-                        return unsafe { avx2_plain $(::<$($real),+>)? ($($argument),*) };
-                    }
-                    // SAFETY: `level` has asked the processor for these instructions.
-                    $crate::base::simd::Level::Avx512 => return unsafe { avx512 $(::<$($real),+>)? ($($argument),*) },
-                    // SAFETY: as above.
-                    $crate::base::simd::Level::Avx2 => return unsafe { avx2 $(::<$($real),+>)? ($($argument),*) },
-                    $crate::base::simd::Level::Portable => {}
                 }
             }
-            $kernel::<$($($real,)+)? { $crate::base::simd::PORTABLE }>($($argument),*)
+            kernel::<{ $crate::base::simd::PORTABLE } $(, $real)*>($($argument),*)
         }
     };
 }
-pub(crate) use dispatch;
+pub(crate) use dispatched;

@@ -109,8 +109,8 @@ fn cast<const LEVEL: u8>(lanes: &mut Lanes, row: &Row, first: usize, count: usiz
     }
 }
 
-#[inline(always)]
-fn row_with<const LEVEL: u8>(
+#[dispatch]
+fn chart_row<const LEVEL: u8>(
     across: &mut [u32],
     along: &mut [u32],
     fade: &mut [f32],
@@ -176,16 +176,6 @@ fn row_with<const LEVEL: u8>(
             };
         }
     }
-}
-
-dispatch! {
-    fn chart_row(
-        across: &mut [u32],
-        along: &mut [u32],
-        fade: &mut [f32],
-        state: &mut [u8],
-        row: &Row,
-    ) = row_with
 }
 
 /// Rounds until an eye's place is accounted for to float32; see `View::ray`.

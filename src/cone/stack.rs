@@ -141,8 +141,8 @@ fn gains_of(band: &Rows<'_>, run: &Range<usize>, state: u8, index: usize, gain: 
 
 /// The joint alpha of a band, run by run and within a run row by row: what a run sees of the textures
 /// stays in the first cache.
-#[inline(always)]
-fn stack_band_with<const LEVEL: u8>(
+#[dispatch]
+fn stack_band<const LEVEL: u8>(
     out: &mut [f32],
     width: usize,
     band: &Rows<'_>,
@@ -203,16 +203,6 @@ fn stack_band_with<const LEVEL: u8>(
 
 /// A run whose blocks differ in how much of them is shown.
 const MIXED: u8 = 255;
-
-dispatch! {
-    fn stack_band(
-        out: &mut [f32],
-        width: usize,
-        band: &Rows<'_>,
-        sheets: &[Sheet],
-        tables: &Tables<'_>,
-    ) -> bool = stack_band_with
-}
 
 /// The places in the grid of each block's and layer's table.
 fn places_of(

@@ -242,8 +242,8 @@ fn node<const N: usize>(nodes: &ArrayView3<'_, f32>, row: usize, col: usize) -> 
 }
 
 /// Adds a row of a sheet, from a cell on.
-#[inline(always)]
-fn sum_with<const LEVEL: u8>(line: &mut [f32], sight: &Sight<'_>, row: usize, first: usize) {
+#[dispatch]
+fn sum<const LEVEL: u8>(line: &mut [f32], sight: &Sight<'_>, row: usize, first: usize) {
     let mut right: [f32; NUMBERS] = node(&sight.nodes, row, first);
     for (col, cell) in (first..).zip(line.chunks_exact_mut(APART)) {
         let left = right;
@@ -318,15 +318,16 @@ fn tap<const LEVEL: u8>(sums: &mut [f32; APART], plane: &[f32], at: usize, gain:
 
 /// Adds a row of a plane, blurred and weighed by the share of the group that lies before a wall. A cell's pixels
 /// have one way.
-#[inline(always)]
-fn blur_with<const LEVEL: u8>(
+#[dispatch]
+fn blur<const LEVEL: u8>(
     out: &mut [f32],
     part: &Part<'_>,
-    (plane, width): (&[f32], usize),
+    plane: (&[f32], usize),
     at: (usize, usize),
     from: (usize, usize),
     depth: Option<&[f32]>,
 ) {
+    let (plane, width) = plane;
     let (mut done, end) = (0, out.len());
     while done < end {
         let col = at.1 + done;
@@ -374,30 +375,11 @@ fn blur_with<const LEVEL: u8>(
     }
 }
 
-#[inline(always)]
-fn hidden_with<const LEVEL: u8>(out: &mut [f32]) {
+#[dispatch]
+fn hidden<const LEVEL: u8>(out: &mut [f32]) {
     for out in out {
         *out = 1.0 - left::<LEVEL>(*out);
     }
-}
-
-dispatch! {
-    fn sum(line: &mut [f32], sight: &Sight<'_>, row: usize, first: usize) = sum_with
-}
-
-dispatch! {
-    fn blur(
-        out: &mut [f32],
-        part: &Part<'_>,
-        plane: (&[f32], usize),
-        at: (usize, usize),
-        from: (usize, usize),
-        depth: Option<&[f32]>,
-    ) = blur_with
-}
-
-dispatch! {
-    fn hidden(out: &mut [f32]) = hidden_with
 }
 
 #[cfg(test)]

@@ -173,8 +173,8 @@ fn line<'p>(
     plane.map(|plane| plane.row(row).to_slice().ok_or_else(layout)).transpose()
 }
 
-#[inline(always)]
-fn block_with<const LEVEL: u8>(
+#[dispatch]
+fn block<const LEVEL: u8>(
     out: &mut [f32],
     at: (usize, usize),
     sights: &[Sight<'_>],
@@ -290,16 +290,6 @@ fn weighed<const LEVEL: u8>(out: &mut [f32], bytes: &[u8], depth: &[f32], sight:
         *out = multiply_add::<f32, LEVEL>(f32::from(byte), sight.gain * share, *out);
         *out += sight.base * share;
     }
-}
-
-dispatch! {
-    fn block(
-        out: &mut [f32],
-        at: (usize, usize),
-        sights: &[Sight<'_>],
-        depth: Option<&[f32]>,
-        beside: Option<Beside<'_>>,
-    ) = block_with
 }
 
 #[cfg(test)]

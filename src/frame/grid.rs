@@ -81,17 +81,13 @@ impl Grid<'_> {
     }
 }
 
-#[inline(always)]
-fn blend_with<const LEVEL: u8>(out: &mut [[f32; 3]], parts: &[f32], low: [f32; 3], high: [f32; 3]) {
+/// Colors between two.
+#[dispatch]
+fn blend<const LEVEL: u8>(out: &mut [[f32; 3]], parts: &[f32], low: [f32; 3], high: [f32; 3]) {
     let step = [high[0] - low[0], high[1] - low[1], high[2] - low[2]];
     for (out, &part) in out.iter_mut().zip(parts) {
         for c in 0..3 {
             out[c] = low[c] + part * step[c];
         }
     }
-}
-
-dispatch! {
-    /// Colors between two.
-    fn blend(out: &mut [[f32; 3]], parts: &[f32], low: [f32; 3], high: [f32; 3]) = blend_with
 }

@@ -76,8 +76,8 @@ impl<S: Sample> OneColor<S> {
 }
 
 /// Pixels of three channels.
-#[inline(always)]
-fn mix_three_with<S: Sample, const LEVEL: u8>(
+#[dispatch]
+fn mix_three<const LEVEL: u8, S: Sample>(
     out: &mut [S],
     background: &[S],
     color: &[S::Working],
@@ -91,8 +91,8 @@ fn mix_three_with<S: Sample, const LEVEL: u8>(
 }
 
 /// Pixels of one channel.
-#[inline(always)]
-fn mix_one_with<S: Sample, const LEVEL: u8>(
+#[dispatch]
+fn mix_one<const LEVEL: u8, S: Sample>(
     out: &mut [S],
     background: &[S],
     color: &[S::Working],
@@ -103,24 +103,6 @@ fn mix_one_with<S: Sample, const LEVEL: u8>(
         AVX2 => pixels::<S, S::Avx2, 1>(out, background, color, alpha),
         _ => pixels::<S, S::Portable, 1>(out, background, color, alpha),
     }
-}
-
-dispatch! {
-    fn mix_three<S: Sample>(
-        out: &mut [S],
-        background: &[S],
-        color: &[S::Working],
-        alpha: &[S::Working],
-    ) = mix_three_with
-}
-
-dispatch! {
-    fn mix_one<S: Sample>(
-        out: &mut [S],
-        background: &[S],
-        color: &[S::Working],
-        alpha: &[S::Working],
-    ) = mix_one_with
 }
 
 #[inline(always)]
@@ -160,8 +142,9 @@ fn pixels<S: Sample, V: Samples<S>, const CHANNELS: usize>(
     }
 }
 
-#[inline(always)]
-fn joint_with<T: Real, const LEVEL: u8>(out: &mut [T], clear: T, alpha: &[T], more: Option<&[T]>) {
+/// `1 - clear (1 - alpha) (1 - more)`: two layers and an even veil together.
+#[dispatch]
+pub fn joint<const LEVEL: u8, T: Real>(out: &mut [T], clear: T, alpha: &[T], more: Option<&[T]>) {
     let (n, one) = (out.len(), T::one());
     let alpha = &alpha[..n];
     match more {
@@ -179,33 +162,20 @@ fn joint_with<T: Real, const LEVEL: u8>(out: &mut [T], clear: T, alpha: &[T], mo
     }
 }
 
-dispatch! {
-    /// `1 - clear (1 - alpha) (1 - more)`: two layers and an even veil together.
-    pub fn joint<T: Real>(out: &mut [T], clear: T, alpha: &[T], more: Option<&[T]>) = joint_with
-}
-
-#[inline(always)]
-fn dim_with<T: Real, const LEVEL: u8>(alpha: &[T], through: &mut [T]) {
+/// What is left of the light behind one more layer.
+#[dispatch]
+pub fn dim<const LEVEL: u8, T: Real>(alpha: &[T], through: &mut [T]) {
     for (through, &alpha) in through.iter_mut().zip(alpha) {
         *through *= T::one() - alpha;
     }
 }
 
-#[inline(always)]
-fn invert_with<T: Real, const LEVEL: u8>(values: &mut [T]) {
+/// Transmittance to opacity, or back.
+#[dispatch]
+pub fn invert<const LEVEL: u8, T: Real>(values: &mut [T]) {
     for value in values {
         *value = T::one() - *value;
     }
-}
-
-dispatch! {
-    /// What is left of the light behind one more layer.
-    pub fn dim<T: Real>(alpha: &[T], through: &mut [T]) = dim_with
-}
-
-dispatch! {
-    /// Transmittance to opacity, or back.
-    pub fn invert<T: Real>(values: &mut [T]) = invert_with
 }
 
 #[cfg(test)]

@@ -92,8 +92,9 @@ impl Along<'_> {
     }
 }
 
-#[inline(always)]
-fn lay_finite_with<const LEVEL: u8>(
+/// Lays a layer over light that is finite, with the bits of `Along::over`.
+#[dispatch]
+fn lay_finite<const LEVEL: u8>(
     light: &mut [f32],
     alpha: &[f32],
     colors: &[[f32; 3]],
@@ -115,16 +116,6 @@ fn lay_finite_with<const LEVEL: u8>(
             light[c] = (1.0 - cover) * light[c] + cover * color[c];
         }
     }
-}
-
-dispatch! {
-    /// Lays a layer over light that is finite, with the bits of `Along::over`.
-    fn lay_finite(
-        light: &mut [f32],
-        alpha: &[f32],
-        colors: &[[f32; 3]],
-        glow: Option<&[[f32; 3]]>
-    ) = lay_finite_with
 }
 
 fn laid<S: Copy + Send + Sync>(
@@ -228,16 +219,12 @@ impl<'a, 'b> Behind<'a, 'b> {
     }
 }
 
-#[inline(always)]
-fn add_light_with<const LEVEL: u8>(glow: &mut [[f32; 3]], colors: &[[f32; 3]], cover: &[f32]) {
+/// Adds colors times opacities.
+#[dispatch]
+fn add_light<const LEVEL: u8>(glow: &mut [[f32; 3]], colors: &[[f32; 3]], cover: &[f32]) {
     for ((glow, color), cover) in glow.iter_mut().zip(colors).zip(cover) {
         for c in 0..3 {
             glow[c] += cover * color[c];
         }
     }
-}
-
-dispatch! {
-    /// Adds colors times opacities.
-    fn add_light(glow: &mut [[f32; 3]], colors: &[[f32; 3]], cover: &[f32]) = add_light_with
 }

@@ -116,8 +116,9 @@ fn patched<T: Normal>(out: &mut [T], places: &[(u32, T)], line: &[T], strength: 
     }
 }
 
-#[inline(always)]
-fn dim_with<T: Normal, const LEVEL: u8>(values: &mut [T], thick: T, way: Option<&[T]>) {
+/// Ways to opacities, each times `thick` and, where it is given, `way`.
+#[dispatch]
+fn dim<const LEVEL: u8, T: Normal>(values: &mut [T], thick: T, way: Option<&[T]>) {
     let (one, end) = (T::one(), T::of(OPAQUE));
     match way {
         Some(way) => {
@@ -133,11 +134,6 @@ fn dim_with<T: Normal, const LEVEL: u8>(values: &mut [T], thick: T, way: Option<
             }
         }
     }
-}
-
-dispatch! {
-    /// Ways to opacities, each times `thick` and, where it is given, `way`.
-    fn dim<T: Normal>(values: &mut [T], thick: T, way: Option<&[T]>) = dim_with
 }
 
 #[cfg(test)]

@@ -6,11 +6,6 @@
 //! it, front to back: the operations of each pixel and their order are those of one after the other.
 
 #![expect(unsafe_code, reason = "blocks of pixels that stay in registers, by `Lanes`")]
-#![expect(
-    clippy::needless_range_loop,
-    reason = "an index over rows of a fixed count is what stays in registers"
-)]
-
 use super::draw::{Row, TILE, Tile, vectors};
 use super::footprint::Scale;
 use super::rays::PART;

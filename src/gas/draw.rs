@@ -63,18 +63,9 @@ pub struct Tile<'a, P> {
     pub lattice: Option<&'a mut Lattice<P>>,
 }
 
-dispatch! {
-    /// Draws the particles of a band's list into one of its tiles, front to back.
-    pub fn draw<P: Normal>(
-        tile: &mut Tile<'_, P>,
-        list: &[Entry],
-        drawing: &Drawing<'_>,
-        cancel: &Cancel,
-    ) -> Result<(), Error> = draw_with
-}
-
-#[inline(always)]
-fn draw_with<P: Normal, const LEVEL: u8>(
+/// Draws the particles of a band's list into one of its tiles, front to back.
+#[dispatch]
+pub fn draw<const LEVEL: u8, P: Normal>(
     tile: &mut Tile<'_, P>,
     list: &[Entry],
     drawing: &Drawing<'_>,

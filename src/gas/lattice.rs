@@ -11,11 +11,6 @@
 //! where the cubic through its samples is its depth to a thousandth of the particle's sigma, and neighbouring
 //! samples are within .6 sigma, so that the normal law that cuts the particle off errs by .0017 at most.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "an index over lanes of a fixed count is what vectorises without closures"
-)]
-
 use std::sync::LazyLock;
 
 use super::cut::{Cut, Ground, Wall};

@@ -247,26 +247,15 @@ fn standing<'a, P: Normal, M: Real>(
     Ground { depth, range }
 }
 
-dispatch! {
-    /// Depths in float64.
-    fn widen<M: Real>(values: &mut [f64], stands: &[M]) = widen_with
-}
-
-#[inline(always)]
-fn widen_with<M: Real, const LEVEL: u8>(values: &mut [f64], stands: &[M]) {
+/// Depths in float64.
+#[dispatch]
+fn widen<const LEVEL: u8, M: Real>(values: &mut [f64], stands: &[M]) {
     values.iter_mut().zip(stands).for_each(|(value, stands)| *value = stands.wide());
 }
 
-dispatch! {
-    /// Rows of depths in the samples' type, and the nearest and the farthest of them.
-    fn stand<P: Normal>(depth: &mut [[P; TILE]], stands: &[[f64; TILE]]) -> [f64; 2] = stand_with
-}
-
-#[inline(always)]
-fn stand_with<P: Normal, const LEVEL: u8>(
-    depth: &mut [[P; TILE]],
-    stands: &[[f64; TILE]],
-) -> [f64; 2] {
+/// Rows of depths in the samples' type, and the nearest and the farthest of them.
+#[dispatch]
+fn stand<const LEVEL: u8, P: Normal>(depth: &mut [[P; TILE]], stands: &[[f64; TILE]]) -> [f64; 2] {
     let (mut nearest, mut farthest) = ([P::infinity(); TILE], [P::neg_infinity(); TILE]);
     for (values, stands) in depth.iter_mut().zip(stands) {
         for k in 0..TILE {
@@ -287,13 +276,9 @@ fn further<P: Normal>(last: P, before: P) -> P {
     if step.is_finite() { last + step } else { last }
 }
 
-dispatch! {
-    /// alpha = 1 - T for a row of a tile.
-    fn opacity<P: Normal>(pixels: &mut [P], through: &[P]) = opacity_with
-}
-
-#[inline(always)]
-fn opacity_with<P: Normal, const LEVEL: u8>(pixels: &mut [P], through: &[P]) {
+/// alpha = 1 - T for a row of a tile.
+#[dispatch]
+fn opacity<const LEVEL: u8, P: Normal>(pixels: &mut [P], through: &[P]) {
     for (pixel, through) in pixels.iter_mut().zip(through) {
         *pixel = P::one() - *through;
     }

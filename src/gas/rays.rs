@@ -5,11 +5,6 @@
 //! steps, in the samples' type. So the distance from the middle is right to the last bits of itself,
 //! however far away the particle is.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "an index over lanes of a fixed count is what vectorises without closures"
-)]
-
 use super::footprint::lane;
 use super::sprite::{Eye, Sprite};
 use crate::base::normal::Normal;

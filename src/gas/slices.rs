@@ -94,8 +94,9 @@ pub fn add(
     })
 }
 
-#[inline(always)]
-fn between_with<const LEVEL: u8>(line: &mut [f32], three: &[f32], weights: [f32; 3]) {
+/// Adds to a line of coarse samples what lies between three of them.
+#[dispatch]
+fn between<const LEVEL: u8>(line: &mut [f32], three: &[f32], weights: [f32; 3]) {
     let columns = line.len();
     let (before, rest) = three.split_at(columns);
     let (at, after) = rest.split_at(columns);
@@ -104,11 +105,6 @@ fn between_with<const LEVEL: u8>(line: &mut [f32], three: &[f32], weights: [f32;
         let value = multiply_add::<f32, LEVEL>(weights[1], at, value);
         *line = multiply_add::<f32, LEVEL>(weights[2], after, value);
     }
-}
-
-dispatch! {
-    /// Adds to a line of coarse samples what lies between three of them.
-    fn between(line: &mut [f32], three: &[f32], weights: [f32; 3]) = between_with
 }
 
 /// The pixels of one coarse sample.
@@ -124,8 +120,10 @@ fn pixels<const LEVEL: u8>(three: [f32; 3]) -> [f32; COARSE] {
     values
 }
 
-#[inline(always)]
-fn spread_with<const LEVEL: u8>(sum: &mut [f32], line: &[f32], ground: Option<(&[f32], f32, f32)>) {
+/// The pixels that follow from a line of coarse samples; before a ground they are added, times the
+/// part of the slice before it.
+#[dispatch]
+fn spread<const LEVEL: u8>(sum: &mut [f32], line: &[f32], ground: Option<(&[f32], f32, f32)>) {
     let (cells, _) = sum.as_chunks_mut::<COARSE>();
     let count = cells.len().min(line.len() - 2);
     let Some((ground, first, thick)) = ground else {
@@ -145,19 +143,15 @@ fn spread_with<const LEVEL: u8>(sum: &mut [f32], line: &[f32], ground: Option<(&
     }
 }
 
-dispatch! {
-    /// The pixels that follow from a line of coarse samples; before a ground they are added, times the
-    /// part of the slice before it.
-    fn spread(sum: &mut [f32], line: &[f32], ground: Option<(&[f32], f32, f32)>) = spread_with
-}
-
-#[inline(always)]
-fn finish_with<const LEVEL: u8>(
+/// Adds a row, times its short waves and the length of its rays.
+#[dispatch]
+fn finish<const LEVEL: u8>(
     out: &mut [f32],
     sum: &[f32],
-    (waves, strength): (&[f32], f32),
+    waves: (&[f32], f32),
     slopes: Option<(&[f32], f32)>,
 ) {
+    let (waves, strength) = waves;
     let dense =
         |sum: f32, wave: f32| sum * most(multiply_add::<f32, LEVEL>(strength, wave, 1.0), 0.0);
     let Some((slopes, down)) = slopes else {
@@ -170,14 +164,4 @@ fn finish_with<const LEVEL: u8>(
         let length = multiply_add::<f32, LEVEL>(x, x, down).sqrt();
         *out = multiply_add::<f32, LEVEL>(dense(sum, wave), length, *out);
     }
-}
-
-dispatch! {
-    /// Adds a row, times its short waves and the length of its rays.
-    fn finish(
-        out: &mut [f32],
-        sum: &[f32],
-        waves: (&[f32], f32),
-        slopes: Option<(&[f32], f32)>,
-    ) = finish_with
 }

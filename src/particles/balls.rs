@@ -5,11 +5,6 @@
 //! large as the table's and as much fainter or stronger. A ball smaller than [`LEAST`] is one of that radius;
 //! beyond [`MOST`] a pixel is small beside it.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "an index over lanes of a fixed count is what vectorises without closures"
-)]
-
 use super::bins::TILE;
 use super::canvas::{Canvas, LANES};
 use super::draw::{PIXELS, begin, multiply};

@@ -9,11 +9,6 @@
 //! Loops over lanes are plain loops with a fixed count: a closure would not inherit the instruction
 //! set that the function is compiled for, and would run many times slower.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "an index over lanes of a fixed count is what vectorises without closures"
-)]
-
 use super::balls::{Balls, ball};
 use super::bins::{TILE, touches};
 use super::canvas::{Canvas, LANES};
@@ -31,22 +26,12 @@ pub const PIXELS: usize = TILE * TILE;
 /// Flakes between two looks at the cancel flag.
 const LOOK: usize = 1024;
 
-dispatch! {
-    /// Multiplies what a tile's flakes let through into a canvas.
-    ///
-    /// `depth`, where given, is the depth of what stands in the tile; a flake behind it is hidden. Pixels
-    /// beyond the picture's border are computed like the others and never looked at.
-    pub fn draw<P: Profile, C: Canvas>(
-        canvas: &mut C,
-        depth: Option<&[P; PIXELS]>,
-        sorted: &Sorted,
-        tile: usize,
-        cancel: &Cancel,
-    ) -> Result<(), Error> = draw_with
-}
-
-#[inline(always)]
-fn draw_with<P: Profile, C: Canvas, const LEVEL: u8>(
+/// Multiplies what a tile's flakes let through into a canvas.
+///
+/// `depth`, where given, is the depth of what stands in the tile; a flake behind it is hidden. Pixels
+/// beyond the picture's border are computed like the others and never looked at.
+#[dispatch]
+pub fn draw<const LEVEL: u8, P: Profile, C: Canvas>(
     canvas: &mut C,
     depth: Option<&[P; PIXELS]>,
     sorted: &Sorted,

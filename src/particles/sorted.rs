@@ -278,23 +278,15 @@ fn layout() -> Error {
     Error::Internal("rows are not contiguous".into())
 }
 
-dispatch! {
-    /// Writes the tile's pixels from (row, column) on.
-    fn store<P: Profile>(
-        pixels: ArrayViewMut2<'_, P>,
-        transmittance: &[f64; PIXELS],
-        row: usize,
-        column: usize,
-    ) -> Option<()> = store_with
-}
-
-#[inline(always)]
-fn store_with<P: Profile, const LEVEL: u8>(
-    mut pixels: ArrayViewMut2<'_, P>,
+/// Writes the tile's pixels from (row, column) on.
+#[dispatch]
+fn store<const LEVEL: u8, P: Profile>(
+    pixels: ArrayViewMut2<'_, P>,
     transmittance: &[f64; PIXELS],
     row: usize,
     column: usize,
 ) -> Option<()> {
+    let mut pixels = pixels;
     let lines = transmittance.chunks_exact(TILE).skip(row);
     for (mut line, transmittance) in pixels.rows_mut().into_iter().zip(lines) {
         let line = line.as_slice_mut()?;

@@ -4,11 +4,6 @@
 //! are a few pixels wide, and a block of one row would be filled by a third. A block that lies between
 //! the two ends, where nothing changes along the way, does without error functions.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "an index over lanes of a fixed count is what vectorises without closures"
-)]
-
 use super::bins::TILE;
 use super::canvas::{Canvas, LANES};
 use super::draw::{PIXELS, begin, multiply};

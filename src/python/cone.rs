@@ -214,7 +214,6 @@ pub fn cone_needed(
 
 /// The joint alpha of layers. `tables` are (level across, level along, entries).
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the planes of a chart, one by one")]
 #[pyo3(signature = (out, across, along, fade, state, footprint, sheets, levels, tables, shown=None))]
 pub fn cone_stack(
     py: Python<'_>,
@@ -245,7 +244,6 @@ pub fn cone_stack(
 
 /// The same without a chart that would be used once.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn cone_moving(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, f32>,

@@ -188,7 +188,6 @@ pub struct FlakeSheet(Sheet);
 impl FlakeSheet {
     #[new]
     #[pyo3(signature = (seed, period, shear, count, diameters, streak, circle, opacity, ranks, thin=1.0))]
-    #[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
     fn new(
         seed: u64,
         period: (usize, usize),
@@ -233,7 +232,6 @@ type LayerValues<'py> = (PyRef<'py, FlakeSheet>, [f64; 2], (f32, f32), f32, f32)
 /// flakes, which are an opacity and a factor of their optical depth, a veil, and the opacity of an even one.
 #[pyfunction]
 #[pyo3(signature = (out, origin, sheets, depth, opacity, drawn=None, veil=None, haze=0.0))]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn sheet_read(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, f32>,

@@ -17,7 +17,6 @@ use crate::particles::torus::{self, Sway, Torus};
 
 /// Fills `out` (n, 3) with the positions of flakes 0..n at `time`.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn particle_positions(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, f64>,

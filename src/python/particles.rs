@@ -153,7 +153,6 @@ fn filled<A: Copy>(shape: (usize, usize), value: A) -> Result<Array2<A>, Error> 
 /// adds the light of a layer behind them: its opacity and colors.
 #[pyfunction]
 #[pyo3(signature = (out, glow, flakes, window, lamps, optics, depth=None, behind=None))]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn particle_draw_lit(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, f32>,

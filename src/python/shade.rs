@@ -52,7 +52,6 @@ pub fn plate_cells(
 /// Lays a layer whose color differs over the picture over linear light, or over bytes in linear light.
 #[pyfunction]
 #[pyo3(signature = (out, background, alpha, colors, glow=None, light=None, edges=None))]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn shade_over(
     py: Python<'_>,
     out: super::frame::PictureMut<'_>,

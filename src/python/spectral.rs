@@ -60,7 +60,6 @@ pub fn advance_phase(
 
 /// Amplitudes after the alias law and the shutter.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "one flat call per public function")]
 pub fn temporal_filter(
     mut out: PyReadwriteArray2<'_, f64>,
     amplitude: PyReadonlyArray2<'_, f64>,

@@ -91,9 +91,9 @@ pub fn operations(waves: &Waves) -> f64 {
         + 2.0 * columns * waves.tile.0 as f64 * sums(waves.tile.1)
 }
 
-/// Transforms the rows `re` and `im` of a spectrum (its column kx = 0 complete) to `pixels`, row by row.
-#[inline(always)]
-fn transform_with<T: Real, const LEVEL: u8>(
+/// [`transform_with`] on the best instructions.
+#[dispatch]
+pub fn transform<const LEVEL: u8, T: Real>(
     dense: &Dense<T>,
     re: &[T],
     im: &[T],
@@ -388,15 +388,4 @@ fn put_few<T: Real>(
         }
         line[start + i] = made[0][i];
     }
-}
-
-dispatch! {
-    /// [`transform_with`] on the best instructions.
-    pub fn transform<T: Real>(
-        dense: &Dense<T>,
-        re: &[T],
-        im: &[T],
-        work: &mut Work<T>,
-        pixels: &mut [T],
-    ) = transform_with
 }

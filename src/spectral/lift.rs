@@ -25,13 +25,9 @@ pub struct Lift<T> {
     known: (Power, f64),
 }
 
-dispatch! {
-    /// Adds a row of tiles' values with their share.
-    fn add_share<T: Real>(out: &mut [T], line: &[T], share: T) = add_share_with
-}
-
-#[inline(always)]
-fn add_share_with<T: Real, const LEVEL: u8>(out: &mut [T], line: &[T], share: T) {
+/// Adds a row of tiles' values with their share.
+#[dispatch]
+fn add_share<const LEVEL: u8, T: Real>(out: &mut [T], line: &[T], share: T) {
     for (out, &value) in out.iter_mut().zip(line) {
         *out += share * value;
     }

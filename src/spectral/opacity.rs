@@ -34,8 +34,8 @@ impl<T: Real> Block<'_, '_, T> {
 }
 
 /// The map with a power of 1, or of 2 where `square`; lifted by the same everywhere.
-#[inline(always)]
-fn map_with<T: Real, const LEVEL: u8>(
+#[dispatch]
+fn map_block<const LEVEL: u8, T: Real>(
     map: Opacity,
     square: bool,
     lift: Option<T>,
@@ -56,8 +56,8 @@ fn map_with<T: Real, const LEVEL: u8>(
     }
 }
 
-#[inline(always)]
-fn lift_with<T: Real, const LEVEL: u8>(
+#[dispatch]
+fn lift_block<const LEVEL: u8, T: Real>(
     amount: T,
     lifted: Lifted<'_, T>,
     block: &mut Block<'_, '_, T>,
@@ -78,18 +78,6 @@ fn lift_with<T: Real, const LEVEL: u8>(
             }
         }
     }
-}
-
-dispatch! {
-    fn map_block<T: Real>(
-        map: Opacity,
-        square: bool,
-        lift: Option<T>,
-        block: &mut Block<'_, '_, T>,
-    ) = map_with
-}
-dispatch! {
-    fn lift_block<T: Real>(amount: T, lifted: Lifted<'_, T>, block: &mut Block<'_, '_, T>) = lift_with
 }
 
 /// `amount * clip(mean + z / (2 spread), 0, 1) ** power` for a field of variance 1.

@@ -305,13 +305,8 @@ impl Columns {
     }
 }
 
-#[inline(always)]
-fn tent_steps_with<const LEVEL: u8>(
-    drift: [f64; 2],
-    tent_y: &[f64],
-    tent_x: &[f64],
-    out: &mut [f64],
-) {
+#[dispatch]
+fn tent_steps<const LEVEL: u8>(drift: [f64; 2], tent_y: &[f64], tent_x: &[f64], out: &mut [f64]) {
     let motion = Motion { drift, shift: [0.0; 2] };
     for ((out, &ty), &tx) in out.iter_mut().zip(tent_y).zip(tent_x) {
         *out = motion.step((ty, tx), (0.0, 0.0));
@@ -319,8 +314,8 @@ fn tent_steps_with<const LEVEL: u8>(
 }
 
 /// Rates to amplitudes, in place; sums run over lanes, in one order for every level.
-#[inline(always)]
-fn gain_lanes_with<const LEVEL: u8>(
+#[dispatch]
+fn gain_lanes<const LEVEL: u8>(
     filter: TemporalFilter,
     shortest: f64,
     amplitude: &[f64],
@@ -353,8 +348,8 @@ fn gain_lanes_with<const LEVEL: u8>(
 
 /// Bins from phases: hash, add, reduce in float64; then turn and scale in the pixels' precision, on
 /// twice the lanes if that is float32.
-#[inline(always)]
-fn bins_with<T: Real, const LEVEL: u8>(kx: &[i64], values: &mut Values<T>) {
+#[dispatch]
+fn bins<const LEVEL: u8, T: Real>(kx: &[i64], values: &mut Values<T>) {
     let stride = kx.len();
     let rows = values.re.chunks_exact_mut(stride).zip(values.phase.chunks_exact(stride));
     let by_row = values.hash.iter().zip(&values.row_phase);
@@ -377,23 +372,4 @@ fn bins_with<T: Real, const LEVEL: u8>(kx: &[i64], values: &mut Values<T>) {
         re[i] = turn.re * gain[i];
         im[i] = turn.im * gain[i];
     }
-}
-
-dispatch! {
-    fn tent_steps(drift: [f64; 2], tent_y: &[f64], tent_x: &[f64], out: &mut [f64])
-        = tent_steps_with
-}
-
-dispatch! {
-    fn gain_lanes(
-        filter: TemporalFilter,
-        shortest: f64,
-        amplitude: &[f64],
-        wavelength: &[f64],
-        values: &mut [f64],
-    ) -> Power = gain_lanes_with
-}
-
-dispatch! {
-    fn bins<T: Real>(kx: &[i64], values: &mut Values<T>) = bins_with
 }

@@ -148,14 +148,9 @@ impl Canvas for Lit {
     }
 }
 
-dispatch! {
-    /// Draws a tile's sprites.
-    fn sprites(scene: &Scene<'_>, tile: &Tile<'_>, lit: &mut Lit, cancel: &Cancel)
-        -> Result<(), Error> = sprites_with
-}
-
-#[inline(always)]
-fn sprites_with<const LEVEL: u8>(
+/// Draws a tile's sprites.
+#[dispatch]
+fn sprites<const LEVEL: u8>(
     scene: &Scene<'_>,
     tile: &Tile<'_>,
     lit: &mut Lit,
@@ -178,13 +173,9 @@ fn sprites_with<const LEVEL: u8>(
     Ok(())
 }
 
-dispatch! {
-    /// Draws the pictures of flakes, of these colors, as far as they reach into a tile.
-    fn pictures(scene: &Scene<'_>, colors: &[[f32; 4]], tile: &Tile<'_>, lit: &mut Lit) = pictures_with
-}
-
-#[inline(always)]
-fn pictures_with<const LEVEL: u8>(
+/// Draws the pictures of flakes, of these colors, as far as they reach into a tile.
+#[dispatch]
+fn pictures<const LEVEL: u8>(
     scene: &Scene<'_>,
     colors: &[[f32; 4]],
     tile: &Tile<'_>,
@@ -217,23 +208,17 @@ fn pictures_with<const LEVEL: u8>(
     }
 }
 
-dispatch! {
-    /// Writes opacity and premultiplied light of a tile's pixels from (row, column) on.
-    fn store(
-        out: ArrayViewMut2<'_, f32>,
-        glow: ArrayViewMut3<'_, f32>,
-        lit: &Lit,
-        from: (usize, usize),
-    ) -> Option<()> = store_with
-}
-
-#[inline(always)]
-fn store_with<const LEVEL: u8>(
-    mut out: ArrayViewMut2<'_, f32>,
-    mut glow: ArrayViewMut3<'_, f32>,
+/// Writes opacity and premultiplied light of a tile's pixels from (row, column) on.
+#[dispatch]
+fn store<const LEVEL: u8>(
+    out: ArrayViewMut2<'_, f32>,
+    glow: ArrayViewMut3<'_, f32>,
     lit: &Lit,
-    (row, column): (usize, usize),
+    from: (usize, usize),
 ) -> Option<()> {
+    let mut out = out;
+    let mut glow = glow;
+    let (row, column) = from;
     let [red, green, blue, whole] = &lit.sums;
     for (y, (mut out, mut glow)) in out.outer_iter_mut().zip(glow.outer_iter_mut()).enumerate() {
         let out = out.as_slice_mut()?;

@@ -104,14 +104,10 @@ pub fn number(
     Ok(())
 }
 
-#[inline(always)]
-fn join_with<const LEVEL: u8>(out: &mut [f32], alphas: &[f32]) {
+/// Joins opacities with those that are there.
+#[dispatch]
+fn join<const LEVEL: u8>(out: &mut [f32], alphas: &[f32]) {
     for (out, alpha) in out.iter_mut().zip(alphas) {
         *out += alpha * (1.0 - *out);
     }
-}
-
-dispatch! {
-    /// Joins opacities with those that are there.
-    fn join(out: &mut [f32], alphas: &[f32]) = join_with
 }

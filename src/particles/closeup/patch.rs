@@ -75,13 +75,9 @@ const MARGIN: f64 = 2.0;
 /// A way in texels that is shorter moves nothing.
 const SHORT: f64 = 0.25;
 
-dispatch! {
-    /// Makes the sum of a picture `energy`.
-    fn normalize(alpha: &mut [f32], energy: f64) = normalize_with
-}
-
-#[inline(always)]
-fn normalize_with<const LEVEL: u8>(alpha: &mut [f32], energy: f64) {
+/// Makes the sum of a picture `energy`.
+#[dispatch]
+fn normalize<const LEVEL: u8>(alpha: &mut [f32], energy: f64) {
     // Sixteen sums, which do not wait for each other.
     let mut sums = [0.0_f64; 16];
     let (runs, rest) = alpha.as_chunks::<16>();

@@ -185,19 +185,9 @@ fn filled(place: &Place, diameter: f64, reach: f64, shape: &impl Shape) -> Vec<f
     alpha
 }
 
-dispatch! {
-    /// Paints a line of a shape from so many texels right of its middle on, `y` and a texel in diameters.
-    fn paint<S: Shape>(line: &mut [f32], start: f32, y: f32, texel: f32, shape: &S) = paint_with
-}
-
-#[inline(always)]
-fn paint_with<S: Shape, const LEVEL: u8>(
-    line: &mut [f32],
-    start: f32,
-    y: f32,
-    texel: f32,
-    shape: &S,
-) {
+/// Paints a line of a shape from so many texels right of its middle on, `y` and a texel in diameters.
+#[dispatch]
+fn paint<const LEVEL: u8, S: Shape>(line: &mut [f32], start: f32, y: f32, texel: f32, shape: &S) {
     for (column, out) in line.iter_mut().enumerate() {
         *out = shape.at((column as f32 + start) * texel, y);
     }

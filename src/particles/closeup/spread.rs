@@ -113,13 +113,9 @@ struct Work<'a> {
     steps: &'a [Step],
 }
 
-dispatch! {
-    /// Sums the copies, block by block.
-    fn sum(out: &mut [f32], columns: usize, work: &Work<'_>) = sum_with
-}
-
-#[inline(always)]
-fn sum_with<const LEVEL: u8>(out: &mut [f32], columns: usize, work: &Work<'_>) {
+/// Sums the copies, block by block.
+#[dispatch]
+fn sum<const LEVEL: u8>(out: &mut [f32], columns: usize, work: &Work<'_>) {
     let &Work { source, stride, rows: [top, bottom], first, blocks, steps } = work;
     for (y, line) in out.chunks_exact_mut(columns).enumerate() {
         let y = y as isize;

@@ -95,8 +95,8 @@ const fn parts<S>(spectrum: &[Complex<S>]) -> &[S] {
 }
 
 /// For each row y of pixels cosines and sines of 2 pi shear a y / M.
-#[inline(always)]
-fn shear_turns_with<T: Real, const LEVEL: u8>(turns: &mut [T], shear: f64, tile: usize) {
+#[dispatch]
+fn shear_turns<const LEVEL: u8, T: Real>(turns: &mut [T], shear: f64, tile: usize) {
     let stride = turns.len() / (2 * tile);
     for (y, row) in turns.chunks_exact_mut(2 * stride).enumerate() {
         let (cosines, sines) = row.split_at_mut(stride);
@@ -110,18 +110,15 @@ fn shear_turns_with<T: Real, const LEVEL: u8>(turns: &mut [T], shear: f64, tile:
     }
 }
 
-dispatch! {
-    fn shear_turns<T: Real>(turns: &mut [T], shear: f64, tile: usize) = shear_turns_with
-}
-
 /// Folds one spectrum, real and imaginary parts in turn, into `values`. The result is 0 if all numbers
 /// are finite: infinity and NaN times 0 are not.
-#[inline(always)]
-fn fold_with<T: Real, const LEVEL: u8>(
+#[dispatch]
+fn fold<const LEVEL: u8, T: Real>(
     values: &mut [T],
     spectrum: &[T],
-    (tile, half, stride): (usize, usize, usize),
+    sizes: (usize, usize, usize),
 ) -> T {
+    let (tile, half, stride) = sizes;
     let columns = 2 * (tile / 2 + 1);
     let row = |b: usize| &spectrum[b * columns..][..2 * half];
     // One for each lane: a single sum would be a chain.
@@ -160,12 +157,4 @@ fn fold_with<T: Real, const LEVEL: u8>(
     first[0] = T::zero();
     first[stride] = T::zero();
     traces.iter().fold(T::zero(), |sum, &trace| sum + trace)
-}
-
-dispatch! {
-    fn fold<T: Real>(
-        values: &mut [T],
-        spectrum: &[T],
-        sizes: (usize, usize, usize),
-    ) -> T = fold_with
 }

@@ -71,9 +71,9 @@ pub(super) fn turns<T: Real, const LEVEL: u8>(cos: &mut [T], sin: &mut [T], cycl
     }
 }
 
-/// Fills `pixels` with the tile of some terms, without their mean.
-#[inline(always)]
-fn render_with<T: Real, const LEVEL: u8>(
+/// [`render_with`] on the best instructions.
+#[dispatch]
+pub fn render<const LEVEL: u8, T: Real>(
     patterns: &Prepared<T>,
     terms: &[Term],
     scratch: &mut Scratch<T>,
@@ -205,14 +205,4 @@ unsafe fn plus<T: Real, V: Lanes<T>>(sum: [V; 2], a: [V; 2], b: [V; 2]) -> [V; 2
             a[1].multiply_add(b[0], a[0].multiply_add(b[1], sum[1])),
         ]
     }
-}
-
-dispatch! {
-    /// [`render_with`] on the best instructions.
-    pub fn render<T: Real>(
-        patterns: &Prepared<T>,
-        terms: &[Term],
-            scratch: &mut Scratch<T>,
-        pixels: &mut [T],
-    ) = render_with
 }
