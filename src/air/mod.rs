@@ -2,7 +2,7 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
-use crate::base::error::{Cancel, Error};
+use crate::base::error::{Cancel, Error, layout};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::{dispatch, multiply_add};
@@ -34,7 +34,6 @@ pub fn sum(
     if channels > MOST_CHANNELS || weights.dim() != (k.nrows(), 2 * channels) {
         return Err(Error::invalid("weights", "must have two numbers for each wave and channel"));
     }
-    let layout = || Error::Internal("layout".into());
     let (k, weights) = (k.to_slice().ok_or_else(layout)?, weights.to_slice().ok_or_else(layout)?);
     let tasks = out.axis_chunks_iter_mut(Axis(0), RUN).zip(points.axis_chunks_iter(Axis(0), RUN));
     pool::for_each(tasks, |(mut out, points)| {

@@ -4,8 +4,8 @@
 //! per steradian, so that light of radiance L from all sides makes a particle of radiance albedo * L.
 
 use super::error::Error;
+use super::pixel::smoothstep;
 use super::simd::dispatch;
-use super::smooth::smoothstep;
 
 /// A lamp in the eye's axes.
 #[derive(Debug, Clone, Copy)]
@@ -26,13 +26,11 @@ pub struct Lamp {
 /// All lamps of a frame, and what particles do with their light.
 #[derive(Debug, Clone)]
 pub struct Lamps {
-    /// The lamps.
     pub lamps: Vec<Lamp>,
     /// Mean cosine between the ways of light before and after.
     pub asymmetry: f64,
     /// Share of light that goes on.
     pub albedo: f64,
-    /// The eye.
     pub eye: [f64; 3],
 }
 

@@ -45,33 +45,3 @@ impl Drop for Entered {
         SCOPE.set(self.0);
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::base::{pool, simd};
-
-    #[test]
-    fn threads_of_the_pool_work_in_the_mode_of_their_caller() {
-        let modes = |plain: bool| {
-            let _entered = Scope { threads: Some(4), reproducible: Some(plain) }.enter();
-            let mut seen = [false; 400];
-            pool::for_each(seen.iter_mut(), |one| {
-                *one = simd::reproducible();
-                Ok(())
-            })
-            .unwrap();
-            seen
-        };
-        std::thread::scope(|threads| {
-            for plain in [true, false, true, false] {
-                threads.spawn(move || {
-                    for _ in 0..20 {
-                        assert_eq!(modes(plain), [plain; 400]);
-                    }
-                });
-            }
-        });
-        assert_eq!(Scope::now(), Scope::default());
-    }
-}

@@ -12,9 +12,9 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 pub use flurries_dispatch::dispatch;
+use num_traits::Float;
 
 use crate::base::error::Error;
-use crate::base::real::Real;
 use crate::base::scope::Scope;
 
 /// What the loops may use.
@@ -110,7 +110,7 @@ pub const AVX512: u8 = 2;
 /// `a * b + c`, fused where the level has the instruction. Elsewhere a fused call would go to a library
 /// function, a hundred times slower than the loop around it.
 #[inline(always)]
-pub fn multiply_add<T: Real, const LEVEL: u8>(a: T, b: T, c: T) -> T {
+pub fn multiply_add<T: Float, const LEVEL: u8>(a: T, b: T, c: T) -> T {
     if LEVEL == PORTABLE { a * b + c } else { a.mul_add(b, c) }
 }
 

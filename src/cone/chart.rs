@@ -11,10 +11,10 @@ use ndarray::{ArrayViewMut2, ArrayViewMut3};
 
 use super::basis::{Vector, dot};
 use super::view::{FADE, FADE_SLOPE, View};
-use crate::base::error::{Cancel, Error};
+use crate::base::error::{Cancel, Error, layout};
+use crate::base::pixel::smoothstep;
 use crate::base::pool;
 use crate::base::simd::{dispatch, multiply_add};
-use crate::base::smooth::smoothstep;
 
 /// Pixels to a side of a block, and lanes that are computed together.
 pub const BLOCK: usize = 16;
@@ -256,17 +256,16 @@ pub fn band(band: Band<'_>, view: &View, course: &Course, first: usize, blocks: 
 
 /// Fills a chart but for its footprints.
 pub fn chart(chart: Chart<'_>, view: &View, course: &Course, cancel: &Cancel) -> Result<(), Error> {
-    let broken = || Error::Internal("a chart's planes must be contiguous".into());
     let blocks = chart.state.dim().1;
     let width = blocks * BLOCK;
     let items: Vec<_> = chart
         .across
         .into_slice()
-        .ok_or_else(broken)?
+        .ok_or_else(layout)?
         .chunks_mut(BLOCK * width)
-        .zip(chart.along.into_slice().ok_or_else(broken)?.chunks_mut(BLOCK * width))
-        .zip(chart.fade.into_slice().ok_or_else(broken)?.chunks_mut(BLOCK * width))
-        .zip(chart.state.into_slice().ok_or_else(broken)?.chunks_mut(BLOCK * blocks))
+        .zip(chart.along.into_slice().ok_or_else(layout)?.chunks_mut(BLOCK * width))
+        .zip(chart.fade.into_slice().ok_or_else(layout)?.chunks_mut(BLOCK * width))
+        .zip(chart.state.into_slice().ok_or_else(layout)?.chunks_mut(BLOCK * blocks))
         .enumerate()
         .collect();
     pool::for_each(items, |(index, (((across, along), fade), state))| {

@@ -13,7 +13,7 @@ use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 use super::chart::{self, BLOCK, Band, Course, FADED, HIDDEN};
 use super::sheet::{Sheet, Table, Tables, level};
 use super::view::View;
-use crate::base::error::{Cancel, Error, zeroed};
+use crate::base::error::{Cancel, Error, layout, zeroed};
 use crate::base::pool;
 use crate::base::simd::{dispatch, multiply_add};
 
@@ -48,7 +48,7 @@ pub fn needed(
     sheets: &[Sheet],
 ) -> Result<(), Error> {
     let levels = needed.dim().0;
-    let marks = needed.into_slice().ok_or_else(|| Error::Internal("layout".into()))?;
+    let marks = needed.into_slice().ok_or_else(layout)?;
     if levels == 0 || marks.len() != levels * levels || levels > 255 {
         return Err(Error::Internal("levels must be square".into()));
     }
@@ -228,7 +228,7 @@ fn bands<'a>(
     out: ArrayViewMut2<'a, f32>,
 ) -> Result<impl ExactSizeIterator<Item = (usize, &'a mut [f32])>, Error> {
     let width = out.dim().1;
-    let all = out.into_slice().ok_or_else(|| Error::Internal("rows must be contiguous".into()))?;
+    let all = out.into_slice().ok_or_else(layout)?;
     Ok(all.chunks_mut(BLOCK * width).enumerate())
 }
 
@@ -253,7 +253,6 @@ pub fn stack(
     if shown.is_some_and(|shown| shown.dim() != (height, blocks * BLOCK)) {
         return Err(Error::Internal("layers in front: wrong shape".into()));
     }
-    let layout = || Error::Internal("a chart's planes must be contiguous".into());
     let (across, along) = (charted.across.to_slice(), charted.along.to_slice());
     let (across, along) = (across.ok_or_else(layout)?, along.ok_or_else(layout)?);
     let (fade, state) = (charted.fade.to_slice(), charted.state.to_slice());
@@ -316,19 +315,4 @@ pub fn moving(
         };
         if stack_band(out, width, &band, sheets, tables) { Ok(()) } else { Err(missing()) }
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    #[test]
-    fn tables_are_as_large_as_they_say() {
-        let words = [0; 128];
-        let check = |entries, columns| {
-            let table = Table { entries, columns, rows: 3 };
-            Tables { levels: 1, grid: vec![Some(table)] }.check().is_ok()
-        };
-        assert!(check(&words, 4));
-        assert!(!check(&words[1..], 4) && !check(&words, 5) && !check(&words, 17));
-    }
 }

@@ -8,7 +8,7 @@
 use std::f64::consts::TAU;
 
 use super::basis::{Basis, Vector, dot};
-use crate::base::smooth::smoothstep;
+use crate::base::pixel::smoothstep;
 
 /// Denominators are at least this share of the ray's length: a ray along the axis stays finite.
 const FLOOR: f64 = 1e-6;

@@ -11,7 +11,7 @@ use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 
 use super::layers::left;
 use super::sheet::Sheet;
-use crate::base::error::{Cancel, Error, pushed};
+use crate::base::error::{Cancel, Error, layout, pushed};
 use crate::base::pool;
 use crate::base::simd::{dispatch, multiply_add};
 
@@ -179,7 +179,6 @@ pub fn read<'a>(
     depth: Option<ArrayView2<'a, f32>>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    let layout = || Error::Internal("planes must be contiguous and of one shape".into());
     let columns = out.ncols();
     let reach = |length: usize, first: usize| (first + length).div_ceil(APART) + 3;
     let nodes = (reach(out.nrows(), corner[0]), reach(columns, corner[1]));

@@ -7,7 +7,7 @@
 use ndarray::{ArrayView2, ArrayViewMut2};
 
 use super::sheet::Sheet;
-use crate::base::error::{Cancel, Error, finite, pushed};
+use crate::base::error::{Cancel, Error, finite, layout, pushed};
 use crate::base::normal::{Normal, least, most, polynomial_at};
 use crate::base::pool;
 use crate::base::simd::{dispatch, multiply_add};
@@ -134,7 +134,6 @@ pub fn read<'a>(
     others: Option<Others<'a>>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    let layout = || Error::Internal("planes must be contiguous and of one shape".into());
     let beside = others.iter().flat_map(Others::planes);
     if depth.into_iter().chain(beside).any(|plane| plane.dim() != out.dim()) {
         return Err(layout());
@@ -169,7 +168,6 @@ fn line<'p>(
     plane: Option<&'p ArrayView2<'_, f32>>,
     row: usize,
 ) -> Result<Option<&'p [f32]>, Error> {
-    let layout = || Error::Internal("planes must be contiguous".into());
     plane.map(|plane| plane.row(row).to_slice().ok_or_else(layout)).transpose()
 }
 

@@ -4,7 +4,7 @@ use ndarray::{ArrayView2, ArrayView3, ArrayViewMut3, Axis};
 
 use super::coding::Coding;
 use super::grid::{Grid, Run};
-use crate::base::error::{Cancel, Error};
+use crate::base::error::{Cancel, Error, layout};
 use crate::base::pool;
 use crate::base::simd::dispatch;
 
@@ -131,7 +131,6 @@ fn laid<S: Copy + Send + Sync>(
         return Err(Error::Internal("a layer and its picture differ in size".into()));
     }
     lit.grid.check()?;
-    let layout = || Error::Internal("rows are not contiguous".into());
     let across = lit.grid.across(width);
     let tasks: Vec<_> = out.axis_chunks_iter_mut(Axis(0), 32).enumerate().collect();
     pool::for_each(tasks, |(number, mut band)| {
@@ -199,7 +198,6 @@ impl<'a, 'b> Behind<'a, 'b> {
         mut glow: ArrayViewMut3<'_, f32>,
         front: Option<ArrayView2<'_, f32>>,
     ) -> Result<(), Error> {
-        let layout = || Error::Internal("rows are not contiguous".into());
         let width = glow.dim().1;
         let (mut line, mut colors) = (Vec::new(), vec![[0.0_f32; 3]; width]);
         let mut cover = vec![0.0_f32; width];

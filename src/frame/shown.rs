@@ -3,7 +3,7 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 
-use crate::base::error::{Cancel, Error, zeroed};
+use crate::base::error::{Cancel, Error, layout, zeroed};
 use crate::base::pool;
 
 /// Rows of one item of work.
@@ -69,11 +69,7 @@ impl Shown<'_> {
 
 /// A row of a plane.
 fn line<'a, A>(plane: &ArrayView2<'a, A>, row: usize) -> Result<&'a [A], Error> {
-    (*plane).index_axis_move(Axis(0), row).to_slice().ok_or_else(broken)
-}
-
-fn broken() -> Error {
-    Error::Internal("rows are not contiguous".into())
+    (*plane).index_axis_move(Axis(0), row).to_slice().ok_or_else(layout)
 }
 
 /// What flakes say of themselves: forward x, y, backward x, y, depth.
@@ -148,7 +144,7 @@ pub fn finish(
             let (Some(ahead), Some(behind), Some(depth)) =
                 (ahead.as_slice_mut(), behind.as_slice_mut(), depth.as_slice_mut())
             else {
-                return Err(broken());
+                return Err(layout());
             };
             let (ahead, behind) = (ahead.as_chunks_mut::<2>().0, behind.as_chunks_mut::<2>().0);
             // First, since a flake may be too faint for the layer's alpha and still have its number.
@@ -199,7 +195,7 @@ pub fn rgba(
     pool::for_each(out.outer_iter_mut().zip(alpha.outer_iter()), |(mut line, alpha)| {
         cancel.check()?;
         let (Some(line), Some(alpha)) = (line.as_slice_mut(), alpha.as_slice()) else {
-            return Err(broken());
+            return Err(layout());
         };
         for (pixel, &alpha) in line.as_chunks_mut().0.iter_mut().zip(alpha) {
             *pixel = [alpha * r, alpha * g, alpha * b, alpha];

@@ -5,7 +5,7 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2};
 
-use crate::base::error::{Cancel, Error, zeroed};
+use crate::base::error::{Cancel, Error, layout, zeroed};
 use crate::base::normal::{Normal, least, most};
 use crate::base::pool;
 use crate::base::simd::dispatch;
@@ -55,7 +55,6 @@ pub fn veil<T: Normal>(
         let mut line = zeroed::<T>(patches.map_or(0, |patches| patches.field.ncols()))?;
         for (row, mut out) in run.zip(part.rows_mut()) {
             cancel.check()?;
-            let layout = || Error::Internal("rows are not contiguous".into());
             let out = out.as_slice_mut().ok_or_else(layout)?;
             let way = way.row(if way.nrows() == 1 { 0 } else { row });
             let way = way.to_slice().ok_or_else(layout)?;

@@ -9,7 +9,7 @@ use super::draw::{Drawing, Plane, TILE, Tile, draw};
 use super::lattice::Lattice;
 use super::rays::{Rays, Sheet};
 use super::sprite::{Eye, Form, Sprite};
-use crate::base::error::{Cancel, Error, collected, pushed};
+use crate::base::error::{Cancel, Error, collected, layout, pushed};
 use crate::base::normal::{Normal, least, most};
 use crate::base::pool;
 use crate::base::real::Real;
@@ -195,7 +195,7 @@ impl<M: Real> Picture<'_, M> {
             .into_shape_with_order((height, width * channels))
             .ok()
             .filter(|_| channels == 4)
-            .ok_or_else(|| Error::Internal("an output that is not contiguous RGBA".into()))?;
+            .ok_or_else(layout)?;
         let color = self.drawing.colors[0].map(P::of);
         let store = |pixels: &mut [P], done: &Scratch<P>, row: usize, from: usize| {
             let through = &done.through.0[row][from..];

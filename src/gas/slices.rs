@@ -5,7 +5,7 @@
 
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 
-use crate::base::error::{Cancel, Error, zeroed};
+use crate::base::error::{Cancel, Error, layout, zeroed};
 use crate::base::normal::{least, most};
 use crate::base::pool;
 use crate::base::simd::{dispatch, multiply_add};
@@ -55,7 +55,6 @@ pub fn add(
     if !fits || !slices.density.is_standard_layout() {
         return Err(Error::Internal("slices of gas do not fit the picture".into()));
     }
-    let layout = || Error::Internal("rows are not contiguous".into());
     let tasks: Vec<_> = out.axis_chunks_iter_mut(Axis(0), 32).enumerate().collect();
     pool::for_each(tasks, |(number, mut band)| {
         cancel.check()?;

@@ -4,8 +4,8 @@ use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
 use super::footprint::{Edge, POINT_FROM, patch};
-use crate::base::cover::pixels;
-use crate::base::smooth::smoothstep;
+use crate::base::pixel::pixels;
+use crate::base::pixel::smoothstep;
 
 /// Slopes beyond this many times the picture's are held when a footprint is widened off the axis.
 const SLOPES: f64 = 1.3;
@@ -290,31 +290,4 @@ fn slopes(x: f64, depth: f64, reach: f64) -> Option<(f64, f64)> {
     let low = if low <= -FRAC_PI_2 { f64::NEG_INFINITY } else { libm::tan(low) };
     let high = if high >= FRAC_PI_2 { f64::INFINITY } else { libm::tan(high) };
     Some((low, high))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::base::random::Hash;
-
-    #[test]
-    fn slopes_hold_every_ray_that_meets_the_circle() {
-        let unit = |i: i64, word: i64| Hash::seeded(5).word(i).word(word).unit();
-        for i in 0..2000 {
-            let x = 8.0 * unit(i, 0) - 4.0;
-            let depth = 8.0 * unit(i, 1) - 4.0;
-            let reach = 2.0 * unit(i, 2);
-            let bounds = slopes(x, depth, reach);
-            for step in -400..=400 {
-                let slope = f64::from(step) / 40.0;
-                let length = slope.hypot(1.0);
-                let meets = (x - slope * depth).abs() / length < reach * (1.0 - 1e-12)
-                    && (x * slope + depth) > 0.0;
-                if meets {
-                    let (low, high) = bounds.expect("met by a ray");
-                    assert!(low <= slope && slope <= high, "{x} {depth} {reach} {slope}");
-                }
-            }
-        }
-    }
 }

@@ -11,8 +11,8 @@ use super::draw::{PIXELS, begin, multiply};
 use super::profile::Profile;
 use super::sprite::{REACH, Sprite};
 use crate::base::ball::opacity_at;
-use crate::base::cover::pixels;
 use crate::base::error::{Error, collected};
+use crate::base::pixel::pixels;
 
 /// The radii of the first and the last table, px, and tables from a radius to its double.
 pub const LEAST: f64 = 0.2;
@@ -293,38 +293,8 @@ pub(super) fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::ball::{mean_opacity, middle_depth};
+    use crate::base::ball::middle_depth;
 
-    /// The sum of a sprite's opacities over a tile.
-    fn energy(balls: &Balls, sprite: &Sprite) -> f64 {
-        let mut through = [1.0; PIXELS];
-        ball::<f32, _, { crate::base::simd::PORTABLE }>(
-            &mut through,
-            None,
-            sprite,
-            [0.0; 2],
-            balls,
-        );
-        through.iter().map(|through| 1.0 - through).sum()
-    }
-
-    #[test]
-    fn a_ball_covers_what_it_should_wherever_it_lies_and_moves() {
-        let tau0 = middle_depth(0.6).unwrap();
-        let balls = Balls::new(tau0).unwrap();
-        for radius in [0.05, 0.21, 0.33, 0.5, 0.9, 1.7, 3.1, 4.9, 7.3, 12.0] {
-            let mut worst: f64 = 0.0;
-            for step in 0..12 {
-                let at = [31.0 + 0.083 * f64::from(step), 32.0 - 0.137 * f64::from(step)];
-                for way in [[0.0, 0.0], [0.3, 0.2], [0.9, -0.1], [3.0, 4.0], [-6.0, 0.5]] {
-                    let sprite = Balls::sprite(at, way, radius, 0.7, 1.0).unwrap();
-                    let wanted = 0.7 * mean_opacity(tau0) * std::f64::consts::PI * radius * radius;
-                    worst = worst.max((energy(&balls, &sprite) / wanted - 1.0).abs());
-                }
-            }
-            assert!(worst < 0.011, "{radius}: {worst}");
-        }
-    }
     #[test]
     fn no_ball_is_more_than_opaque() {
         let balls = Balls::new(middle_depth(0.99).unwrap()).unwrap();

@@ -10,8 +10,8 @@ use std::ops::Range;
 use std::slice::Iter;
 
 use super::sprite::Sprite;
-use crate::base::cover::pixels;
 use crate::base::error::Error;
+use crate::base::pixel::pixels;
 
 /// Side of a tile, px. Its transmittance in float64 is 32 KiB: the L1 cache.
 pub const TILE: usize = 64;

@@ -16,8 +16,8 @@ use super::profile::{self, Profile};
 use super::sorted::Sorted;
 use super::sprite::{REACH, Sprite};
 use super::streak::streak;
-use crate::base::cover::pixels;
 use crate::base::error::{Cancel, Error};
+use crate::base::pixel::pixels;
 use crate::base::simd::dispatch;
 
 /// Pixels of a tile.

@@ -14,7 +14,7 @@ use super::draw::{PIXELS, draw};
 use super::profile::Profile;
 use super::splat::{Flakes, check_lens};
 use super::sprite::{Lens, Sprite};
-use crate::base::error::{Cancel, Error, pushed};
+use crate::base::error::{Cancel, Error, layout, pushed};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::dispatch;
@@ -272,10 +272,6 @@ fn copy<A, B: Copy>(
     for (mut line, own) in pixels.rows_mut().into_iter().zip(tile.chunks_exact(TILE).skip(row)) {
         line.iter_mut().zip(&own[column..]).for_each(|(pixel, &own)| *pixel = of(own));
     }
-}
-
-fn layout() -> Error {
-    Error::Internal("rows are not contiguous".into())
 }
 
 /// Writes the tile's pixels from (row, column) on.

@@ -1,7 +1,7 @@
 //! One flake's image: where it falls, how large, how opaque (Langer 2004, section 6).
 //!
 //! A flake of radius r at depth D is a Gaussian with sigma = f r / (3 D) px: size goes as 1/D, like
-//! the speed. It is drawn wider, with the sigma_e of [`crate::base::sampling`], and its amplitude is
+//! the speed. It is drawn wider, with the sigma_e of [`crate::base::pixel`], and its amplitude is
 //! lowered by sigma^2 / sigma_e^2: the sum over pixels stays 2 pi sigma^2, and a far flake fades where
 //! it would otherwise flicker.
 //!
@@ -10,7 +10,7 @@
 //! smallest flakes, nothing for large ones, never above the opacity) keeps it within 0.18 % for every
 //! size and position.
 
-use crate::base::sampling::sampled;
+use crate::base::pixel::sampled;
 
 /// Gives back what the end of the footprint takes from small flakes, px^2.
 pub(super) const RIM_SHARE: f64 = 4.8e-4;

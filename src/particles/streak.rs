@@ -9,8 +9,8 @@ use super::canvas::{Canvas, LANES};
 use super::draw::{PIXELS, begin, multiply};
 use super::profile::{self, Profile, TERMS};
 use super::sprite::{REACH, Sprite};
-use crate::base::cover::pixels;
 use crate::base::normal::{least, most};
+use crate::base::pixel::pixels;
 
 /// Rows of a block, and its pixels: a register of float32.
 const ROWS: usize = 2;

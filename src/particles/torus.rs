@@ -6,9 +6,9 @@
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis};
 
 use crate::base::error::{Cancel, Error, finite};
+use crate::base::pixel::smoothstep;
 use crate::base::pool;
 use crate::base::random::Hash;
-use crate::base::smooth::smoothstep;
 
 /// Separates the flakes' numbers from every other use of the seed.
 const STREAM: i64 = i64::from_be_bytes(*b"flakebox");
@@ -219,25 +219,4 @@ fn fade(torus: &Torus, point: [f64; 3]) -> f64 {
             1.0 - smoothstep((reach - FADE_FROM) / (1.0 - FADE_FROM))
         })
         .product()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn wrap_stays_in_the_half_open_interval() {
-        let stream = Hash::seeded(11);
-        let sides = (0..20_000).map(|i| (16.0 * stream.word(i).unit() - 8.0).exp());
-        for side in sides.chain([1.0, 0.1, 3.0, 7.3, 1e-100, 1e100]) {
-            let half = 0.5 * side;
-            for edge in (-4..4).map(|whole| side * (f64::from(whole) + 0.5)) {
-                let near = [edge.next_down().next_down(), edge.next_down(), edge, edge.next_up()];
-                for x in near {
-                    let folded = wrap(x, side);
-                    assert!((-half..half).contains(&folded), "{x} {side} {folded}");
-                }
-            }
-        }
-    }
 }

@@ -104,16 +104,3 @@ pub fn band_amplitude(mut out: ArrayViewMut2<'_, f64>, band: Band) -> Result<(),
     out.mapv_inplace(|amplitude| amplitude * factor);
     Ok(())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    #[test]
-    fn the_sum_keeps_what_a_plain_one_loses() {
-        let mut sum = Sum::default();
-        for term in [1e16, 1.0, -1e16] {
-            sum.add(term);
-        }
-        assert_eq!(sum.value(), 1.0);
-    }
-}

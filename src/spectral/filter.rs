@@ -204,26 +204,3 @@ pub fn temporal_filter(
     });
     Ok(())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::base::simd::PORTABLE;
-
-    #[test]
-    fn gains_on_lanes_are_those_of_each_rate() {
-        for alias in [Alias::Keep, Alias::Cut, Alias::Soft] {
-            for shutter in [0.0, 0.5, 1.0, 3.0] {
-                let filter = TemporalFilter { alias, soft_from: 0.3, shutter };
-                for reach in [0.2, 0.9] {
-                    let rates: Vec<f64> = (-50..=50).map(|i| f64::from(i) / 50.0 * reach).collect();
-                    let mut gains = rates.clone();
-                    fill_gains::<PORTABLE>(filter, &mut gains);
-                    for (rate, gain) in rates.into_iter().zip(gains) {
-                        assert!((gain - filter.gain(rate)).abs() < 2e-15, "{filter:?} {rate}");
-                    }
-                }
-            }
-        }
-    }
-}

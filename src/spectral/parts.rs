@@ -69,7 +69,7 @@ pub fn parts<T: Real>(field: &Field<'_>, down: Row, across: Row) -> Result<Arc<P
     }
     let waves = Waves::new(field.tile, field.band, field.ring_edges)?.weighted(field.ring_gains)?;
     let made = Arc::new(Parts {
-        plan: Plan::new(&waves, None, plain)?,
+        plan: Plan::new(&waves, plain)?,
         weights: (down.weights(field.blend)?, across.weights(field.blend)?),
     });
     if waves.list.len() <= MOST_WAVES

@@ -16,7 +16,7 @@ use super::tile::Scratch;
 use super::tiles::{Blend, Row};
 use super::waves::Draw;
 use crate::base::aligned::Aligned;
-use crate::base::error::{Cancel, Error};
+use crate::base::error::{Cancel, Error, layout};
 use crate::base::pool;
 use crate::base::real::Real;
 
@@ -82,7 +82,6 @@ impl<T: Real> Tiles<'_, T> {
             }
         }
         pool::for_each(tasks, |(rows, part)| {
-            let layout = || Error::Internal("rows are not contiguous".into());
             let out = part.into_slice().ok_or_else(layout)?;
             let made = &mut maker(&rows)?;
             self.strip(rows, &window.cols, out, made, cancel)

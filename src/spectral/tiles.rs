@@ -161,23 +161,3 @@ pub fn blend_tiles<T: Real>(
     }
     Ok(())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn touching_is_what_a_search_finds() {
-        for (length, tile, overlap) in [(100, 16, 5), (100, 16, 15), (10, 16, 3), (64, 8, 0)] {
-            let row = Row { length, tile, overlap };
-            for from in 0..length {
-                for to in from + 1..=length {
-                    let found: Vec<usize> = (0..row.count())
-                        .filter(|&i| row.start(i) < to && row.start(i) + tile > from)
-                        .collect();
-                    assert_eq!(row.touching(from, to).collect::<Vec<_>>(), found);
-                }
-            }
-        }
-    }
-}

@@ -5,7 +5,7 @@ use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 use num_complex::Complex;
 
 use super::grid::{position, signed};
-use crate::base::error::{Cancel, Error, spare, zeroed};
+use crate::base::error::{Cancel, Error, layout, spare, zeroed};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::{PORTABLE, reproducible};
@@ -93,7 +93,7 @@ pub(super) fn real_rows<T: Real>(
         if width.is_multiple_of(2) {
             line[width / 2].im = T::zero();
         }
-        let pixels = pixels.as_slice_mut().ok_or_else(|| Error::Internal("layout".into()))?;
+        let pixels = pixels.as_slice_mut().ok_or_else(layout)?;
         to_real
             .process_with_scratch(&mut line, pixels, &mut scratch)
             .map_err(|error| Error::Internal(error.to_string()))?;

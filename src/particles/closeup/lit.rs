@@ -4,7 +4,7 @@
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, s};
 
 use super::patch::{Line, Patch};
-use crate::base::error::{Cancel, Error};
+use crate::base::error::{Cancel, Error, layout};
 use crate::base::lamps::{Lamps, light};
 use crate::base::pool;
 use crate::base::simd::dispatch;
@@ -90,10 +90,6 @@ impl Scene<'_> {
         };
         [at(0), at(1), sprite.depth + lens.offset[2]]
     }
-}
-
-fn layout() -> Error {
-    Error::Internal("rows are not contiguous".into())
 }
 
 /// A tile of the frame.

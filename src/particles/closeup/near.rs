@@ -4,7 +4,7 @@ use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
 use super::aperture::Blur;
 use super::patch::{Kind, Line, Patch, Tumble};
-use crate::base::error::{Cancel, Error};
+use crate::base::error::{Cancel, Error, layout};
 use crate::base::pool;
 use crate::base::simd::dispatch;
 use crate::particles::sorted::Part;
@@ -53,9 +53,7 @@ pub fn draw(
             let (upper, lower) = patch.bounds(1, usize::MAX >> 1);
             for y in upper.max(first)..lower.min(end) {
                 let mut line = band.row_mut(y - first);
-                let line = line
-                    .as_slice_mut()
-                    .ok_or_else(|| Error::Internal("rows are not contiguous".into()))?;
+                let line = line.as_slice_mut().ok_or_else(layout)?;
                 let (x, alphas) = patch.row(y, left..right, &mut room);
                 let line = &mut line[x - left..][..alphas.len()];
                 let Some(map) = depth else {

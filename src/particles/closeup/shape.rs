@@ -2,8 +2,8 @@
 
 use super::bank::{Bank, SHAPES, Silhouette};
 use super::patch::{Kind, Look};
+use crate::base::pixel::sampled;
 use crate::base::random::Hash;
-use crate::base::sampling::sampled;
 use crate::base::simd::dispatch;
 use crate::particles::sprite::Flake;
 

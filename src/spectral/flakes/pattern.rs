@@ -11,11 +11,11 @@ use flurries_fft::Fft;
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut4, Axis};
 use num_complex::Complex;
 
-use crate::base::error::{Cancel, Error, collected, spare, zeroed};
+use crate::base::error::{Cancel, Error, collected, layout, spare, zeroed};
+use crate::base::pixel::LEAST_SIGMA;
 use crate::base::pool;
 use crate::base::random::Hash;
 use crate::base::real::Real;
-use crate::base::sampling::LEAST_SIGMA;
 use crate::base::simd::reproducible;
 
 /// What the numbers of a seed are for.
@@ -248,9 +248,8 @@ pub fn patterns<T: Real>(
     if (rows, cols) != (law.tile, law.tile / 2 + 1) {
         return Err(Error::Internal("patterns have another shape".into()));
     }
-    let mut planes = out
-        .into_shape_with_order((layers * number, rows, cols))
-        .map_err(|_| Error::Internal("patterns are not contiguous".into()))?;
+    let mut planes =
+        out.into_shape_with_order((layers * number, rows, cols)).map_err(|_| layout())?;
     let mut tasks = collected(planes.axis_iter_mut(Axis(0)).enumerate())?;
     // Runs of tasks share their buffers; what a pattern holds does not depend on the split.
     let each = tasks.len().div_ceil(4 * pool::threads()).max(1);

@@ -10,7 +10,7 @@ use ndarray::{ArrayView3, Axis};
 use num_complex::Complex;
 
 use crate::base::aligned::Aligned;
-use crate::base::error::{Error, collected};
+use crate::base::error::{Error, collected, layout};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::dispatch;
@@ -55,7 +55,7 @@ impl<T: Real> Prepared<T> {
         let tasks = values.chunks_exact_mut(size).zip(spectra.axis_iter(Axis(0)));
         pool::for_each(tasks, |(values, spectrum)| {
             let spectrum = spectrum.to_slice();
-            let spectrum = spectrum.ok_or_else(|| Error::Internal("patterns have gaps".into()))?;
+            let spectrum = spectrum.ok_or_else(layout)?;
             let numbers = parts(spectrum);
             let trace = match T::own(numbers) {
                 Some(numbers) => fold(values, numbers, (tile, half, stride)),
