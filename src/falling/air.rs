@@ -6,9 +6,7 @@ use crate::base::error::Error;
 
 /// The time of the frame, and those at which its shutter opens and closes; after them others may come.
 pub const NOW: usize = 0;
-/// When the shutter opens.
 pub const OPEN: usize = 1;
-/// When it closes.
 pub const CLOSE: usize = 2;
 
 /// Metres by which the air is carried at most.
@@ -116,7 +114,6 @@ impl Air {
             && (0.0..=1.0).contains(&self.opacity)
             && self.near > 0.0
             && finite(&[self.sway, self.room, self.near])
-            && finite(&self.waves)
             && self.eyes.iter().all(|eye| {
                 finite(&eye.turn.concat())
                     && finite(&eye.center)
@@ -126,20 +123,12 @@ impl Air {
             && self.classes.iter().all(|class| {
                 class.sizes.sound()
                     && (0.0..=DENSEST).contains(&class.density)
-                    && class.shown.iter().all(|v| v.is_finite())
+                    && finite(&class.shown)
                     && class.at.len() == times
                     && class.swung.len() == times
-                    && finite(&class.swung)
-                    && !class.amount.values.is_empty()
-                    && class.amount.values.iter().all(|v| (0.0..=1.0).contains(v))
-                    && finite(&class.waves)
                     && (class.waves.is_empty() || class.waves.len() == 2 * times * self.waves.len())
                     && (class.profile.is_empty() || class.profile.len() == times)
-                    && class
-                        .profile
-                        .iter()
-                        .flatten()
-                        .all(|table| !table.values.is_empty() && finite(&table.values))
+                    && class.profile.iter().flatten().chain([&class.amount]).all(Table::sound)
             });
         if sound { Ok(self) } else { Err(Error::Internal("no air looks like that".into())) }
     }

@@ -9,8 +9,10 @@ use crate::base::ball::middle_depth;
 use crate::base::error::{Cancel, Error, collected, pushed};
 use crate::base::pool;
 use crate::particles::balls::Balls;
-use crate::particles::closeup::near::{Closeup, DISC, VARIANCE_OF_DISC};
-use crate::particles::closeup::patch::{Kind, Look, Patch};
+use crate::particles::closeup::aperture::VARIANCE_OF_DISC;
+use crate::particles::closeup::near::{Closeup, DISC};
+use crate::particles::closeup::patch::Patch;
+use crate::particles::closeup::shape::{Kind, Look};
 use crate::particles::sorted::Sorted;
 use crate::particles::sprite::{self, Lens, Sprite};
 
@@ -70,7 +72,8 @@ impl Images {
             }
             pieces(flake, focal, grown, &mut |sprite| pushed(&mut sprites, (sprite, number)))?;
         }
-        let sorted = Sorted::of_balls(&sprites, Arc::clone(balls), air.shape, cancel)?;
+        let image = |index: usize| Some(sprites[index]);
+        let sorted = Sorted::new(sprites.len(), image, Some(Arc::clone(balls)), air.shape, cancel)?;
         let mut patches = collected(kept.iter().map(|_| None))?;
         if let Some(closeup) = closeup {
             let tasks: Vec<_> = patches.chunks_mut(8).zip(kept.chunks(8)).collect();

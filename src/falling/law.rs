@@ -74,6 +74,11 @@ pub struct Table {
 }
 
 impl Table {
+    /// Whether it says something everywhere.
+    pub fn sound(&self) -> bool {
+        !self.values.is_empty() && self.values.iter().all(|v| v.is_finite())
+    }
+
     /// Linear between the steps, and beyond the ends as there.
     #[inline]
     pub fn at(&self, x: f64) -> f64 {

@@ -10,7 +10,7 @@ use super::cells::{Born, Cells, side};
 use super::law::{presence, ramp};
 use super::sight::{Line, Sight, parts};
 use crate::air;
-use crate::base::error::{Cancel, Error, collected, pushed};
+use crate::base::error::{Cancel, Error, collected, pushed, reserve};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::PORTABLE;
@@ -323,9 +323,4 @@ impl<'a> Places<'a> {
     fn height(&self, born: &Born) -> f64 {
         self.corner[1] + born.inside[1] * self.side
     }
-}
-
-fn reserve<T>(values: &mut Vec<T>, more: usize) -> Result<(), Error> {
-    let bytes = (values.len() + more) * size_of::<T>();
-    values.try_reserve(more).map_err(|_| Error::Memory { bytes })
 }

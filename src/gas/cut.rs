@@ -104,7 +104,7 @@ pub fn cut<P: Normal>(
 }
 
 /// What the ends leave of a particle in a part of a row.
-pub(super) enum Share<P> {
+pub enum Share<P> {
     /// Nothing.
     Hidden,
     /// All of it.
@@ -114,7 +114,7 @@ pub(super) enum Share<P> {
 }
 
 /// Where a particle's ends are, in units of its sigma.
-pub(super) struct Ends<P> {
+pub struct Ends<P> {
     /// The middle's depth: rounded to the samples' type, and the rest.
     depth: [P; 2],
     inverse: P,

@@ -13,8 +13,8 @@
 
 use std::sync::LazyLock;
 
+use super::batch::{Plane, TILE};
 use super::cut::{Cut, Ground, Wall};
-use super::draw::{Plane, TILE};
 use super::footprint::{Scale, point};
 use super::ray::{Canvas, Source};
 use super::rays::{Rays, Sheet};

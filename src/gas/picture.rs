@@ -4,8 +4,9 @@ use std::ops::Range;
 
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 
+use super::batch::{Plane, TILE, Tile};
 use super::cut::Ground;
-use super::draw::{Drawing, Plane, TILE, Tile, draw};
+use super::draw::{Drawing, Entry, draw};
 use super::lattice::Lattice;
 use super::rays::{Rays, Sheet};
 use super::sprite::{Eye, Form, Sprite};
@@ -24,14 +25,6 @@ fn order(sprites: &[Sprite], sorted: bool) -> Result<Vec<u32>, Error> {
         order.sort_unstable_by(|&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
     }
     Ok(order)
-}
-
-/// A particle in a band: its place among the sprites, and the columns that it can touch.
-#[derive(Debug, Clone, Copy)]
-pub struct Entry {
-    pub sprite: u32,
-    pub left: u32,
-    pub right: u32,
 }
 
 /// What sprites touch, found once for any number of pictures of their frame.
@@ -135,9 +128,8 @@ impl<M: Real> Picture<'_, M> {
             sheet: Sheet::of(self.eye, corner, 1.0, TILE),
             rays: scratch.rays.as_deref_mut(),
             ground: ground.as_ref(),
-            lattice,
         };
-        draw(&mut tile, &self.touched.bands[top / TILE], &self.drawing, cancel)
+        draw(&mut tile, lattice, &self.touched.bands[top / TILE], &self.drawing, cancel)
     }
 
     /// Draws a part of the frame, `channels` numbers to a pixel; `store` writes a row of a tile from
@@ -150,6 +142,9 @@ impl<M: Real> Picture<'_, M> {
         store: impl Fn(&mut [P], &Scratch<P>, usize, usize) + Sync + Send,
         cancel: &Cancel,
     ) -> Result<(), Error> {
+        if self.depth.is_some_and(|depth| depth.dim() != self.shape) {
+            return Err(Error::invalid("depth", format!("must have shape {:?}", self.shape)));
+        }
         let inside = top <= bottom && bottom <= self.shape.0 && left <= right;
         let wanted = (bottom.wrapping_sub(top), channels * right.wrapping_sub(left));
         if !(inside && right <= self.shape.1 && out.dim() == wanted) {

@@ -11,10 +11,10 @@ use crate::base::normal::Normal;
 use crate::base::simd::multiply_add;
 
 /// Samples that are worked on at once: an exponential costs as much as some pixels of a particle.
-pub(super) const PART: usize = 16;
+pub const PART: usize = 16;
 
 /// A part of a row of samples.
-pub(super) type Part<P> = [P; PART];
+pub type Part<P> = [P; PART];
 
 /// Where the samples of a square sheet lie.
 #[derive(Debug, Clone, Copy)]
@@ -257,7 +257,7 @@ impl<P: Normal> Beside<P> {
 impl<P: Normal, const N: usize> Rays<P, N> {
     /// Lengths of a part of a row.
     #[inline(always)]
-    pub(super) fn lengths(&self, row: usize, part: usize) -> &Part<P> {
+    pub fn lengths(&self, row: usize, part: usize) -> &Part<P> {
         let at = part * PART;
         self.length[row][at..at + PART].try_into().expect("PART of them")
     }

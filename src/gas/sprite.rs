@@ -3,7 +3,10 @@
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
+use ndarray::{ArrayView1, ArrayView2};
+
 use super::footprint::{Edge, POINT_FROM, patch};
+use crate::base::error::Error;
 use crate::base::pixel::pixels;
 use crate::base::pixel::smoothstep;
 
@@ -89,6 +92,42 @@ pub struct Particle {
     pub radius: f64,
     /// Opacity of its middle, 0 to 1.
     pub density: f64,
+}
+
+/// Particles as arrays: centers (n, 3) in camera axes; the others have n rows, or one for all.
+#[derive(Debug, Clone, Copy)]
+pub struct Cloud<'a> {
+    /// World units.
+    pub centers: ArrayView2<'a, f64>,
+    /// Three sigma, world units.
+    pub radius: ArrayView1<'a, f64>,
+    /// Opacity of the middle, 0 to 1.
+    pub density: ArrayView1<'a, f64>,
+    /// Linear RGB, (1 or n, 3).
+    pub colors: &'a [[f64; 3]],
+}
+
+impl Cloud<'_> {
+    /// Refuses arrays that do not fit each other; the Python layer has looked at their numbers.
+    pub fn check(&self) -> Result<(), Error> {
+        let (count, columns) = self.centers.dim();
+        let fits = [self.radius.len(), self.density.len(), self.colors.len()]
+            .into_iter()
+            .all(|length| length == 1 || length == count);
+        if columns != 3 || !fits || self.colors.is_empty() || u32::try_from(count).is_err() {
+            return Err(Error::Internal("arrays of a gas do not fit each other".into()));
+        }
+        Ok(())
+    }
+
+    pub fn get(&self, index: usize) -> Particle {
+        let row = |length: usize| if length == 1 { 0 } else { index };
+        Particle {
+            center: [0, 1, 2].map(|axis| self.centers[[index, axis]]),
+            radius: self.radius[row(self.radius.len())],
+            density: self.density[row(self.density.len())],
+        }
+    }
 }
 
 /// What the footprint on the picture is.

@@ -5,12 +5,11 @@
 //! large as the table's and as much fainter or stronger. A ball smaller than [`LEAST`] is one of that radius;
 //! beyond [`MOST`] a pixel is small beside it.
 
-use super::bins::TILE;
-use super::canvas::{Canvas, LANES};
-use super::draw::{PIXELS, begin, multiply};
+use super::bins::{PIXELS, TILE};
+use super::canvas::{Canvas, LANES, begin, multiply};
 use super::profile::Profile;
 use super::sprite::{REACH, Sprite};
-use crate::base::ball::opacity_at;
+use crate::base::ball::{mean_opacity, opacity_at};
 use crate::base::error::{Error, collected};
 use crate::base::pixel::pixels;
 
@@ -78,7 +77,7 @@ impl Balls {
         // Opacity by the square of the distance from the middle, in radii: looked up, it costs a tenth.
         let profile: Vec<f32> =
             (0..=1024).map(|i| opacity_at(f64::from(i).sqrt() / 32.0, tau0) as f32).collect();
-        let mean = crate::base::ball::mean_opacity(tau0);
+        let mean = mean_opacity(tau0);
         Ok(Self {
             tables: collected((0..count).map(|step| Table::new(radius(step), mean, &profile)))?,
         })
@@ -199,7 +198,7 @@ fn looked_up(table: &Table, values: &[f32], row: &Row, shift: f32) -> [f32; LANE
 
 /// A ball drawn into one tile.
 #[inline(always)]
-pub(super) fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
+pub fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
     canvas: &mut C,
     map: Option<&[P; PIXELS]>,
     sprite: &Sprite,
@@ -255,35 +254,32 @@ pub(super) fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
                 places.along[k] = at + k as f32 * right;
                 places.across[k] = side + k as f32 * aside;
             }
-            let mut alpha = [P::zero(); LANES];
+            let mut seen = [0.0_f32; LANES];
             if !resting {
                 let ahead = looked_up(table, &table.swept, &places, 0.0);
                 let behind = looked_up(table, &table.swept, &places, (-length * step) as f32);
                 for k in 0..LANES {
-                    alpha[k] = P::of(f64::from(((ahead[k] - behind[k]) * amplitude).min(OPAQUE)));
+                    seen[k] = ahead[k] - behind[k];
                 }
             } else if sprite.length < NONE {
-                let seen = looked_up(table, &table.rest, &places, 0.0);
-                for k in 0..LANES {
-                    alpha[k] = P::of(f64::from((seen[k] * amplitude).min(OPAQUE)));
-                }
+                seen = looked_up(table, &table.rest, &places, 0.0);
             } else {
                 let [dx, dy] = sprite.along.map(|part| GAUSS * sprite.length * part);
-                let mut sum = [0.0_f32; LANES];
                 for sign in [1.0, -1.0] {
                     let mut moved = Row { along: places.along, across: places.across };
                     for k in 0..LANES {
                         moved.along[k] += (sign * dx * step) as f32;
                         moved.across[k] += (sign * dy * across) as f32;
                     }
-                    let seen = looked_up(table, &table.rest, &moved, 0.0);
+                    let part = looked_up(table, &table.rest, &moved, 0.0);
                     for k in 0..LANES {
-                        sum[k] += 0.5 * seen[k];
+                        seen[k] += 0.5 * part[k];
                     }
                 }
-                for k in 0..LANES {
-                    alpha[k] = P::of(f64::from((sum[k] * amplitude).min(OPAQUE)));
-                }
+            }
+            let mut alpha = [P::zero(); LANES];
+            for k in 0..LANES {
+                alpha[k] = P::of(f64::from((seen[k] * amplitude).min(OPAQUE)));
             }
             multiply::<P, C, LEVEL>(canvas, map, depth, row * TILE + column, &alpha);
         }

@@ -10,11 +10,14 @@ use std::ops::Range;
 use std::slice::Iter;
 
 use super::sprite::Sprite;
-use crate::base::error::Error;
+use crate::base::error::{Error, reserve};
 use crate::base::pixel::pixels;
 
 /// Side of a tile, px. Its transmittance in float64 is 32 KiB: the L1 cache.
 pub const TILE: usize = 64;
+
+/// Pixels of a tile.
+pub const PIXELS: usize = TILE * TILE;
 
 /// A flake that spans more tiles than this is kept in a list that every tile looks at, so that memory
 /// stays proportional to the number of flakes and not to the pixels they cover.
@@ -25,9 +28,7 @@ const MOST_TILES: usize = 16;
 pub struct Grid {
     /// (height, width), px.
     pub shape: (usize, usize),
-    /// Tiles down.
     pub rows: usize,
-    /// Tiles across.
     pub columns: usize,
 }
 
@@ -38,7 +39,7 @@ impl Grid {
     }
 
     /// Tiles in all.
-    pub(super) fn len(&self) -> usize {
+    pub fn len(&self) -> usize {
         self.rows * self.columns
     }
 
@@ -146,7 +147,6 @@ impl Bins {
         Ok(())
     }
 
-    /// Bytes that it keeps.
     pub fn bytes(&self) -> usize {
         size_of::<Sprite>() * (self.sprites.capacity() + self.large.capacity())
             + size_of::<u32>() * (self.starts.capacity() + self.next.capacity())
@@ -172,15 +172,4 @@ impl Bins {
 pub fn touches(sprite: &Sprite, row: usize, column: usize) -> bool {
     let center = [column, row].map(|place| (place * TILE + TILE / 2) as i64 as f64);
     sprite.touches(center, (TILE / 2) as f64)
-}
-
-/// Room for `more` elements, or an error where `push` would abort the process.
-#[inline(always)]
-fn reserve<T>(buffer: &mut Vec<T>, more: usize) -> Result<(), Error> {
-    if buffer.capacity() - buffer.len() >= more {
-        return Ok(());
-    }
-    buffer.try_reserve(more).map_err(|_| Error::Memory {
-        bytes: (buffer.len().saturating_add(more)).saturating_mul(size_of::<T>()),
-    })
 }

@@ -3,7 +3,8 @@
 
 #![expect(unsafe_code, reason = "vectors by `Lanes`")]
 
-use super::draw::PIXELS;
+use super::bins::{PIXELS, TILE};
+use super::profile::Profile;
 use crate::base::lanes::Lanes;
 use crate::base::real::Real;
 use crate::base::simd::{AVX2, AVX512};
@@ -117,4 +118,35 @@ unsafe fn dim<V: Lanes<f64>>(through: &mut [f64], weight: f64, profile: &[f64]) 
             left.mul(V::load(to)).store(to);
         }
     }
+}
+
+/// The first pixel of `blocks` blocks of `lanes` that begin at `first`, moved to stay in the tile.
+#[inline(always)]
+pub fn begin(first: usize, count: usize, lanes: usize) -> (usize, usize) {
+    let blocks = count.div_ceil(lanes);
+    (first.min(TILE - blocks * lanes), blocks)
+}
+
+/// Lanes of a row, hidden where the map is nearer.
+#[inline(always)]
+pub fn multiply<P: Profile, C: Canvas, const LEVEL: u8>(
+    canvas: &mut C,
+    map: Option<&[P; PIXELS]>,
+    depth: P,
+    at: usize,
+    alpha: &[P; LANES],
+) {
+    let mut seen = [0.0; LANES];
+    if let Some(map) = map {
+        let map: &[P; LANES] = map[at..at + LANES].try_into().expect("lanes lie in the tile");
+        for k in 0..LANES {
+            // NaN in the map hides nothing.
+            seen[k] = if map[k] < depth { 0.0 } else { alpha[k].wide() };
+        }
+    } else {
+        for k in 0..LANES {
+            seen[k] = alpha[k].wide();
+        }
+    }
+    canvas.take::<LANES, LEVEL>(at, 1.0, &seen);
 }

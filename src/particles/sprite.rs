@@ -13,7 +13,7 @@
 use crate::base::pixel::sampled;
 
 /// Gives back what the end of the footprint takes from small flakes, px^2.
-pub(super) const RIM_SHARE: f64 = 4.8e-4;
+pub const RIM_SHARE: f64 = 4.8e-4;
 
 /// Of a flake of this sigma^2, px^2: sigma_e^2, and its middle's opacity over the flake's own.
 #[inline(always)]
@@ -119,7 +119,7 @@ impl Sprite {
 
     /// Makes a resting flake's image one that moves by `way`, of the given length, from its place on.
     #[inline(always)]
-    pub(super) fn sweep(&mut self, [dx, dy]: [f64; 2], length: f64) {
+    pub fn sweep(&mut self, [dx, dy]: [f64; 2], length: f64) {
         if length > LEAST_LENGTH {
             self.along = [dx / length, dy / length];
             self.length = length;
@@ -132,7 +132,7 @@ impl Sprite {
     /// Whether it can be drawn and seen. Each comparison is false for NaN, so that an overflow on the
     /// way here ends here.
     #[inline(always)]
-    pub(super) fn within(&self) -> bool {
+    pub fn within(&self) -> bool {
         (self.start[0].abs() <= MOST_PIXELS)
             & (self.start[1].abs() <= MOST_PIXELS)
             & (self.length <= MOST_PIXELS)

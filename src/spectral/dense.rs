@@ -33,8 +33,8 @@ pub struct Dense<T> {
 /// Work space: the spectrum folded to what cosines and sines are multiplied by, and the rows of each
 /// column between the passes.
 pub struct Work<T> {
-    pub(super) cos: Aligned<T>,
-    pub(super) sin: Aligned<T>,
+    pub cos: Aligned<T>,
+    pub sin: Aligned<T>,
     between: Aligned<T>,
 }
 
@@ -52,7 +52,7 @@ impl<T: Real> Dense<T> {
     }
 
     /// Tables for the waves of a square tile of n px whose indices are below `half`, whole lanes in a row.
-    pub(super) fn square(n: usize, half: usize) -> Result<Self, Error> {
+    pub fn square(n: usize, half: usize) -> Result<Self, Error> {
         Ok(Self {
             tile: (n, n),
             half,
@@ -63,7 +63,7 @@ impl<T: Real> Dense<T> {
     }
 
     /// Places of a row of the spectrum.
-    pub(super) const fn stride(&self) -> usize {
+    pub const fn stride(&self) -> usize {
         self.stride
     }
 
@@ -91,7 +91,7 @@ pub fn operations(waves: &Waves) -> f64 {
         + 2.0 * columns * waves.tile.0 as f64 * sums(waves.tile.1)
 }
 
-/// [`transform_with`] on the best instructions.
+/// Transforms the rows `re` and `im` of a spectrum (its column kx = 0 complete) to `pixels`, row by row.
 #[dispatch]
 pub fn transform<const LEVEL: u8, T: Real>(
     dense: &Dense<T>,
@@ -106,7 +106,7 @@ pub fn transform<const LEVEL: u8, T: Real>(
 
 /// Both passes over what `work` holds folded.
 #[inline(always)]
-pub(super) fn passes_on<T: Real, const LEVEL: u8>(
+pub fn passes_on<T: Real, const LEVEL: u8>(
     dense: &Dense<T>,
     work: &mut Work<T>,
     turns: Option<&[T]>,

@@ -3,11 +3,13 @@
 use ndarray::{ArrayView2, ArrayViewMut2, Zip};
 
 use super::band::Sum;
-use super::spectrum::LANES;
 use super::tent::Motion;
-use crate::base::error::{Error, finite};
+use crate::base::error::{Error, finite, named};
 use crate::base::normal::{least, most};
 use crate::base::simd::multiply_add;
+
+/// Places that a loop advances by: one AVX-512 register of float64.
+pub const LANES: usize = 8;
 
 /// A rate of half a cycle per frame has no direction, so it counts as aliased; the margin keeps
 /// rounding from deciding for waves that lie exactly on it.
@@ -25,14 +27,8 @@ pub enum Alias {
 }
 
 impl Alias {
-    /// The option of that name.
     pub fn named(name: &str) -> Result<Self, Error> {
-        match name {
-            "keep" => Ok(Self::Keep),
-            "cut" => Ok(Self::Cut),
-            "soft" => Ok(Self::Soft),
-            _ => Err(Error::invalid("alias", format!("must be keep, cut or soft, got {name:?}"))),
-        }
+        named("alias", name, &[("keep", Self::Keep), ("cut", Self::Cut), ("soft", Self::Soft)])
     }
 }
 
@@ -101,7 +97,7 @@ impl TemporalFilter {
 
 /// Rates to the factors of the filter, in place: [`TemporalFilter::gain`] on lanes.
 #[inline(always)]
-pub(super) fn fill_gains<const LEVEL: u8>(filter: TemporalFilter, values: &mut [f64]) {
+pub fn fill_gains<const LEVEL: u8>(filter: TemporalFilter, values: &mut [f64]) {
     // Polynomials cover what a usual shutter sees; beyond that each wave takes the exact way.
     let reach = reach(values);
     if filter.shutter * if filter.alias == Alias::Keep { reach } else { 0.5 } > 0.5 {

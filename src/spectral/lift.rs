@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use super::opacity::Opacity;
+use super::opacity::{Lifted, Opacity};
 use super::spectrum::Power;
 use crate::base::error::{Error, collected, zeroed};
 use crate::base::real::Real;
@@ -31,17 +31,6 @@ fn add_share<const LEVEL: u8, T: Real>(out: &mut [T], line: &[T], share: T) {
     for (out, &value) in out.iter_mut().zip(line) {
         *out += share * value;
     }
-}
-
-/// What is added to a block.
-#[derive(Debug, Clone, Copy)]
-pub enum Lifted<'l, T> {
-    /// Nothing.
-    None,
-    /// The same everywhere.
-    All(T),
-    /// A value for each pixel of the block, row by row.
-    Each(&'l [T]),
 }
 
 impl<T: Real> Lift<T> {

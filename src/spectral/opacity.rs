@@ -1,10 +1,19 @@
 //! The field as an opacity (Langer 2004, section 5.6).
 
-use super::lift::Lifted;
 use crate::base::error::{Error, finite};
 use crate::base::normal::{least, most};
 use crate::base::real::Real;
 use crate::base::simd::{dispatch, reproducible};
+
+/// What is added to a block.
+#[derive(Debug, Clone, Copy)]
+pub enum Lifted<'l, T> {
+    None,
+    /// The same everywhere.
+    All(T),
+    /// A value for each pixel of the block, row by row.
+    Each(&'l [T]),
+}
 
 /// A rectangle of the field and where its opacity goes; each row begins `stride` values after the last.
 pub struct Block<'f, 'o, T> {

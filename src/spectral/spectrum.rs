@@ -3,7 +3,7 @@
 //! Waves stand in rows of one ky, so that loops without branches do them all on vector lanes; places
 //! of the rows that the band leaves out have amplitude 0.
 
-use super::filter::{TemporalFilter, fill_gains};
+use super::filter::{LANES, TemporalFilter, fill_gains};
 use super::tent::Motion;
 use super::waves::{Draw, Waves};
 use crate::base::aligned::Aligned;
@@ -11,9 +11,6 @@ use crate::base::error::{Error, collected, zeroed};
 use crate::base::random::mix64;
 use crate::base::real::Real;
 use crate::base::simd::dispatch;
-
-/// Places that a loop advances by: one AVX-512 register of float64.
-pub const LANES: usize = 8;
 
 /// Places in a row for so many columns: whole lanes.
 pub const fn columns_padded(columns: usize) -> usize {

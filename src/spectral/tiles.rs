@@ -2,7 +2,7 @@
 
 use ndarray::{ArrayView4, ArrayViewMut2, s};
 
-use crate::base::error::{Error, collected, zeroed};
+use crate::base::error::{Error, collected, named, zeroed};
 use crate::base::real::Real;
 
 /// How overlapping tiles are mixed.
@@ -15,13 +15,8 @@ pub enum Blend {
 }
 
 impl Blend {
-    /// The option of that name.
     pub fn named(name: &str) -> Result<Self, Error> {
-        match name {
-            "power" => Ok(Self::Power),
-            "linear" => Ok(Self::Linear),
-            _ => Err(Error::invalid("blend", format!("must be power or linear, got {name:?}"))),
-        }
+        named("blend", name, &[("power", Self::Power), ("linear", Self::Linear)])
     }
 }
 

@@ -13,11 +13,11 @@ use num_complex::Complex;
 use super::band::{Band, Sum};
 use super::filter::TemporalFilter;
 use super::grid::position;
-use super::phase::{leader_phase, reduce, tile_hash};
+use super::grid::{leader_phase, reduce, tile_hash};
 use super::tent::Motion;
 use super::transform::{real_rows, room_for_plans};
 use super::waves::{Draw, Waves};
-use crate::base::error::{Cancel, Error, pushed, zeroed};
+use crate::base::error::{Cancel, Error, named, pushed, zeroed};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::{PORTABLE, reproducible};
@@ -40,11 +40,7 @@ pub enum Cells {
 
 impl Cells {
     pub fn named(name: &str) -> Result<Self, Error> {
-        match name {
-            "one" => Ok(Self::One),
-            "overlap" => Ok(Self::Overlap),
-            _ => Err(Error::invalid("cells", format!("must be one or overlap, got {name:?}"))),
-        }
+        named("cells", name, &[("one", Self::One), ("overlap", Self::Overlap)])
     }
 }
 

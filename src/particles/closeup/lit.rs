@@ -8,9 +8,9 @@ use crate::base::error::{Cancel, Error, layout};
 use crate::base::lamps::{Lamps, light};
 use crate::base::pool;
 use crate::base::simd::dispatch;
-use crate::particles::bins::{TILE, touches};
+use crate::particles::bins::{PIXELS, TILE, touches};
 use crate::particles::canvas::{Canvas, rows};
-use crate::particles::draw::{PIXELS, one};
+use crate::particles::draw::one;
 use crate::particles::sorted::{Part, Sorted};
 use crate::particles::sprite::{Lens, Sprite};
 

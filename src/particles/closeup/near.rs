@@ -3,7 +3,8 @@
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
 use super::aperture::Blur;
-use super::patch::{Kind, Line, Patch, Tumble};
+use super::patch::{Line, Patch};
+use super::shape::{Kind, Tumble};
 use crate::base::error::{Cancel, Error, layout};
 use crate::base::pool;
 use crate::base::simd::dispatch;
@@ -24,9 +25,6 @@ pub struct Closeup {
 
 /// Circles of confusion in px between which a blurred sprite gives way to a disc.
 pub const DISC: (f64, f64) = (6.0, 9.0);
-
-/// Of a disc of diameter c the variance along an axis is c^2 / 16.
-pub const VARIANCE_OF_DISC: f64 = 1.0 / 16.0;
 
 /// Rows of one item of work.
 const BAND: usize = 32;

@@ -2,45 +2,11 @@
 
 use std::ops::Range;
 
-use super::aperture::Blur;
-use super::near::VARIANCE_OF_DISC;
-use super::shape::{DOT, Place, ball, silhouette};
+use super::aperture::VARIANCE_OF_DISC;
+use super::shape::{DOT, Kind, Look, Place, ball, silhouette};
 use super::spread::{along, spread};
 use crate::base::simd::dispatch;
 use crate::particles::sprite::{Flake, Lens, RIM_SHARE, Sprite};
-
-/// What a flake looks like from near.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// An aggregate of crystals.
-    Aggregate,
-    /// A drop of water.
-    Drop,
-    /// A round dot, out of focus.
-    Dot,
-}
-
-/// How flakes tumble.
-#[derive(Debug, Clone, Copy)]
-pub struct Tumble {
-    /// Of the random numbers.
-    pub seed: i64,
-    /// Seconds since frame 0.
-    pub seconds: f64,
-}
-
-/// What is made of a flake.
-#[derive(Debug, Clone, Copy)]
-pub struct Look {
-    /// Its shape.
-    pub kind: Kind,
-    /// How much of it has that shape and a sharp disc; the rest is the image of a sprite.
-    pub share: f64,
-    /// The lens, if it has an opening.
-    pub blur: Option<Blur>,
-    /// How it tumbles.
-    pub tumble: Tumble,
-}
 
 /// The picture of one flake's opacity.
 pub struct Patch {

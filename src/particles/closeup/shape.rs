@@ -1,11 +1,40 @@
 //! A flake at rest and in focus, as texels: an aggregate that tumbles, a drop, or a dot.
 
+use super::aperture::Blur;
 use super::bank::{Bank, SHAPES, Silhouette};
-use super::patch::{Kind, Look};
 use crate::base::pixel::sampled;
 use crate::base::random::Hash;
 use crate::base::simd::dispatch;
 use crate::particles::sprite::Flake;
+
+/// What a flake looks like from near.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// An aggregate of crystals.
+    Aggregate,
+    Drop,
+    /// A round dot, out of focus.
+    Dot,
+}
+
+/// How flakes tumble.
+#[derive(Debug, Clone, Copy)]
+pub struct Tumble {
+    pub seed: i64,
+    /// Seconds since frame 0.
+    pub seconds: f64,
+}
+
+/// What is made of a flake.
+#[derive(Debug, Clone, Copy)]
+pub struct Look {
+    pub kind: Kind,
+    /// How much of it has that shape and a sharp disc; the rest is the image of a sprite.
+    pub share: f64,
+    /// The lens, if it has an opening.
+    pub blur: Option<Blur>,
+    pub tumble: Tumble,
+}
 
 /// A dot ends here, in sigma.
 pub const DOT: f64 = 4.0;

@@ -3,7 +3,6 @@
 //! u = a across + b down, so that the sine of the whole is made of those of the parts, and a tile needs
 //! tables of these only. The waves b and -b share a division.
 
-use super::product::turns;
 use crate::base::aligned::Aligned;
 use crate::base::error::Error;
 use crate::base::real::Real;
@@ -14,6 +13,23 @@ const NEAR: f64 = 0.0625;
 
 /// Streaks beyond it, in tiles, leave nothing; products of two stay finite.
 const MOST: f64 = 1e12;
+
+/// Cycles, whole ones taken off.
+#[inline(always)]
+fn reduced(cycles: f64) -> f64 {
+    cycles - cycles.round_ties_even()
+}
+
+/// Writes exp(2 pi i k cycles) * gain for k = 0, 1, ..
+#[inline(always)]
+pub fn turns<T: Real, const LEVEL: u8>(cos: &mut [T], sin: &mut [T], cycles: f64, gain: T) {
+    let cycles = reduced(cycles);
+    for (k, (cos, sin)) in cos.iter_mut().zip(sin).enumerate() {
+        let turn = T::turn::<LEVEL>(T::of(reduced(k as f64 * cycles)));
+        *cos = gain * turn.re;
+        *sin = gain * turn.im;
+    }
+}
 
 /// Tables of one worker.
 pub struct Blur<T> {

@@ -9,7 +9,7 @@
 
 #![expect(unsafe_code, reason = "products of waves by `Lanes`")]
 
-use super::blur::Blur;
+use super::blur::{Blur, turns};
 use super::prepared::{PARTS, Prepared};
 use crate::base::aligned::Aligned;
 use crate::base::error::Error;
@@ -54,24 +54,7 @@ impl<T: Real> Scratch<T> {
     }
 }
 
-/// Cycles, whole ones taken off.
-#[inline(always)]
-fn reduced(cycles: f64) -> f64 {
-    cycles - cycles.round_ties_even()
-}
-
-/// Writes exp(2 pi i k cycles) * gain for k = 0, 1, ..
-#[inline(always)]
-pub(super) fn turns<T: Real, const LEVEL: u8>(cos: &mut [T], sin: &mut [T], cycles: f64, gain: T) {
-    let cycles = reduced(cycles);
-    for (k, (cos, sin)) in cos.iter_mut().zip(sin).enumerate() {
-        let turn = T::turn::<LEVEL>(T::of(reduced(k as f64 * cycles)));
-        *cos = gain * turn.re;
-        *sin = gain * turn.im;
-    }
-}
-
-/// [`render_with`] on the best instructions.
+/// Fills `pixels` with the tile of some terms, without their mean.
 #[dispatch]
 pub fn render<const LEVEL: u8, T: Real>(
     patterns: &Prepared<T>,
