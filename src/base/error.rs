@@ -15,10 +15,7 @@ pub enum Error {
         message: String,
     },
     /// Work space could not be allocated (MemoryError).
-    Memory {
-        /// How much was asked for.
-        bytes: usize,
-    },
+    Memory { bytes: usize },
     /// The caller asked to stop; the output is unfinished (KeyboardInterrupt).
     Cancelled,
     /// A defect of ours (InternalError).
@@ -90,7 +87,6 @@ pub fn reserve<T>(list: &mut Vec<T>, more: usize) -> Result<(), Error> {
     list.try_reserve(more).map_err(|_| Error::Memory { bytes })
 }
 
-/// A zeroed work buffer.
 pub fn zeroed<T: Clone + num_traits::Zero>(count: usize) -> Result<Vec<T>, Error> {
     let mut buffer = Vec::new();
     reserve(&mut buffer, count)?;
@@ -98,7 +94,6 @@ pub fn zeroed<T: Clone + num_traits::Zero>(count: usize) -> Result<Vec<T>, Error
     Ok(buffer)
 }
 
-/// The items of an iterator in a vector.
 pub fn collected<T>(items: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>, Error> {
     let mut list = Vec::new();
     reserve(&mut list, items.len())?;
@@ -123,7 +118,6 @@ pub fn spare(bytes: usize) -> Result<(), Error> {
 pub struct Cancel(AtomicBool);
 
 impl Cancel {
-    /// A flag that is not raised.
     pub const fn new() -> Self {
         Self(AtomicBool::new(false))
     }

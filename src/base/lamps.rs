@@ -7,7 +7,6 @@ use super::error::Error;
 use super::pixel::smoothstep;
 use super::simd::dispatch;
 
-/// A lamp in the eye's axes.
 #[derive(Debug, Clone, Copy)]
 pub struct Lamp {
     /// Where it is; of a sun nothing.

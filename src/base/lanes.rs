@@ -39,19 +39,15 @@ pub trait Lanes<T>: Copy {
     /// `c - self * b`, rounded as `multiply_add`.
     unsafe fn product_from(self, b: Self, c: Self) -> Self;
 
-    /// `self + b`.
     unsafe fn add(self, b: Self) -> Self;
 
-    /// `self - b`.
     unsafe fn sub(self, b: Self) -> Self;
 
-    /// `self * b`.
     unsafe fn mul(self, b: Self) -> Self;
 
     /// The smaller and the larger of two; `b` where `self` is NaN.
     unsafe fn min(self, b: Self) -> Self;
 
-    /// See `min`.
     unsafe fn max(self, b: Self) -> Self;
 
     /// The last one first.
@@ -64,7 +60,6 @@ pub trait Lanes<T>: Copy {
     unsafe fn replaced(self, at: Self, like: Self, by: Self) -> Self;
 }
 
-/// Lanes of the portable level.
 #[derive(Clone, Copy)]
 pub struct Plain<T, const N: usize>([T; N]);
 

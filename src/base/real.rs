@@ -11,11 +11,8 @@ use crate::base::simd::multiply_add;
 
 /// float32 or float64 pixels.
 pub trait Real: Transform + Float + std::ops::AddAssign + std::ops::MulAssign {
-    /// Vectors of the level AVX-512.
     type Avx512: Lanes<Self>;
-    /// Vectors of the level AVX2.
     type Avx2: Lanes<Self>;
-    /// Vectors of the portable level.
     type Portable: Lanes<Self>;
 
     /// Rounds a float64 to this precision.

@@ -30,7 +30,6 @@ pub fn all_within<T: Real>(values: &[T], low: T, high: T) -> Result<bool, Error>
     Ok(all.into_inner())
 }
 
-/// Whether all numbers are finite.
 pub fn all_finite<T: Real>(values: &[T]) -> Result<bool, Error> {
     all_within(values, T::min_value(), T::max_value())
 }

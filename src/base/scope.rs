@@ -9,7 +9,6 @@ use std::cell::Cell;
 /// What a call asks for; None leaves it to the process.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Scope {
-    /// How many threads.
     pub threads: Option<usize>,
     /// Whether all levels of vector instructions give the same bits.
     pub reproducible: Option<bool>,
@@ -20,7 +19,6 @@ thread_local! {
 }
 
 impl Scope {
-    /// What the call of this thread asks for.
     pub fn now() -> Self {
         SCOPE.get()
     }

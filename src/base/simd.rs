@@ -22,9 +22,7 @@ use crate::base::scope::Scope;
 pub enum Level {
     /// What every processor of the target has.
     Portable,
-    /// AVX2 and FMA.
     Avx2,
-    /// AVX-512 F, VL, DQ and BW.
     Avx512,
 }
 
@@ -102,9 +100,7 @@ pub fn set_reproducible(on: bool) {
 
 /// [`Level::Portable`] as a kernel's constant.
 pub const PORTABLE: u8 = 0;
-/// [`Level::Avx2`] as a kernel's constant.
 pub const AVX2: u8 = 1;
-/// [`Level::Avx512`] as a kernel's constant.
 pub const AVX512: u8 = 2;
 
 /// `a * b + c`, fused where the level has the instruction. Elsewhere a fused call would go to a library

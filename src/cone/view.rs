@@ -32,7 +32,6 @@ pub struct View {
     pub eye: Vector,
 }
 
-/// What a pixel sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
     /// Turns, in [0, 1).

@@ -6,7 +6,6 @@ use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 use crate::base::error::{Cancel, Error};
 use crate::base::pool;
 
-/// The largest finite half.
 const LARGEST: f32 = 65504.0;
 
 /// Numbers that are bounded while they are in the first cache.

@@ -12,10 +12,8 @@ pub const CLOSE: usize = 2;
 /// Metres by which the air is carried at most.
 const FARTHEST: f64 = 1e15;
 
-/// Vectors of three.
 pub type Vector = [f64; 3];
 
-/// An eye at one time.
 #[derive(Debug, Clone, Copy)]
 pub struct Eye {
     /// Rows turn house axes into the eye's.
@@ -53,7 +51,6 @@ pub struct Class {
     pub number: i64,
     /// The most there are, 1/m3.
     pub density: f64,
-    /// Of their diameters.
     pub sizes: Sizes,
     /// Depths between which they fade in, and between which they fade out again, metres.
     pub shown: [f64; 4],
@@ -78,11 +75,9 @@ pub struct Class {
 /// The flakes before an eye.
 #[derive(Debug, Clone)]
 pub struct Air {
-    /// Of the population.
     pub seed: i64,
     /// Mean over the disc of a resting flake, 0 to 1.
     pub opacity: f64,
-    /// Class after class.
     pub classes: Vec<Class>,
     /// At each time.
     pub eyes: Vec<Eye>,

@@ -40,7 +40,6 @@ const ROWS: usize = 128;
 /// Periods of a torus by which a node may lie beside it.
 const ROUNDS: f32 = 64.0;
 
-/// Sheets of one depth.
 pub struct Group<'a> {
     /// Each with its nodes, (rows, columns, [`NUMBERS`]).
     pub sheets: Vec<(&'a Sheet, ArrayView3<'a, f32>)>,

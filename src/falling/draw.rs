@@ -24,10 +24,8 @@ const RADIUS_OF_DIAMETER: f64 = 3.0 * std::f64::consts::FRAC_1_SQRT_2 / 2.0;
 const BEND: f64 = 0.25;
 const NEARER: f64 = 0.2;
 
-/// Pieces of a way at most.
 const MOST_PIECES: f64 = 8.0;
 
-/// The images of a frame's flakes.
 pub struct Images {
     /// Sprites, numbered by the flakes' places in the list.
     pub sorted: Sorted,
@@ -41,7 +39,6 @@ pub fn balls_of(opacity: f64) -> Result<Balls, Error> {
 }
 
 impl Images {
-    /// The images of the flakes of a list.
     pub fn of(
         air: &Air,
         list: &List,

@@ -67,7 +67,6 @@ pub fn ramp(low: f64, high: f64, x: f64) -> f64 {
 /// Numbers at even steps between two places.
 #[derive(Debug, Clone)]
 pub struct Table {
-    /// The first and the last place.
     pub range: (f64, f64),
     /// One number for all places, or several.
     pub values: Vec<f64>,

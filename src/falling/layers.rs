@@ -22,7 +22,6 @@ const OPAQUE: f32 = 80.0;
 const RUN: usize = 64;
 const BLOCK: usize = 16 * RUN;
 
-/// A sheet in a picture.
 #[derive(Clone, Copy)]
 pub struct Layer<'a> {
     pub sheet: &'a Sheet,
@@ -41,9 +40,7 @@ pub struct Layer<'a> {
 pub struct Others<'a> {
     /// Opacities of flakes that are drawn, and the factor of their optical depth.
     pub drawn: Option<(ArrayView2<'a, f32>, f32)>,
-    /// Opacities of a veil.
     pub veil: Option<ArrayView2<'a, f32>>,
-    /// Opacity of an even veil.
     pub haze: f32,
 }
 

@@ -175,7 +175,6 @@ fn blown(
     Ok(out)
 }
 
-/// The places of a cell's flakes.
 #[derive(Clone, Copy)]
 struct Places<'a> {
     air: &'a Air,

@@ -30,7 +30,6 @@ const PARTS: usize = 16;
 /// Where flakes are: cells of one size, which need not be whole pixels.
 struct Cells {
     hash: Hash,
-    /// Number of cells.
     rows: usize,
     cols: usize,
     /// Quarters of a pixel in a cell, in parts of 2^-32.
@@ -115,13 +114,11 @@ impl Sheet {
         Ok(Self { law, cells, stamps, places })
     }
 
-    /// Bytes of the places that are kept now.
     pub fn bytes(&self) -> usize {
         let made = self.places.iter().filter(|place| !place.load(Ordering::Relaxed).is_null());
         made.count() * self.law.period.0 * self.law.period.1
     }
 
-    /// The mean optical depth.
     pub fn mean(&self) -> f64 {
         self.law.shown() * self.stamps.total
     }
@@ -416,11 +413,12 @@ pub mod tests {
         let law = Law { shear: 20, ..law(0.02, &[0.8, 1.6], [1.0, -2.0], (37, 53)) };
         let sheet = Sheet::new(law).unwrap();
         let want = direct(&sheet, (0, 0));
-        let got = picture((80, 60), [-4, 3], &[plain(&sheet, [0.0, 0.0])]);
-        for ((row, col), &got) in got.indexed_iter() {
-            let (row, col) = (row as i64 - 4, col as i64 + 3);
-            let aside = row.div_euclid(37) * 20;
-            let at = (row.rem_euclid(37) as usize, (col - aside).rem_euclid(53) as usize);
+        for ((row, col), &got) in
+            picture((80, 60), [-4, 3], &[plain(&sheet, [0.0; 2])]).indexed_iter()
+        {
+            let (row, col) =
+                (row as i64 - 4, col as i64 + 3 - (row as i64 - 4).div_euclid(37) * 20);
+            let at = (row.rem_euclid(37) as usize, col.rem_euclid(53) as usize);
             assert!((f64::from(got) - want[at]).abs() < 0.04, "{row} {col}");
         }
         for rounds in [1, -3, 1_000_003] {

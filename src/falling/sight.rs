@@ -15,18 +15,14 @@ const LEAST_REACH: f64 = 4.0;
 /// Flakes in the cells of one frame at most.
 const MOST: f64 = 6e7;
 
-/// A line of cells.
 #[derive(Debug, Clone, Copy)]
 pub struct Line {
     /// Of the class in its air.
     pub class: usize,
-    /// Of the cells.
     pub level: i32,
     /// The first cell.
     pub first: [i64; 3],
-    /// The axis along which the others follow.
     pub axis: usize,
-    /// How many cells there are.
     pub count: u32,
     /// Of the parts of the cells along the house's z.
     pub part: u32,
@@ -40,7 +36,6 @@ pub fn parts(class: &Class, side: f64) -> u32 {
     if class.profile.is_empty() { 1 } else { (side / THIN).max(1.0) as u32 }
 }
 
-/// What the eye sees of a class.
 pub struct Sight {
     eye: Eye,
     /// Slopes of the four sides of the pyramid, across and down.
@@ -57,7 +52,6 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// What the eye sees of a class.
     pub fn of(air: &Air, class: &Class) -> Self {
         let eye = air.eyes[NOW];
         let [top, bottom, left, right] = air.window.map(|v| v as f64);

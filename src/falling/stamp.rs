@@ -10,14 +10,12 @@
 use crate::base::ball::{mean_opacity, opacity_at};
 use crate::base::error::{Error, pushed, reserve, zeroed};
 
-/// The most sizes.
 const MOST_SIZES: usize = 24;
 
 /// What a sheet shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Law {
     pub seed: u64,
-    /// Rows and columns of the torus.
     pub period: (usize, usize),
     /// Columns to the right at which a flake that leaves the torus below comes in again above: one that falls
     /// straight down meets its own place no more.
@@ -39,7 +37,6 @@ pub struct Law {
 }
 
 impl Law {
-    /// Refuses what no stamps are made for.
     pub fn check(&self) -> Result<(), Error> {
         let ((rows, cols), (low, high)) = (self.period, self.ranks);
         let near = |length: usize| (1..=1 << 20).contains(&length);

@@ -90,7 +90,6 @@ fn mix_three<const LEVEL: u8, S: Sample>(
     }
 }
 
-/// Pixels of one channel.
 #[dispatch]
 fn mix_one<const LEVEL: u8, S: Sample>(
     out: &mut [S],

@@ -12,7 +12,6 @@ use crate::base::simd::dispatch;
 pub struct Lit<'a> {
     /// (H, W), 0 to 1.
     pub alpha: ArrayView2<'a, f32>,
-    /// Its color.
     pub grid: Grid<'a>,
     /// Light besides, (H, W, 3), already multiplied by opacities.
     pub glow: Option<ArrayView3<'a, f32>>,
@@ -139,13 +138,10 @@ fn laid<S: Copy + Send + Sync>(
         for (row, mut out) in band.outer_iter_mut().enumerate() {
             let row = 32 * number + row;
             lit.grid.row(row, &across, &mut line, &mut colors);
-            let alpha = lit.alpha.index_axis_move(Axis(0), row);
-            let alpha = alpha.to_slice().ok_or_else(layout)?;
-            let glow = lit.glow.map(|glow| glow.index_axis_move(Axis(0), row));
-            let glow = glow.as_ref().map(|glow| glow.to_slice().ok_or_else(layout)).transpose()?;
+            let alpha = pool::line(lit.alpha, row)?;
+            let glow = lit.glow.map(|glow| pool::line(glow, row)).transpose()?;
             let glow = glow.map(|glow| glow.as_chunks::<3>().0);
-            let back = back.index_axis_move(Axis(0), row);
-            let back = back.to_slice().ok_or_else(layout)?;
+            let back = pool::line(back, row)?;
             let along = Along { alpha, colors: &colors, glow };
             lay(out.as_slice_mut().ok_or_else(layout)?, back, &along);
         }
@@ -203,11 +199,9 @@ impl<'a, 'b> Behind<'a, 'b> {
         let mut cover = vec![0.0_f32; width];
         for (row, mut glow) in glow.outer_iter_mut().enumerate() {
             self.lit.grid.row(first + row, &self.across, &mut line, &mut colors);
-            let alpha = self.lit.alpha.index_axis_move(Axis(0), first + row);
-            cover.copy_from_slice(alpha.to_slice().ok_or_else(layout)?);
+            cover.copy_from_slice(pool::line(self.lit.alpha, first + row)?);
             if let Some(front) = front {
-                let front = front.index_axis_move(Axis(0), row);
-                let front = front.to_slice().ok_or_else(layout)?;
+                let front = pool::line(front, row)?;
                 cover.iter_mut().zip(front).for_each(|(cover, front)| *cover *= 1.0 - front);
             }
             let (glow, _) = glow.as_slice_mut().ok_or_else(layout)?.as_chunks_mut::<3>();
@@ -217,7 +211,6 @@ impl<'a, 'b> Behind<'a, 'b> {
     }
 }
 
-/// Adds colors times opacities.
 #[dispatch]
 fn add_light<const LEVEL: u8>(glow: &mut [[f32; 3]], colors: &[[f32; 3]], cover: &[f32]) {
     for ((glow, color), cover) in glow.iter_mut().zip(colors).zip(cover) {

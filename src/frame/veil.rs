@@ -5,7 +5,7 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2};
 
-use crate::base::error::{Cancel, Error, layout, zeroed};
+use crate::base::error::{Cancel, Error, collected, layout, zeroed};
 use crate::base::normal::{Normal, least, most};
 use crate::base::pool;
 use crate::base::simd::dispatch;
@@ -20,7 +20,6 @@ pub struct Patches<'a, T> {
     pub field: ArrayView2<'a, T>,
     /// Pixels between two points.
     pub cell: f64,
-    /// What the field is multiplied by.
     pub strength: f64,
 }
 
@@ -56,8 +55,7 @@ pub fn veil<T: Normal>(
         for (row, mut out) in run.zip(part.rows_mut()) {
             cancel.check()?;
             let out = out.as_slice_mut().ok_or_else(layout)?;
-            let way = way.row(if way.nrows() == 1 { 0 } else { row });
-            let way = way.to_slice().ok_or_else(layout)?;
+            let way = pool::line(way, if way.nrows() == 1 { 0 } else { row })?;
             match patches {
                 Some(patches) => {
                     patches.row(row, &mut line);
@@ -84,15 +82,10 @@ pub fn veil<T: Normal>(
 
 /// Between which points of a field each pixel lies, and how far from the first.
 fn places<T: Normal>(length: usize, cell: f64) -> Result<Vec<(u32, T)>, Error> {
-    let mut found = zeroed::<u32>(length)?;
-    let mut all = Vec::new();
-    all.try_reserve_exact(length).map_err(|_| Error::Memory { bytes: 8 * length })?;
-    for (pixel, first) in found.iter_mut().enumerate() {
+    collected((0..length).map(|pixel| {
         let place = (pixel as f64 + 0.5) / cell;
-        *first = place as u32;
-        all.push((*first, T::of(place - place.floor())));
-    }
-    Ok(all)
+        (place as u32, T::of(place - place.floor()))
+    }))
 }
 
 impl<T: Normal> Patches<'_, T> {
@@ -107,7 +100,6 @@ impl<T: Normal> Patches<'_, T> {
     }
 }
 
-/// Densities along a row.
 fn patched<T: Normal>(out: &mut [T], places: &[(u32, T)], line: &[T], strength: T) {
     for (density, &(first, part)) in out.iter_mut().zip(places) {
         let (left, right) = (line[first as usize], line[first as usize + 1]);

@@ -22,7 +22,6 @@ use super::sprite::{Eye, Form, Look, Sprite};
 use crate::base::normal::{Normal, least, most};
 use crate::base::simd::multiply_add;
 
-/// Samples along each side.
 pub const SIDE: usize = 16;
 
 /// Intervals of the lattice to a tile.
@@ -54,7 +53,6 @@ pub struct Lattice<P> {
     corner: [f64; 2],
     /// Weights of samples (rows) for pixels (columns).
     weights: [[P; TILE]; SIDE],
-    /// What stands in the picture.
     depth: [[P; SIDE]; SIDE],
     /// The smallest sigma for which that is smooth, world units.
     finest: f64,
@@ -62,7 +60,6 @@ pub struct Lattice<P> {
 }
 
 impl<P: Normal> Lattice<P> {
-    /// A lattice of no tile.
     pub fn none() -> Self {
         let plane = [[P::zero(); SIDE]; SIDE];
         let sheet = Sheet { first: [0.0; 2], step: 0.0, range: [1.0; 2] };
@@ -92,7 +89,6 @@ impl<P: Normal> Lattice<P> {
         self.drawn = false;
     }
 
-    /// Takes what stands in the tile.
     #[inline(always)]
     pub fn stand<const LEVEL: u8>(&mut self, ground: &Ground<'_, P, TILE>) {
         self.finest = f64::INFINITY;

@@ -57,13 +57,11 @@ impl Touched {
     }
 }
 
-/// A frame of gas.
 pub struct Picture<'a, M> {
     pub shape: (usize, usize),
     pub eye: &'a Eye,
     pub drawing: Drawing<'a>,
     pub touched: &'a Touched,
-    /// Depth of what stands in the picture.
     pub depth: Option<ArrayView2<'a, M>>,
 }
 
@@ -77,7 +75,6 @@ struct Scratch<P> {
     lattice: Option<Box<Lattice<P>>>,
 }
 
-/// A plane of zeros.
 fn nothing<P: Normal>() -> Plane<P> {
     Plane([[P::zero(); TILE]; TILE])
 }

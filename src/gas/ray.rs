@@ -100,7 +100,6 @@ fn part_of_mut<P, const N: usize>(row: &mut [P; N], part: usize) -> &mut Part<P>
     (&mut row[part * PART..(part + 1) * PART]).try_into().expect("PART of them")
 }
 
-/// Opacities from squared distances.
 #[inline(always)]
 fn gauss<P: Normal, const LEVEL: u8>(squared: Part<P>, scale: Scale<P>, square: bool) -> Part<P> {
     let mut alpha = [P::zero(); PART];
@@ -116,7 +115,6 @@ fn gauss<P: Normal, const LEVEL: u8>(squared: Part<P>, scale: Scale<P>, square: 
     alpha
 }
 
-/// Opacities from the two vectors.
 #[inline(always)]
 fn product<P: Normal, const N: usize, const LEVEL: u8>(
     across: &[P; N],

@@ -13,7 +13,6 @@ use crate::base::simd::multiply_add;
 /// Samples that are worked on at once: an exponential costs as much as some pixels of a particle.
 pub const PART: usize = 16;
 
-/// A part of a row of samples.
 pub type Part<P> = [P; PART];
 
 /// Where the samples of a square sheet lie.
@@ -45,7 +44,6 @@ impl Sheet {
     }
 }
 
-/// The rays of N x N samples.
 #[repr(C, align(64))]
 #[derive(Clone)]
 pub struct Rays<P, const N: usize> {
@@ -60,13 +58,11 @@ pub struct Rays<P, const N: usize> {
 }
 
 impl<P: Normal, const N: usize> Rays<P, N> {
-    /// Rays of no sheet.
     pub fn none() -> Self {
         let (row, plane) = ([P::zero(); N], [[P::zero(); N]; N]);
         Self { across: row, down: row, length: plane, inverse: plane }
     }
 
-    /// Fills in the rays of a sheet.
     #[inline(always)]
     pub fn fill<const LEVEL: u8>(&mut self, sheet: &Sheet) {
         for k in 0..N {
@@ -118,7 +114,6 @@ pub struct Passing<P> {
 }
 
 impl Forms {
-    /// The forms of a sprite.
     pub fn of(sprite: &Sprite, sheet: &Sheet) -> Self {
         let [x, y, z] = sprite.place;
         let [sx, sy] = sheet.first;
@@ -158,7 +153,6 @@ impl Forms {
         Some([low.max(0.0) as usize, high.min(last).ceil() as usize])
     }
 
-    /// The forms of a row.
     #[inline(always)]
     pub fn row<P: Normal>(&self, row: usize) -> Beside<P> {
         let [x, y, z] = self.place;
@@ -207,7 +201,6 @@ impl Forms {
 }
 
 impl<P: Normal> Passing<P> {
-    /// Of no ray.
     #[inline(always)]
     pub fn none() -> Self {
         Self { squared: [P::zero(); PART], lean: [P::zero(); PART] }
@@ -255,7 +248,6 @@ impl<P: Normal> Beside<P> {
 }
 
 impl<P: Normal, const N: usize> Rays<P, N> {
-    /// Lengths of a part of a row.
     #[inline(always)]
     pub fn lengths(&self, row: usize, part: usize) -> &Part<P> {
         let at = part * PART;

@@ -23,7 +23,6 @@ const WEIGHTS: [[f32; COARSE]; 3] = [
     [0.0078125, 0.0703125, 0.1953125, 0.3828125],
 ];
 
-/// Slices one behind the other.
 pub struct Slices<'a> {
     /// Extinction of each on the coarse grid, (slices, rows, columns).
     pub density: ArrayView3<'a, f32>,
@@ -65,8 +64,7 @@ pub fn add(
             let first = row / COARSE + MARGIN - 1;
             let weights = WEIGHTS.map(|pixels| pixels[row % COARSE]);
             if let Some(ground) = slices.ground {
-                let ground = ground.index_axis_move(Axis(0), row);
-                end[..width].copy_from_slice(ground.to_slice().ok_or_else(layout)?);
+                end[..width].copy_from_slice(pool::line(ground, row)?);
             }
             line.fill(0.0);
             sum.fill(0.0);
@@ -84,8 +82,7 @@ pub fn add(
             if slices.ground.is_none() {
                 spread(&mut sum, &line, None);
             }
-            let detail = slices.detail.0.index_axis_move(Axis(0), row);
-            let detail = (detail.to_slice().ok_or_else(layout)?, slices.detail.1);
+            let detail = (pool::line(slices.detail.0, row)?, slices.detail.1);
             let slopes = slices.slopes.map(|(x, y)| (x, 1.0 + y[row] * y[row]));
             finish(out.as_slice_mut().ok_or_else(layout)?, &sum, detail, slopes);
         }
@@ -106,7 +103,6 @@ fn between<const LEVEL: u8>(line: &mut [f32], three: &[f32], weights: [f32; 3]) 
     }
 }
 
-/// The pixels of one coarse sample.
 #[inline(always)]
 fn pixels<const LEVEL: u8>(three: [f32; 3]) -> [f32; COARSE] {
     let mut values = [0.0_f32; COARSE];

@@ -64,12 +64,9 @@ pub enum NearMode {
     Exact,
 }
 
-/// How gas is drawn.
 #[derive(Debug, Clone, Copy)]
 pub struct Look {
-    /// The model.
     pub footprint: Footprint,
-    /// How footprints end.
     pub edge: Edge,
     /// Depth before which nothing is drawn, world units, more than 0.
     pub near: f64,
@@ -83,7 +80,6 @@ pub struct Look {
     pub smooth: f64,
 }
 
-/// A particle of the gas.
 #[derive(Debug, Clone, Copy)]
 pub struct Particle {
     /// In camera axes.
@@ -143,10 +139,8 @@ pub enum Form {
     Ray,
 }
 
-/// A particle's image.
 #[derive(Debug, Clone, Copy)]
 pub struct Sprite {
-    /// What it is.
     pub form: Form,
     /// The model that it is drawn by.
     pub model: Footprint,
@@ -160,7 +154,6 @@ pub struct Sprite {
     pub radius: f64,
     /// From the eye, world units.
     pub place: [f64; 3],
-    /// How far that is.
     pub away: f64,
     /// World units.
     pub sigma: f64,
@@ -170,12 +163,10 @@ pub struct Sprite {
     pub opacity: f64,
     /// What it is sorted by, front to back.
     pub key: f64,
-    /// Its place in the list.
     pub index: u32,
 }
 
 impl Sprite {
-    /// No image.
     pub const NONE: Self = Self {
         form: Form::Point,
         model: Footprint::Viewplane,

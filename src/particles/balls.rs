@@ -46,17 +46,14 @@ const OPAQUE: f32 = 1.0 - 1e-6;
 /// Of a way the places that integrate a cubic exactly, from its middle, in its lengths.
 const GAUSS: f64 = 0.288_675_134_594_812_9;
 
-/// The images of balls of one opacity.
 pub struct Balls {
     tables: Vec<Table>,
 }
 
-/// The image of a ball of one radius.
 struct Table {
     radius: f64,
     /// The radius and the margin.
     reach: f64,
-    /// Entries for each pixel.
     along: f64,
     across: f64,
     /// By distance across the way and along it: the resting image.

@@ -16,14 +16,12 @@ use crate::base::pixel::pixels;
 /// Side of a tile, px. Its transmittance in float64 is 32 KiB: the L1 cache.
 pub const TILE: usize = 64;
 
-/// Pixels of a tile.
 pub const PIXELS: usize = TILE * TILE;
 
 /// A flake that spans more tiles than this is kept in a list that every tile looks at, so that memory
 /// stays proportional to the number of flakes and not to the pixels they cover.
 const MOST_TILES: usize = 16;
 
-/// The tiles of a picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Grid {
     /// (height, width), px.
@@ -38,7 +36,6 @@ impl Grid {
         Self { shape, rows: shape.0.div_ceil(TILE), columns: shape.1.div_ceil(TILE) }
     }
 
-    /// Tiles in all.
     pub fn len(&self) -> usize {
         self.rows * self.columns
     }
@@ -67,7 +64,6 @@ pub type Numbered<'a> = Zip<Iter<'a, Sprite>, Iter<'a, i32>>;
 pub struct Bins {
     /// The sprites of tile k are sprites[starts[k]..starts[k + 1]], by index of the flake.
     sprites: Vec<Sprite>,
-    /// Their flakes' numbers.
     numbers: Vec<i32>,
     starts: Vec<u32>,
     /// Those that span many tiles, by index.

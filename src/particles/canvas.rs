@@ -41,7 +41,6 @@ impl Canvas for [f64; PIXELS] {
 pub struct Numbered {
     /// T, with the bits that it has alone.
     pub through: [f64; PIXELS],
-    /// The greatest alpha.
     pub most: [f64; PIXELS],
     /// Whose it is, or [`NONE`].
     pub numbers: [i32; PIXELS],
@@ -49,7 +48,6 @@ pub struct Numbered {
 }
 
 impl Numbered {
-    /// An empty tile.
     pub fn new() -> Self {
         Self { through: [1.0; PIXELS], most: [0.0; PIXELS], numbers: [NONE; PIXELS], drawn: NONE }
     }

@@ -17,7 +17,6 @@ use super::sprite::{REACH, Sprite};
 use super::streak::streak;
 use crate::base::pixel::pixels;
 
-/// One sprite by itself.
 #[inline(always)]
 pub fn one<P: Profile, C: Canvas, const LEVEL: u8>(
     canvas: &mut C,
@@ -58,7 +57,6 @@ fn disc<P: Profile, C: Canvas, const LEVEL: u8>(
     outer::<P, C, LEVEL>(canvas, &place, blocks, &across, &down);
 }
 
-/// Where a disc lies in its tile.
 struct Place<'a, P> {
     map: Option<&'a [P; PIXELS]>,
     depth: P,

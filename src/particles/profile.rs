@@ -19,7 +19,6 @@ use crate::base::simd::multiply_add;
 /// Where the end of the footprint begins, in sigma.
 const RIM: f64 = 3.0;
 
-/// Terms of the series for short segments.
 pub const TERMS: usize = 7;
 
 /// What the profiles need of a pixel's precision beyond [`Normal`].

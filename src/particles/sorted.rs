@@ -38,7 +38,6 @@ pub type Part = [usize; 4];
 /// and then buffers are made anew.
 static SPARE: Mutex<Vec<Bins>> = Mutex::new(Vec::new());
 
-/// What is kept at most, bytes.
 const MOST_SPARE: usize = 32 << 20;
 
 /// The flakes of a frame by the tiles that they touch.

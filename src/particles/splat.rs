@@ -25,7 +25,6 @@ pub struct Flakes<'a> {
 }
 
 impl Flakes<'_> {
-    /// Refuses what cannot be drawn.
     fn check(&self, lens: &Lens) -> Result<(), Error> {
         let count = self.points.nrows();
         let fits = |length: usize| [1, count].contains(&length);

@@ -47,7 +47,6 @@ pub struct Lens {
     pub near: f64,
 }
 
-/// A flake in the world.
 #[derive(Debug, Clone, Copy)]
 pub struct Flake {
     /// In camera axes, at mid-exposure.
@@ -63,7 +62,6 @@ pub struct Flake {
 /// A flake in the picture: a Gaussian swept along a segment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sprite {
-    /// Where the segment starts, px.
     pub start: [f64; 2],
     /// The unit vector along it; (1, 0) for a flake that does not move.
     pub along: [f64; 2],
@@ -78,7 +76,6 @@ pub struct Sprite {
 }
 
 impl Sprite {
-    /// No flake at all.
     pub const NONE: Self = Self {
         start: [0.0; 2],
         along: [1.0, 0.0],

@@ -17,7 +17,6 @@ const STREAM: i64 = i64::from_be_bytes(*b"flakebox");
 const SWAY_X: i64 = 3;
 const SWAY_Z: i64 = 4;
 
-/// Flakes per item of work.
 const RUN: usize = 4096;
 
 /// The fade begins at this share of the way from the centre to a wall.
@@ -26,9 +25,7 @@ const FADE_FROM: f64 = 0.85;
 /// A box whose opposite walls are one: sides B, around a centre (the viewer, or the world's origin).
 #[derive(Debug, Clone, Copy)]
 pub struct Torus {
-    /// B, one per axis.
     pub sides: [f64; 3],
-    /// c.
     pub center: [f64; 3],
 }
 

@@ -87,7 +87,6 @@ fn work(air: &Air) -> f64 {
     (100.0 * view * deep).min(UNKNOWN * 1e3)
 }
 
-/// What `flake_rows` returns.
 type Rows<'py> = (Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 
 /// Lists flakes: their identities; place in the camera's axes, place in the picture, depth from the eye, diameter
@@ -138,13 +137,11 @@ impl FlakeSheet {
         Ok(Self(Sheet::new(law)?))
     }
 
-    /// Bytes that it keeps.
     #[getter]
     fn bytes(&self) -> usize {
         self.0.bytes()
     }
 
-    /// Mean optical depth.
     #[getter]
     fn mean(&self) -> f64 {
         self.0.mean()

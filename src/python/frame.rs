@@ -18,7 +18,6 @@ use crate::frame::shade::{self, Lit};
 use crate::frame::shown::{Flakes, Passes, Shown, finish, rgba};
 use crate::frame::veil::{self as fog, Patches};
 
-/// Rough nanoseconds for a value.
 const VALUE: f64 = 0.3;
 
 arrays! {

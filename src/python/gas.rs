@@ -167,9 +167,7 @@ pub fn gas_sort(
 /// An alpha (h, w), or premultiplied linear RGBA (h, w, 4), to be written.
 #[derive(FromPyObject)]
 pub enum GasMut<'py> {
-    /// Alpha (h, w).
     Alpha(PyReadwriteArray2<'py, f32>),
-    /// Premultiplied linear RGBA (h, w, 4).
     Light(PyReadwriteArray3<'py, f32>),
 }
 

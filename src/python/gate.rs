@@ -78,13 +78,11 @@ pub fn environment() -> Result<(), Error> {
     CHECKED.get_or_init(check).clone()
 }
 
-/// Sets how many threads the kernels use.
 #[pyfunction]
 pub fn set_threads(n: usize) -> PyResult<()> {
     Ok(pool::set_threads(n)?)
 }
 
-/// How many threads the kernels use.
 #[pyfunction]
 pub fn threads() -> PyResult<usize> {
     environment()?;
@@ -97,7 +95,6 @@ pub fn set_reproducible(on: bool) {
     simd::set_reproducible(on);
 }
 
-/// Whether it is on.
 #[pyfunction]
 pub fn reproducible() -> bool {
     simd::reproducible()

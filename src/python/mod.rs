@@ -25,8 +25,8 @@ mod core {
 
     #[pymodule_export]
     use super::cone::{
-        cone_basis, cone_chart, cone_footprints, cone_layer, cone_moving, cone_needed, cone_rays,
-        cone_shown, cone_stack, cone_table, cone_tile,
+        cone_basis, cone_chart, cone_footprints, cone_layer, cone_needed, cone_rays, cone_shown,
+        cone_stack, cone_table, cone_tile,
     };
     #[pymodule_export]
     use super::falling::{BallImages, FlakeSheet, fall, flake_rows, sheet_bent, sheet_read};

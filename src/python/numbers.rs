@@ -138,7 +138,6 @@ arrays! {
     pub enum Flat by try_readonly, PyArray1 as PyReadonlyArray1 { Single: f32, Double: f64 }
 }
 
-/// Whether all numbers are finite.
 #[pyfunction]
 pub fn all_finite(py: Python<'_>, values: Flat<'_>) -> PyResult<bool> {
     match values {

@@ -104,7 +104,6 @@ pub struct SortedFlakes {
     pub lens: Lens,
     /// A rough estimate of drawing all of them.
     pub nanoseconds: f64,
-    /// The flakes themselves.
     pub list: List,
 }
 

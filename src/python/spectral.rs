@@ -26,14 +26,12 @@ use crate::spectral::volume::{Cells, Volume};
 /// Rough nanoseconds for a pixel of a tiled frame on one thread; only decides who watches Ctrl-C.
 const PIXEL: f64 = 3.0;
 
-/// Temporal frequency of every bin.
 #[pyfunction]
 #[pyo3(signature = (out, drift, repeat=None))]
 pub fn tent_rate(mut out: PyReadwriteArray2<'_, f64>, drift: [f64; 2], repeat: Option<f64>) {
     tent::tent_rate(out.as_array_mut(), drift, repeat);
 }
 
-/// Amplitude of every bin.
 #[pyfunction]
 pub fn band_amplitude(
     mut out: PyReadwriteArray2<'_, f64>,
@@ -44,13 +42,11 @@ pub fn band_amplitude(
     Ok(band_kernel(out.as_array_mut(), band)?)
 }
 
-/// Random phases of a tile.
 #[pyfunction]
 pub fn random_phase(mut out: PyReadwriteArray2<'_, f64>, seed: i64, tile: (i64, i64)) {
     random_kernel(out.as_array_mut(), seed, tile);
 }
 
-/// Phases moved by a drift and a shift.
 #[pyfunction]
 pub fn advance_phase(
     mut out: PyReadwriteArray2<'_, f64>,

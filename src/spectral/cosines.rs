@@ -30,7 +30,6 @@ pub enum Symmetry {
 }
 
 impl Symmetry {
-    /// The better one for n pixels.
     #[inline]
     pub const fn of(n: usize) -> Self {
         if n.is_multiple_of(4) && padded(n / 4) < padded(n.div_ceil(2)) {
@@ -40,7 +39,6 @@ impl Symmetry {
         }
     }
 
-    /// Sums for n pixels.
     #[inline]
     pub const fn sums(self, n: usize) -> usize {
         match self {

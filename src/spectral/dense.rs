@@ -39,7 +39,6 @@ pub struct Work<T> {
 }
 
 impl<T: Real> Dense<T> {
-    /// Tables for the waves of a tile.
     pub fn new(waves: &Waves) -> Result<Self, Error> {
         let half = waves.reach + 1;
         Ok(Self {
@@ -73,7 +72,6 @@ impl<T: Real> Dense<T> {
         0.5 * k as f64 / n as f64
     }
 
-    /// Work space for this transform.
     pub fn work(&self) -> Result<Work<T>, Error> {
         Ok(Work {
             cos: Aligned::zeroed(2 * self.stride * even(self.half))?,

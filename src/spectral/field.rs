@@ -41,11 +41,8 @@ pub struct Field {
     pub drift: Vectors,
     /// Displacement of all waves alike, pixels.
     pub shift: Vectors,
-    /// Drift per frame.
     pub velocity: Vectors,
-    /// Shift per frame.
     pub shift_rate: Vectors,
-    /// What sampling in time does to the waves.
     pub filter: TemporalFilter,
     /// Per tile, the wavelength up to which waves are left out.
     pub shortest: Option<Array2<f64>>,
@@ -63,7 +60,6 @@ pub struct Lap {
     pub part: f64,
 }
 
-/// The part of the frame that is wanted.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Window {
     pub rows: Range<usize>,

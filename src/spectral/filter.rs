@@ -35,7 +35,6 @@ impl Alias {
 /// The gain of a wave as a function of its rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TemporalFilter {
-    /// Law at the temporal Nyquist limit.
     pub alias: Alias,
     /// Where the soft law starts, cycles per frame.
     pub soft_from: f64,
@@ -44,7 +43,6 @@ pub struct TemporalFilter {
 }
 
 impl TemporalFilter {
-    /// Refuses values outside their ranges.
     pub fn checked(self) -> Result<Self, Error> {
         finite("soft_from", self.soft_from)?;
         finite("shutter", self.shutter)?;
@@ -87,7 +85,6 @@ impl TemporalFilter {
         if angle.abs() < 1e-4 { 1.0 - angle * angle / 6.0 } else { libm::sin(angle) / angle }
     }
 
-    /// Both factors.
     #[inline]
     pub fn gain(&self, rate: f64) -> f64 {
         let kept = self.alias_gain(rate);

@@ -12,7 +12,6 @@ pub const fn signed(index: usize, n: usize) -> i64 {
     if index < n.div_ceil(2) { index as i64 } else { index as i64 - n as i64 }
 }
 
-/// The array position of a signed index.
 #[inline]
 pub const fn position(index: i64, n: usize) -> usize {
     index.rem_euclid(n as i64) as usize
@@ -106,7 +105,6 @@ pub const fn leader_phase(hash: Hash) -> f64 {
     if turn >= 0.5 { turn - 1.0 } else { turn }
 }
 
-/// The phase of any bin of a tile.
 pub fn bin_phase(tile: Hash, ky: i64, kx: i64, shape: (usize, usize)) -> f64 {
     match role(ky, kx, shape) {
         Role::Leader => leader_phase(tile.word(ky).word(kx)),

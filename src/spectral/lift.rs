@@ -19,7 +19,6 @@ pub struct Lift<T> {
     /// Whether a line has any that is not 0.
     lost: Vec<bool>,
     origin: usize,
-    /// The values of a block.
     block: Vec<T>,
     /// The last tile's power and what it lost: the next one's are often the same.
     known: (Power, f64),

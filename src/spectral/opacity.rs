@@ -5,7 +5,6 @@ use crate::base::normal::{least, most};
 use crate::base::real::Real;
 use crate::base::simd::{dispatch, reproducible};
 
-/// What is added to a block.
 #[derive(Debug, Clone, Copy)]
 pub enum Lifted<'l, T> {
     None,
@@ -17,18 +16,13 @@ pub enum Lifted<'l, T> {
 
 /// A rectangle of the field and where its opacity goes; each row begins `stride` values after the last.
 pub struct Block<'f, 'o, T> {
-    /// Height.
     pub rows: usize,
-    /// Width.
     pub cols: usize,
-    /// The field and its stride.
     pub field: (&'f [T], usize),
-    /// The opacity and its stride.
     pub out: (&'o mut [T], usize),
 }
 
 impl<T: Real> Block<'_, '_, T> {
-    /// The field itself.
     pub fn copy(self) {
         let field = self.field.0.chunks(self.field.1);
         for (out, field) in self.out.0.chunks_mut(self.out.1).zip(field).take(self.rows) {
@@ -122,7 +116,6 @@ impl Opacity {
         Ok(self)
     }
 
-    /// Maps a row.
     pub fn map_row<T: Real>(&self, field: &[T], out: &mut [T]) {
         let cols = out.len();
         self.map_block(

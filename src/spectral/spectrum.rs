@@ -26,7 +26,6 @@ pub struct Columns {
     ky: Vec<i64>,
     row_frequency: Vec<f64>,
     row_offset: Vec<f64>,
-    /// The same across.
     kx: Vec<i64>,
     column_frequency: Vec<f64>,
     column_offset: Vec<f64>,
@@ -36,7 +35,6 @@ pub struct Columns {
     amplitude: Aligned<f64>,
     wavelength: Aligned<f64>,
     ring: Vec<u32>,
-    /// Power of all waves.
     power: f64,
 }
 
@@ -44,7 +42,6 @@ pub struct Columns {
 pub struct Values<T> {
     /// Real part of each leader's bin, and of the mirrors in the column of kx = 0.
     pub re: Aligned<T>,
-    /// Imaginary part.
     pub im: Aligned<T>,
     phase: Aligned<f64>,
     gain: Aligned<f64>,
@@ -70,7 +67,6 @@ pub struct TileMotion<'a> {
     pub lap: Option<(&'a [Motion], f64)>,
     /// Displacements per frame.
     pub rate: &'a [Motion],
-    /// What sampling in time does.
     pub filter: TemporalFilter,
     /// Waves up to this wavelength are left out (a depth limit); 0 leaves out none.
     pub shortest: f64,
@@ -123,7 +119,6 @@ impl Columns {
         Ok(columns)
     }
 
-    /// How many places there are.
     pub const fn len(&self) -> usize {
         2 * self.half * self.stride
     }
@@ -133,7 +128,6 @@ impl Columns {
         (self.half, self.stride)
     }
 
-    /// Where a wave stands.
     pub const fn place(&self, ky: i64, kx: i64) -> usize {
         let row = ky.unsigned_abs() as usize + if ky < 0 { self.half } else { 0 };
         row * self.stride + kx as usize
@@ -148,7 +142,6 @@ impl Columns {
         }
     }
 
-    /// Buffers for these waves.
     pub fn values<T: Real>(&self) -> Result<Values<T>, Error> {
         let n = self.len();
         Ok(Values {

@@ -20,10 +20,8 @@ use crate::base::error::{Cancel, Error, layout};
 use crate::base::pool;
 use crate::base::real::Real;
 
-/// How the field becomes an opacity.
 #[derive(Debug, Clone, Copy)]
 pub struct Mapped {
-    /// The map.
     pub map: Opacity,
     /// Whether the mean opacity that blur takes is given back.
     pub preserve_mean: bool,

@@ -80,7 +80,6 @@ impl<T: Real> Plan<T> {
         })
     }
 
-    /// Buffers for this plan.
     pub fn scratch(&self) -> Result<Scratch<T>, Error> {
         let (height, width) = self.tile;
         let mut scratch = Scratch {

@@ -20,12 +20,9 @@ impl Blend {
     }
 }
 
-/// The tiles along one axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Row {
-    /// Pixels to cover.
     pub length: usize,
-    /// Size of a tile.
     pub tile: usize,
     /// Pixels shared by neighbours.
     pub overlap: usize,
@@ -59,7 +56,6 @@ impl Row {
         }
     }
 
-    /// First pixel of a tile.
     pub const fn start(&self, index: usize) -> usize {
         index * self.step()
     }

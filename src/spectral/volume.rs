@@ -69,7 +69,6 @@ struct Cell {
     amplitude: f64,
 }
 
-/// The cells of a film, sorted by column.
 pub struct Spectrum {
     shape: (usize, usize),
     frames: f64,

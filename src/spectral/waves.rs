@@ -9,7 +9,6 @@ use crate::base::random::Hash;
 /// One pair of bins (k, -k), by its leader.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wave {
-    /// Signed index along y.
     pub ky: i64,
     /// Signed index along x; never negative here, since the band holds no Nyquist bin.
     pub kx: i64,
@@ -30,7 +29,6 @@ pub struct Wave {
 pub struct Waves {
     /// Tile size (rows, cols).
     pub tile: (usize, usize),
-    /// The leaders.
     pub list: Vec<Wave>,
     /// Columns kx = 0 .. columns hold all of them.
     pub columns: usize,

@@ -14,15 +14,11 @@ use crate::particles::draw::one;
 use crate::particles::sorted::{Part, Sorted};
 use crate::particles::sprite::{Lens, Sprite};
 
-/// A frame's flakes and their lamps.
 pub struct Scene<'a> {
-    /// Sprites.
     pub sorted: &'a Sorted,
-    /// Pictures.
     pub patches: &'a [Patch],
     /// By which sprites are found in space.
     pub lens: Lens,
-    /// The lamps.
     pub lamps: &'a Lamps,
 }
 
@@ -92,7 +88,6 @@ impl Scene<'_> {
     }
 }
 
-/// A tile of the frame.
 struct Tile<'a> {
     row: usize,
     column: usize,
@@ -144,7 +139,6 @@ impl Canvas for Lit {
     }
 }
 
-/// Draws a tile's sprites.
 #[dispatch]
 fn sprites<const LEVEL: u8>(
     scene: &Scene<'_>,

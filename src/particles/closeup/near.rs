@@ -19,14 +19,12 @@ pub struct Closeup {
     pub switch: (f64, f64),
     /// The lens, if it has an opening.
     pub blur: Option<Blur>,
-    /// How they tumble.
     pub tumble: Tumble,
 }
 
 /// Circles of confusion in px between which a blurred sprite gives way to a disc.
 pub const DISC: (f64, f64) = (6.0, 9.0);
 
-/// Rows of one item of work.
 const BAND: usize = 32;
 
 /// Joins the pictures with the opacity in a part of the frame; `depth`, of the whole frame, hides.

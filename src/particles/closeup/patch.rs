@@ -18,7 +18,6 @@ pub struct Patch {
     pub origin: [i64; 2],
     /// Texels (across, down).
     pub size: [usize; 2],
-    /// Row by row.
     pub alpha: Vec<f32>,
     /// World units.
     pub depth: f64,
@@ -186,7 +185,6 @@ impl Patch {
     }
 }
 
-/// Room for a row of a patch.
 #[derive(Default)]
 pub struct Line {
     texels: Vec<f32>,

@@ -10,14 +10,12 @@ use crate::particles::sprite::Flake;
 /// What a flake looks like from near.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// An aggregate of crystals.
     Aggregate,
     Drop,
     /// A round dot, out of focus.
     Dot,
 }
 
-/// How flakes tumble.
 #[derive(Debug, Clone, Copy)]
 pub struct Tumble {
     pub seed: i64,
@@ -25,7 +23,6 @@ pub struct Tumble {
     pub seconds: f64,
 }
 
-/// What is made of a flake.
 #[derive(Debug, Clone, Copy)]
 pub struct Look {
     pub kind: Kind,
@@ -48,9 +45,7 @@ const TURNS: (f64, f64) = (0.1, 0.6);
 /// Where texels lie: (across, down), and the flake's middle among them.
 #[derive(Debug, Clone, Copy)]
 pub struct Place {
-    /// Texels across and down.
     pub size: [usize; 2],
-    /// The middle, x and y.
     pub middle: [f64; 2],
 }
 
@@ -160,7 +155,6 @@ impl Shape for Ball {
     }
 }
 
-/// A ball of a diameter in texels.
 pub fn ball(place: &Place, diameter: f64) -> Vec<f32> {
     if diameter < LEAST {
         return dot(place, diameter / 8.0_f64.sqrt());

@@ -31,7 +31,6 @@ pub fn turns<T: Real, const LEVEL: u8>(cos: &mut [T], sin: &mut [T], cycles: f64
     }
 }
 
-/// Tables of one worker.
 pub struct Blur<T> {
     /// 0, 1, 2, ..
     index: Aligned<T>,
@@ -61,7 +60,6 @@ impl<T: Real> Blur<T> {
         })
     }
 
-    /// Makes the tables of the i-th term.
     #[inline(always)]
     pub fn begin<const LEVEL: u8>(
         &mut self,
@@ -79,7 +77,6 @@ impl<T: Real> Blur<T> {
         turns::<T, LEVEL>(cos, sin, 0.5 * steps[1], T::one());
     }
 
-    /// Fills `rows` for b.
     #[inline(always)]
     pub fn row<const LEVEL: u8>(&mut self, b: usize, terms: usize, (stride, half): (usize, usize)) {
         let index = &self.index[..stride];

@@ -36,7 +36,6 @@ pub struct Layers<'a> {
     pub mean: f64,
 }
 
-/// A frame whose tiles are known.
 pub struct Frame<'a, T> {
     patterns: &'a Prepared<T>,
     layers: Layers<'a>,
@@ -125,7 +124,6 @@ pub fn choice(
     ((upto(0, patterns) as usize).min(patterns - 1), [upto(1, tile), upto(2, tile)])
 }
 
-/// One worker.
 struct Worker<'f, 'a, T> {
     frame: &'f Frame<'a, T>,
     scratch: Scratch<T>,

@@ -38,7 +38,6 @@ pub struct Law {
     pub seed: i64,
 }
 
-/// One layer of a population.
 #[derive(Debug, Clone, Copy)]
 pub struct Layer {
     /// Its number, for the hash.
@@ -82,7 +81,6 @@ fn golden(n: usize) -> usize {
     (near.max(1)..n).find(|&step| !shares(step, n)).unwrap_or(1)
 }
 
-/// The rows and columns of one sprite.
 #[derive(Default)]
 struct Profile {
     values: Vec<f64>,

@@ -19,7 +19,6 @@ use crate::spectral::dense::Dense;
 /// Numbers of a wave: two complex sums.
 pub const PARTS: usize = 4;
 
-/// Some patterns of a tile.
 pub struct Prepared<T> {
     /// M, pixels.
     pub tile: usize,
@@ -27,7 +26,6 @@ pub struct Prepared<T> {
     pub shear: f64,
     /// Indices a and b of waves are below it.
     pub half: usize,
-    /// The two passes.
     pub dense: Dense<T>,
     /// For each row of pixels the cosines and sines of all columns that the shear turns by.
     pub turns: Aligned<T>,
@@ -72,17 +70,14 @@ impl<T: Real> Prepared<T> {
         Ok(Self { tile, shear, half, dense, turns, values })
     }
 
-    /// How many there are.
     pub fn count(&self) -> usize {
         self.values.len() / self.size()
     }
 
-    /// Numbers of a pattern.
     fn size(&self) -> usize {
         PARTS * self.dense.stride() * self.half
     }
 
-    /// The folded waves of a pattern.
     pub fn pattern(&self, index: usize) -> &[T] {
         &self.values[index * self.size()..(index + 1) * self.size()]
     }

@@ -18,12 +18,9 @@ use crate::base::real::Real;
 use crate::base::simd::{AVX2, AVX512, dispatch};
 use crate::spectral::dense::{Work, passes_on};
 
-/// One pattern in a tile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Term {
-    /// Its number.
     pub pattern: usize,
-    /// Factor.
     pub gain: f64,
     /// Pixels (x, y) that it is moved by.
     pub shift: [f64; 2],
@@ -31,7 +28,6 @@ pub struct Term {
     pub streak: [f64; 2],
 }
 
-/// Buffers of one worker.
 pub struct Scratch<T> {
     /// Of each term: the turns of a, cosines and sines apart, times the gain.
     across: Aligned<T>,
@@ -42,7 +38,6 @@ pub struct Scratch<T> {
 }
 
 impl<T: Real> Scratch<T> {
-    /// For tiles of at most so many terms.
     pub fn new(patterns: &Prepared<T>, terms: usize, blurred: bool) -> Result<Self, Error> {
         let (stride, half) = (patterns.dense.stride(), patterns.half);
         Ok(Self {
@@ -94,7 +89,6 @@ struct Pair<V> {
     difference: [V; 2],
 }
 
-/// The folded spectrum of a tile.
 #[inline(always)]
 fn sum<T: Real, V: Lanes<T>, const LEVEL: u8>(
     patterns: &Prepared<T>,
@@ -178,7 +172,6 @@ impl<V> Pair<V> {
     }
 }
 
-/// A complex sum plus a product.
 #[inline(always)]
 unsafe fn plus<T: Real, V: Lanes<T>>(sum: [V; 2], a: [V; 2], b: [V; 2]) -> [V; 2] {
     // SAFETY: the caller has the instructions.
