@@ -178,7 +178,7 @@ struct Worker<'r, 'f, T: Real> {
     scratch: Scratch<T>,
 }
 
-impl<'r, 'f, 'a, T: Real> Worker<'r, 'f, T> {
+impl<'r, 'f, T: Real> Worker<'r, 'f, T> {
     fn new(
         ready: &'r Ready<'f, T>,
         rows: &Range<usize>,
