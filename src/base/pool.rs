@@ -57,14 +57,10 @@ fn cores() -> usize {
 
 /// What FLURRIES_NUM_THREADS says; None where it is not set or empty.
 pub fn environment() -> Result<Option<usize>, Error> {
-    parsed(std::env::var("FLURRIES_NUM_THREADS").ok().as_deref())
-}
-
-fn parsed(value: Option<&str>) -> Result<Option<usize>, Error> {
-    let Some(text) = value.map(str::trim).filter(|text| !text.is_empty()) else {
-        return Ok(None);
-    };
+    let value = std::env::var("FLURRIES_NUM_THREADS").unwrap_or_default();
+    let text = value.trim();
     match text.parse::<usize>() {
+        _ if text.is_empty() => Ok(None),
         Ok(count) if (1..=MOST_THREADS).contains(&count) => Ok(Some(count)),
         _ => Err(Error::invalid(
             "FLURRIES_NUM_THREADS",

@@ -54,52 +54,33 @@ impl<S: Sample> OneColor<S> {
         let blocks = out.chunks_mut(size).zip(background.chunks(size));
         for ((out, back), alpha) in blocks.zip(alpha.chunks(BLOCK)) {
             if let Some(alpha) = S::Working::own(alpha) {
-                self.block(out, back, alpha);
+                mix_pixels(out, back, &self.values, alpha, self.channels);
             } else {
                 // On the stack: rows must not allocate.
                 let mut own = [S::Working::zero(); BLOCK];
                 for (own, alpha) in own.iter_mut().zip(alpha) {
                     *own = S::Working::of(alpha.wide());
                 }
-                self.block(out, back, &own[..alpha.len()]);
+                mix_pixels(out, back, &self.values, &own[..alpha.len()], self.channels);
             }
         }
     }
-
-    fn block(&self, out: &mut [S], background: &[S], alpha: &[S::Working]) {
-        if self.channels == 3 {
-            mix_three::<S>(out, background, &self.values, alpha);
-        } else {
-            mix_one::<S>(out, background, &self.values, alpha);
-        }
-    }
 }
 
-/// Pixels of three channels.
 #[dispatch]
-fn mix_three<const LEVEL: u8, S: Sample>(
+fn mix_pixels<const LEVEL: u8, S: Sample>(
     out: &mut [S],
     background: &[S],
     color: &[S::Working],
     alpha: &[S::Working],
+    channels: usize,
 ) {
-    match LEVEL {
-        AVX512 => pixels::<S, S::Avx512, 3>(out, background, color, alpha),
-        AVX2 => pixels::<S, S::Avx2, 3>(out, background, color, alpha),
-        _ => pixels::<S, S::Portable, 3>(out, background, color, alpha),
-    }
-}
-
-#[dispatch]
-fn mix_one<const LEVEL: u8, S: Sample>(
-    out: &mut [S],
-    background: &[S],
-    color: &[S::Working],
-    alpha: &[S::Working],
-) {
-    match LEVEL {
-        AVX512 => pixels::<S, S::Avx512, 1>(out, background, color, alpha),
-        AVX2 => pixels::<S, S::Avx2, 1>(out, background, color, alpha),
+    match (LEVEL, channels) {
+        (AVX512, 3) => pixels::<S, S::Avx512, 3>(out, background, color, alpha),
+        (AVX512, _) => pixels::<S, S::Avx512, 1>(out, background, color, alpha),
+        (AVX2, 3) => pixels::<S, S::Avx2, 3>(out, background, color, alpha),
+        (AVX2, _) => pixels::<S, S::Avx2, 1>(out, background, color, alpha),
+        (_, 3) => pixels::<S, S::Portable, 3>(out, background, color, alpha),
         _ => pixels::<S, S::Portable, 1>(out, background, color, alpha),
     }
 }

@@ -116,19 +116,14 @@ pub fn finish(
     if !fits {
         return Err(Error::Internal("planes or flakes do not fit".into()));
     }
-    let mut bands = Vec::new();
-    for top in (0..rows).step_by(BAND) {
-        let height = BAND.min(rows - top);
-        let (one, rest) = forward.split_at(Axis(0), height);
-        let (two, others) = backward.split_at(Axis(0), height);
-        let (three, last) = depth.split_at(Axis(0), height);
-        (forward, backward, depth) = (rest, others, last);
-        bands.push((top, one, two, three));
-    }
-    pool::for_each(bands, |(top, mut forward, mut backward, mut depth)| {
+    let ways = forward
+        .axis_chunks_iter_mut(Axis(0), BAND)
+        .zip(backward.axis_chunks_iter_mut(Axis(0), BAND));
+    let bands = ways.zip(depth.axis_chunks_iter_mut(Axis(0), BAND)).enumerate();
+    pool::for_each(bands, |(band, ((mut forward, mut backward), mut depth))| {
         cancel.check()?;
         for row in 0..depth.nrows() {
-            let at = top + row;
+            let at = band * BAND + row;
             let (mut ahead, mut behind) =
                 (forward.index_axis_mut(Axis(0), row), backward.index_axis_mut(Axis(0), row));
             let mut depth = depth.row_mut(row);

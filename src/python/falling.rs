@@ -38,12 +38,12 @@ from_attributes!(Eye { turn, focal, center, offset } of eye);
 
 from_attributes!(Class {
     number, density, shown, by_size, ranks, at, swung;
-    sizes: Sizes::new(attribute(class, "sizes")?, attribute(class, "slope")?),
-    amount: Table { range: attribute(class, "heights")?, values: attribute(class, "amounts")? },
+    sizes: Sizes::new(attribute!(class, sizes), attribute!(class, slope)),
+    amount: Table { range: attribute!(class, heights), values: attribute!(class, amounts) },
     waves: waves(class)?,
     profile: {
-        let range = attribute(class, "depths")?;
-        let both: Vec<[Vec<f64>; 2]> = attribute(class, "profile")?;
+        let range = attribute!(class, depths);
+        let both: Vec<[Vec<f64>; 2]> = attribute!(class, profile);
         both.into_iter().map(|both| both.map(|values| Table { range, values })).collect()
     },
 } of class);
@@ -55,7 +55,7 @@ from_attributes!(Air {
 
 /// Numbers of waves, row by row; none where there are no waves.
 fn waves(object: Borrowed<'_, '_, PyAny>) -> PyResult<Vec<f64>> {
-    let array: Option<PyReadonlyArray2<'_, f64>> = attribute(object, "waves")?;
+    let array: Option<PyReadonlyArray2<'_, f64>> = attribute!(object, waves);
     Ok(array.map(|array| array.as_slice().map(<[f64]>::to_vec)).transpose()?.unwrap_or_default())
 }
 
@@ -66,8 +66,8 @@ const UNKNOWN: f64 = 5e7;
 #[pyfunction]
 pub fn fall(py: Python<'_>, request: &Bound<'_, PyAny>) -> PyResult<SortedFlakes> {
     let air = request.extract::<Air>()?.checked()?;
-    let closeup: Option<Closeup> = attribute(request.as_borrowed(), "closeup")?;
-    let images: Py<BallImages> = attribute(request.as_borrowed(), "images")?;
+    let closeup: Option<Closeup> = attribute!(request, closeup);
+    let images: Py<BallImages> = attribute!(request, images);
     let balls = &images.get().0;
     let (list, images) = gate::run(py, work(&air), |cancel| {
         let list = List::of(&air, cancel)?;

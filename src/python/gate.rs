@@ -7,7 +7,6 @@ use std::time::Duration;
 use numpy::{
     Element, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2,
 };
-use pyo3::conversion::FromPyObjectOwned;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -160,13 +159,13 @@ pub fn each<T: Element + Copy>(
     Ok(())
 }
 
-/// An attribute of an object in Python.
-pub fn attribute<'py, T: FromPyObjectOwned<'py>>(
-    object: Borrowed<'_, 'py, PyAny>,
-    name: &str,
-) -> PyResult<T> {
-    object.getattr(name)?.extract().map_err(Into::into)
+/// An attribute of an object in Python; names are made strings once.
+macro_rules! attribute {
+    ($object:expr, $name:ident $(: $type:ty)?) => {
+        $object.getattr(pyo3::intern!($object.py(), stringify!($name)))?.extract$(::<$type>)?()?
+    };
 }
+pub(crate) use attribute;
 
 /// Makes a struct of the kernels from an object in Python: fields from the attributes of their names, and those
 /// behind the semicolon as they say.
@@ -176,9 +175,8 @@ macro_rules! from_attributes {
             type Error = PyErr;
 
             fn extract($object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
-                use $crate::python::gate::attribute;
                 Ok(Self {
-                    $($own: attribute($object, stringify!($own))?,)*
+                    $($own: $crate::python::gate::attribute!($object, $own),)*
                     $($($field: $value,)+)?
                 })
             }

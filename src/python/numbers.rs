@@ -7,7 +7,6 @@ use pyo3::prelude::*;
 use super::gate::{self, arrays};
 use super::particles::swaying;
 use crate::air;
-use crate::base::error::Error;
 use crate::base::lamps::{Lamps, light};
 use crate::base::pixel::smoothstep;
 use crate::base::real::Real;
@@ -109,10 +108,6 @@ pub fn wind_waves(
     gate::run(py, work, move |cancel| air::sum(out, points, k, weights, cancel))
 }
 
-fn scattered() -> Error {
-    Error::Internal("not contiguous".into())
-}
-
 /// Single floats as the bits of the nearest half floats, within what is finite.
 #[pyfunction]
 pub fn to_half(
@@ -120,15 +115,15 @@ pub fn to_half(
     mut out: PyReadwriteArray1<'_, u16>,
     values: PyReadonlyArray1<'_, f32>,
 ) -> PyResult<()> {
-    let out = out.as_slice_mut().map_err(|_| scattered())?;
-    let values = values.as_slice().map_err(|_| scattered())?;
+    let out = out.as_slice_mut()?;
+    let values = values.as_slice()?;
     gate::run(py, values.len() as f64, move |cancel| half(out, values, cancel))
 }
 
 /// Uniform numbers in [0, 1), one for each index of a stream.
 #[pyfunction]
 pub fn uniform(mut out: PyReadwriteArray1<'_, f64>, seed: i64, stream: i64) -> PyResult<()> {
-    let out = out.as_slice_mut().map_err(|_| Error::invalid("out", "must be contiguous"))?;
+    let out = out.as_slice_mut()?;
     random::uniform(out, seed, stream);
     Ok(())
 }
@@ -161,7 +156,7 @@ fn inside<T: Real + numpy::Element>(
     low: T,
     high: T,
 ) -> PyResult<bool> {
-    let values = values.as_slice().map_err(|_| Error::Internal("not contiguous".into()))?;
+    let values = values.as_slice()?;
     // About a nanosecond for a few numbers.
     gate::run(py, 0.2 * values.len() as f64, move |_| scan::all_within(values, low, high))
 }

@@ -5,7 +5,7 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2, PyReadwriteAr
 use pyo3::prelude::*;
 
 use super::frame::{Shade, lit as laid};
-use super::gate::{self, Plane, PlaneMut, each_map, from_attributes};
+use super::gate::{self, Plane, PlaneMut, attribute, each_map, from_attributes};
 use crate::base::error::{Error, collected};
 use crate::base::lamps::Lamps;
 use crate::falling::list::List;
@@ -183,12 +183,12 @@ pub fn particle_draw_lit(
 
 from_attributes!(Closeup {
     switch;
-    kind: match attribute::<String>(closeup, "kind")?.as_str() {
+    kind: match attribute!(closeup, kind: String).as_str() {
         "aggregate" => Some(Kind::Aggregate),
         "drop" => Some(Kind::Drop),
         _ => None,
     },
-    blur: attribute::<Option<(f64, f64, usize, f64)>>(closeup, "blur")?
+    blur: attribute!(closeup, blur: Option<(f64, f64, usize, f64)>)
         .map(|(strength, focus, blades, turn)| Blur { strength, focus, blades, turn }),
-    tumble: Tumble { seed: attribute(closeup, "seed")?, seconds: attribute(closeup, "seconds")? },
+    tumble: Tumble { seed: attribute!(closeup, seed), seconds: attribute!(closeup, seconds) },
 } of closeup);

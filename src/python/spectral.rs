@@ -186,46 +186,38 @@ const fn opacity_map((mean, spread, power, amount): (f64, f64, f64, f64)) -> Opa
 
 /// A band, from the attributes of a request.
 fn band(request: Borrowed<'_, '_, PyAny>) -> PyResult<Band> {
-    let (shortest, longest) = attribute(request, "wavelengths")?;
-    Ok(Band { shortest, longest, exponent: attribute(request, "exponent")? })
+    let (shortest, longest) = attribute!(request, wavelengths);
+    Ok(Band { shortest, longest, exponent: attribute!(request, exponent) })
 }
 
 /// A filter likewise.
 fn filter(request: Borrowed<'_, '_, PyAny>) -> PyResult<TemporalFilter> {
     Ok(TemporalFilter {
-        alias: Alias::named(&attribute::<String>(request, "alias")?)?,
-        soft_from: attribute(request, "soft_from")?,
-        shutter: attribute(request, "shutter")?,
+        alias: Alias::named(&attribute!(request, alias: String))?,
+        soft_from: attribute!(request, soft_from),
+        shutter: attribute!(request, shutter),
     })
 }
 
-/// An attribute that is an array.
-fn array<D: Dimension + 'static>(
-    request: Borrowed<'_, '_, PyAny>,
-    name: &str,
-) -> PyResult<Array<f64, D>> {
-    Ok(attribute::<PyReadonlyArray<'_, f64, D>>(request, name)?.as_array().to_owned())
+/// An array that the kernels keep.
+fn owned<D: Dimension>(array: PyReadonlyArray<'_, f64, D>) -> Array<f64, D> {
+    array.as_array().to_owned()
 }
 
 from_attributes!(Field {
     shape, tile, overlap, seed, jitter;
-    blend: Blend::named(&attribute::<String>(field, "blend")?)?,
+    blend: Blend::named(&attribute!(field, blend: String))?,
     band: band(field)?,
-    ring_edges: array::<Ix1>(field, "ring_edges")?.to_vec(),
-    ring_gains: array::<Ix1>(field, "ring_gains")?.to_vec(),
-    drift: array(field, "drift")?,
-    shift: array(field, "shift")?,
-    velocity: array(field, "velocity")?,
-    shift_rate: array(field, "shift_rate")?,
+    ring_edges: owned::<Ix1>(attribute!(field, ring_edges)).to_vec(),
+    ring_gains: owned::<Ix1>(attribute!(field, ring_gains)).to_vec(),
+    drift: owned(attribute!(field, drift)),
+    shift: owned(attribute!(field, shift)),
+    velocity: owned(attribute!(field, velocity)),
+    shift_rate: owned(attribute!(field, shift_rate)),
     filter: filter(field)?,
-    shortest: attribute::<Option<PyReadonlyArray2<'_, f64>>>(field, "shortest")?
-        .map(|map| map.as_array().to_owned()),
-    lap: attribute::<Option<(PyReadonlyArray4<'_, f64>, PyReadonlyArray4<'_, f64>, f64)>>(field, "lap")?
-        .map(|(drift, shift, part)| Lap {
-            drift: drift.as_array().to_owned(),
-            shift: shift.as_array().to_owned(),
-            part,
-        }),
+    shortest: attribute!(field, shortest: Option<_>).map(owned),
+    lap: attribute!(field, lap: Option<_>)
+        .map(|(drift, shift, part)| Lap { drift: owned(drift), shift: owned(shift), part }),
 } of field);
 
 /// One frame of the field, or of its opacity when `map` = (mean, spread, power, amount) is given;
@@ -241,7 +233,7 @@ pub fn field(
 ) -> PyResult<usize> {
     let map = map.map(|map| opacity_map(map).checked("power")).transpose()?;
     let field: Field = request.extract()?;
-    let (top, bottom, left, right) = attribute(request.as_borrowed(), "window")?;
+    let (top, bottom, left, right) = attribute!(request, window);
     let window = Window { rows: top..bottom, cols: left..right };
     let mapped = map.map(|map| Mapped { map, preserve_mean });
     each_precision!(out, view => gate::run(py, estimate(&field, &window), |cancel| {
@@ -266,9 +258,9 @@ fn estimate(field: &Field, window: &Window) -> f64 {
 from_attributes!(Volume {
     frames, shape, seed, jitter;
     band: band(film)?,
-    velocity: Motion { drift: attribute(film, "drift")?, shift: [0.0; 2] },
+    velocity: Motion { drift: attribute!(film, drift), shift: [0.0; 2] },
     filter: filter(film)?,
-    cells: Cells::named(&attribute::<String>(film, "cells")?)?,
+    cells: Cells::named(&attribute!(film, cells: String))?,
 } of film);
 
 /// The frames of a film at the given times, one below the other; returns the number of cells.

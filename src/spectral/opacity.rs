@@ -185,9 +185,7 @@ impl Opacity {
             .sum::<f64>();
         above + inside * step / 3.0 / (2.0 * std::f64::consts::PI).sqrt()
     }
-}
 
-impl Opacity {
     /// The integral for p = 2 in closed form, by parts.
     fn mean_of_square(&self, s: f64) -> f64 {
         let m = self.mean;

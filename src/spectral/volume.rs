@@ -5,8 +5,6 @@
 //! (k, n) on the tent. Few of the M x M x T cells are not zero: the transform along t is their plain
 //! sum, exact at any t, and only columns that hold a cell are transformed along y.
 
-use std::ops::Range;
-
 use ndarray::{ArrayViewMut2, Axis};
 use num_complex::Complex;
 
@@ -185,15 +183,9 @@ impl Spectrum {
         if out.dim() != (times.len() * height, width) {
             return Err(Error::Internal("a film of another shape".into()));
         }
-        let mut tasks = Vec::new();
-        for run in pool::split(times.len(), pool::threads()) {
-            let (part, rest) = out.split_at(Axis(0), run.len() * height);
-            tasks.push((run, part));
-            out = rest;
-        }
-        pool::for_each(tasks, |(run, part): (Range<usize>, ArrayViewMut2<'_, T>)| {
-            self.run(part, &times[run], cancel)
-        })
+        let each = times.len().div_ceil(pool::threads()).max(1);
+        let parts = out.axis_chunks_iter_mut(Axis(0), each * height).zip(times.chunks(each));
+        pool::for_each(parts, |(part, times)| self.run(part, times, cancel))
     }
 
     fn run<T: Real>(
