@@ -67,7 +67,6 @@ __all__ = [
     "set_scope",
     "set_threads",
     "shade_add",
-    "shade_light",
     "shade_over",
     "sheet_bent",
     "sheet_read",
@@ -164,12 +163,6 @@ def shade_over(
     glow: _Array | None = None,
     light: _Array | None = None,
     edges: _Array | None = None,
-) -> None: ...
-def shade_light(
-    out: _Array,
-    alpha: _Array,
-    colors: tuple[_Array, float, int, int],
-    glow: _Array | None = None,
 ) -> None: ...
 def shade_add(
     glow: _Array,

@@ -268,8 +268,8 @@ impl<'a> Places<'a> {
         if share <= 0.0 {
             return None;
         }
-        let height = self.height(born);
-        let amount = class.amount.at(height);
+        let below = self.corner[1] + born.inside[1] * self.side;
+        let amount = class.amount.at(below);
         let rank = born.arrival / class.density;
         let (first, last) = class.ranks;
         share *= presence(rank, amount * last)
@@ -315,11 +315,5 @@ impl<'a> Places<'a> {
             diameter,
             share,
         })
-    }
-
-    /// Below the camera, metres.
-    #[inline]
-    fn height(&self, born: &Born) -> f64 {
-        self.corner[1] + born.inside[1] * self.side
     }
 }

@@ -149,14 +149,6 @@ fn laid<S: Copy + Send + Sync>(
     })
 }
 
-/// Fills `out` (H, W, 3) with the premultiplied light of a layer.
-pub fn light(mut out: ArrayViewMut3<'_, f32>, lit: &Lit<'_>, cancel: &Cancel) -> Result<(), Error> {
-    out.fill(0.0);
-    let (height, width, _) = out.dim();
-    let back = ndarray::Array3::<f32>::zeros((height, width, 3));
-    over(out, back.view(), lit, cancel)
-}
-
 /// Adds to `glow` (H, W, 3) the light of what has a color: its opacity times that.
 pub fn add(
     mut glow: ArrayViewMut3<'_, f32>,

@@ -7,13 +7,13 @@
 //! Loops over lanes are plain loops with a fixed count: a closure would not inherit the instruction
 //! set that the function is compiled for, and would run many times slower.
 
-use super::batch::{Batch, Plane, TILE, Tile, vectors};
+use super::batch::{Batch, TILE, Tile, vectors};
 use super::cut::{self, Cut};
 use super::lattice::Lattice;
-use super::ray::{Canvas, Source};
+use super::ray::{Canvas, Source, finished};
 use super::sprite::{Form, Look, Sprite};
 use crate::base::error::{Cancel, Error, pushed};
-use crate::base::normal::{Normal, most};
+use crate::base::normal::Normal;
 use crate::base::simd::dispatch;
 
 /// A particle in a band: its place among the sprites, and the columns that it can touch.
@@ -48,7 +48,7 @@ pub fn draw<const LEVEL: u8, P: Normal>(
     let mut rest = Vec::new();
     let list = if let Some(lattice) = lattice {
         slow::<P, LEVEL>(tile, lattice, list, drawing, &mut rest, cancel)?;
-        if finished(tile.through, error) {
+        if finished(&tile.through.0, error) {
             return Ok(());
         }
         &rest
@@ -71,7 +71,7 @@ pub fn draw<const LEVEL: u8, P: Normal>(
         if drawn % LOOK == 0 {
             cancel.check()?;
             batch.draw::<LEVEL>(tile);
-            if finished(tile.through, error) {
+            if finished(&tile.through.0, error) {
                 break;
             }
         }
@@ -157,18 +157,6 @@ impl Drawing<'_> {
 fn within(range: [u32; 2], start: usize) -> [usize; 2] {
     let [low, high] = range.map(|v| v as usize);
     [low.max(start) - start, (high - start).min(TILE)]
-}
-
-/// Whether nothing that comes could add more than `error`.
-#[inline(always)]
-fn finished<P: Normal>(through: &Plane<P>, error: P) -> bool {
-    let mut greatest = [P::zero(); TILE];
-    for row in &through.0 {
-        for k in 0..TILE {
-            greatest[k] = most(row[k], greatest[k]);
-        }
-    }
-    greatest.iter().fold(P::zero(), |a, &b| most(a, b)) <= error
 }
 
 /// One particle that is no product of two vectors, or that is cut off.

@@ -16,7 +16,7 @@ use std::sync::LazyLock;
 use super::batch::{Plane, TILE};
 use super::cut::{Cut, Ground, Wall};
 use super::footprint::{Scale, point};
-use super::ray::{Canvas, Source};
+use super::ray::{Canvas, Source, finished};
 use super::rays::{Rays, Sheet};
 use super::sprite::{Eye, Form, Look, Sprite};
 use crate::base::normal::{Normal, least, most};
@@ -188,13 +188,7 @@ impl<P: Normal> Lattice<P> {
     /// Whether no sample lets through more than `error`.
     #[inline(always)]
     pub fn finished(&self, error: P) -> bool {
-        let mut greatest = [P::zero(); SIDE];
-        for row in &self.through {
-            for k in 0..SIDE {
-                greatest[k] = most(row[k], greatest[k]);
-            }
-        }
-        self.drawn && greatest.iter().fold(P::zero(), |a, &b| most(a, b)) <= error
+        self.drawn && finished(&self.through, error)
     }
 
     /// Multiplies what a fresh tile lets through by what the lattice does, and adds its light.

@@ -90,6 +90,18 @@ impl<P: Normal, const N: usize> Canvas<'_, P, N> {
     }
 }
 
+/// Whether no sample lets through more than `error`: nothing that comes could add more.
+#[inline(always)]
+pub fn finished<P: Normal, const N: usize>(through: &[[P; N]; N], error: P) -> bool {
+    let mut greatest = [P::zero(); N];
+    for row in through {
+        for k in 0..N {
+            greatest[k] = most(row[k], greatest[k]);
+        }
+    }
+    greatest.iter().fold(P::zero(), |a, &b| most(a, b)) <= error
+}
+
 #[inline(always)]
 fn part_of<P, const N: usize>(row: &[P; N], part: usize) -> &Part<P> {
     row[part * PART..(part + 1) * PART].try_into().expect("PART of them")

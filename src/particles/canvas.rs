@@ -17,8 +17,8 @@ pub trait Canvas {
     /// Says which flake comes next.
     fn next(&mut self, number: i32);
 
-    /// Takes the flake's alphas at N pixels from `at` on: weight * profile.
-    fn take<const N: usize, const LEVEL: u8>(&mut self, at: usize, weight: f64, profile: &[f64; N]);
+    /// Takes the flake's alphas at LANES pixels from `at` on: weight * profile.
+    fn take<const LEVEL: u8>(&mut self, at: usize, weight: f64, profile: &[f64; LANES]);
 }
 
 /// T *= 1 - alpha.
@@ -27,13 +27,8 @@ impl Canvas for [f64; PIXELS] {
     fn next(&mut self, _: i32) {}
 
     #[inline(always)]
-    fn take<const N: usize, const LEVEL: u8>(
-        &mut self,
-        at: usize,
-        weight: f64,
-        profile: &[f64; N],
-    ) {
-        rows::<LEVEL>(&mut self[at..at + N], weight, profile);
+    fn take<const LEVEL: u8>(&mut self, at: usize, weight: f64, profile: &[f64; LANES]) {
+        rows::<LEVEL>(&mut self[at..at + LANES], weight, profile);
     }
 }
 
@@ -60,18 +55,13 @@ impl Canvas for Numbered {
     }
 
     #[inline(always)]
-    fn take<const N: usize, const LEVEL: u8>(
-        &mut self,
-        at: usize,
-        weight: f64,
-        profile: &[f64; N],
-    ) {
-        rows::<LEVEL>(&mut self.through[at..at + N], weight, profile);
-        let most: &mut [f64; N] =
-            (&mut self.most[at..at + N]).try_into().expect("a block in a tile");
-        let numbers: &mut [i32; N] =
-            (&mut self.numbers[at..at + N]).try_into().expect("a block in a tile");
-        for k in 0..N {
+    fn take<const LEVEL: u8>(&mut self, at: usize, weight: f64, profile: &[f64; LANES]) {
+        rows::<LEVEL>(&mut self.through[at..at + LANES], weight, profile);
+        let most: &mut [f64; LANES] =
+            (&mut self.most[at..at + LANES]).try_into().expect("a block in a tile");
+        let numbers: &mut [i32; LANES] =
+            (&mut self.numbers[at..at + LANES]).try_into().expect("a block in a tile");
+        for k in 0..LANES {
             let alpha = weight * profile[k];
             let first = (alpha == most[k]) & (self.drawn < numbers[k]);
             let wins = (alpha > most[k]) | first;
@@ -146,5 +136,5 @@ pub fn multiply<P: Profile, C: Canvas, const LEVEL: u8>(
             seen[k] = alpha[k].wide();
         }
     }
-    canvas.take::<LANES, LEVEL>(at, 1.0, &seen);
+    canvas.take::<LEVEL>(at, 1.0, &seen);
 }

@@ -83,7 +83,7 @@ fn outer<P: Profile, C: Canvas, const LEVEL: u8>(
             let weight = down[row - place.top].wide();
             let at = row * TILE + place.left + block * LANES;
             let Some(map) = place.map else {
-                canvas.take::<LANES, LEVEL>(at, weight, &profile);
+                canvas.take::<LEVEL>(at, weight, &profile);
                 continue;
             };
             let map: &[P; LANES] = map[at..at + LANES].try_into().expect("lanes lie in the tile");
@@ -92,7 +92,7 @@ fn outer<P: Profile, C: Canvas, const LEVEL: u8>(
                 // NaN in the map hides nothing.
                 seen[k] = if map[k] < place.depth { 0.0 } else { seen[k] };
             }
-            canvas.take::<LANES, LEVEL>(at, weight, &seen);
+            canvas.take::<LEVEL>(at, weight, &seen);
         }
     }
 }

@@ -47,14 +47,9 @@ impl Torus {
     }
 }
 
-/// A gentle swing from side to side: `amplitude` (sin(w t + phi1), 0, sin(w t + phi2)).
-#[derive(Debug, Clone, Copy)]
-pub struct Sway {
-    /// World units.
-    pub amplitude: f64,
-    /// w, radians per unit of time.
-    pub angular_frequency: f64,
-}
+/// A gentle swing from side to side: `a` (sin(w t + phi1), 0, sin(w t + phi2)), of a in world units and w in radians per
+/// unit of time.
+pub type Sway = (f64, f64);
 
 /// wrap(x) in [-side/2, side/2), for x within a few sides of 0, as all callers have reduced it.
 ///
@@ -172,9 +167,8 @@ pub fn sway_offsets(
 
 /// w t in [-pi, pi], with the product's rounding error added back.
 fn sway_angle(sway: Sway, time: f64) -> Result<f64, Error> {
-    finite("sway", sway.amplitude)?;
-    finite("sway", sway.angular_frequency)?;
-    let (rounded, rest) = product("sway", sway.angular_frequency, time)?;
+    finite("sway", sway.0)?;
+    let (rounded, rest) = product("sway", finite("sway", sway.1)?, time)?;
     // libm rather than std: the same bits with every C library.
     Ok(libm::atan2(libm::sin(rounded), libm::cos(rounded)) + rest)
 }
@@ -183,7 +177,7 @@ fn sway_angle(sway: Sway, time: f64) -> Result<f64, Error> {
 fn swing(flake: Hash, sway: Sway, angle: f64) -> [f64; 2] {
     [SWAY_X, SWAY_Z].map(|word| {
         let phase = std::f64::consts::TAU * flake.word(word).unit();
-        sway.amplitude * libm::sin(angle + phase)
+        sway.0 * libm::sin(angle + phase)
     })
 }
 

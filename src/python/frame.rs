@@ -200,21 +200,6 @@ pub fn shade_over(
     }
 }
 
-/// Fills `out` (H, W, 3) with the premultiplied light of such a layer.
-#[pyfunction]
-#[pyo3(signature = (out, alpha, colors, glow=None))]
-pub fn shade_light(
-    py: Python<'_>,
-    mut out: PyReadwriteArray3<'_, f32>,
-    alpha: PyReadonlyArray2<'_, f32>,
-    colors: Shade<'_>,
-    glow: Option<PyReadonlyArray3<'_, f32>>,
-) -> PyResult<()> {
-    let lit = lit(&alpha, &colors, glow.as_ref());
-    let out = out.as_array_mut();
-    gate::run(py, 20.0 * lit.alpha.len() as f64, |cancel| shade::light(out, &lit, cancel))
-}
-
 /// Adds the light of a layer to `glow` (H, W, 3).
 #[pyfunction]
 pub fn shade_add(

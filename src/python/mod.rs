@@ -35,7 +35,7 @@ mod core {
     #[pymodule_export]
     use super::frame::{
         encode_bytes, join, layer_finish, layer_rgba, layer_seen, over, plate_cells, shade_add,
-        shade_light, shade_over, snow, veil,
+        shade_over, snow, veil,
     };
     #[pymodule_export]
     use super::gas::{SortedGas, gas_alpha, gas_draw, gas_light, gas_slices, gas_sort, gas_splat};

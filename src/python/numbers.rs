@@ -5,14 +5,13 @@ use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyR
 use pyo3::prelude::*;
 
 use super::gate::{self, arrays};
-use super::particles::swaying;
 use crate::air;
 use crate::base::lamps::{Lamps, light};
 use crate::base::pixel::smoothstep;
 use crate::base::real::Real;
 use crate::base::{pool, random, scan};
 use crate::encode::to_half as half;
-use crate::particles::torus::{self, Sway, Torus};
+use crate::particles::torus::{self, Torus};
 
 /// Fills `out` (n, 3) with the positions of flakes 0..n at `time`.
 #[pyfunction]
@@ -29,7 +28,7 @@ pub fn particle_positions(
     let (out, velocity) = (out.as_array_mut(), velocity.as_array());
     gate::run(py, 60.0 * out.nrows() as f64, |cancel| {
         let torus = Torus::new(sides, center)?;
-        torus::positions(out, &torus, seed, velocity, time, swaying(sway), cancel)
+        torus::positions(out, &torus, seed, velocity, time, sway, cancel)
     })
 }
 
@@ -43,7 +42,6 @@ pub fn particle_sway_offsets(
     sway: (f64, f64),
 ) -> PyResult<()> {
     let out = out.as_array_mut();
-    let sway = Sway { amplitude: sway.0, angular_frequency: sway.1 };
     gate::run(py, 60.0 * out.nrows() as f64, |cancel| {
         torus::sway_offsets(out, seed, time, sway, cancel)
     })
@@ -115,16 +113,14 @@ pub fn to_half(
     mut out: PyReadwriteArray1<'_, u16>,
     values: PyReadonlyArray1<'_, f32>,
 ) -> PyResult<()> {
-    let out = out.as_slice_mut()?;
-    let values = values.as_slice()?;
+    let (out, values) = (out.as_slice_mut()?, values.as_slice()?);
     gate::run(py, values.len() as f64, move |cancel| half(out, values, cancel))
 }
 
 /// Uniform numbers in [0, 1), one for each index of a stream.
 #[pyfunction]
 pub fn uniform(mut out: PyReadwriteArray1<'_, f64>, seed: i64, stream: i64) -> PyResult<()> {
-    let out = out.as_slice_mut()?;
-    random::uniform(out, seed, stream);
+    random::uniform(out.as_slice_mut()?, seed, stream);
     Ok(())
 }
 

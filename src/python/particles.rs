@@ -18,11 +18,6 @@ use crate::particles::closeup::shape::{Kind, Tumble};
 use crate::particles::sorted::Sorted;
 use crate::particles::splat::{self, Flakes};
 use crate::particles::sprite::Lens;
-use crate::particles::torus::Sway;
-
-pub fn swaying(sway: Option<(f64, f64)>) -> Option<Sway> {
-    sway.map(|(amplitude, angular_frequency)| Sway { amplitude, angular_frequency })
-}
 
 /// Flakes of which arrays are given: points, radius, opacity, velocity, shutter.
 #[derive(FromPyObject)]

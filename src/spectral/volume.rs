@@ -10,8 +10,7 @@ use num_complex::Complex;
 
 use super::band::{Band, Sum};
 use super::filter::TemporalFilter;
-use super::grid::position;
-use super::grid::{leader_phase, reduce, tile_hash};
+use super::grid::{leader_phase, position, reduce, tile_hash};
 use super::tent::Motion;
 use super::transform::{real_rows, room_for_plans};
 use super::waves::{Draw, Waves};

@@ -1,8 +1,7 @@
 //! The waves of a tile that take part: the leaders of the band, with what each needs for its phase.
 
 use super::band::{Band, Sum};
-use super::grid::tile_hash;
-use super::grid::{Role, direction, magnitude, odd_frequency, role};
+use super::grid::{Role, direction, magnitude, odd_frequency, role, tile_hash};
 use crate::base::error::{Error, pushed};
 use crate::base::random::Hash;
 

@@ -9,7 +9,7 @@ use crate::base::lamps::{Lamps, light};
 use crate::base::pool;
 use crate::base::simd::dispatch;
 use crate::particles::bins::{PIXELS, TILE, touches};
-use crate::particles::canvas::{Canvas, rows};
+use crate::particles::canvas::{Canvas, LANES, rows};
 use crate::particles::draw::one;
 use crate::particles::sorted::{Part, Sorted};
 use crate::particles::sprite::{Lens, Sprite};
@@ -127,14 +127,9 @@ impl Canvas for Lit {
     fn next(&mut self, _: i32) {}
 
     #[inline(always)]
-    fn take<const N: usize, const LEVEL: u8>(
-        &mut self,
-        at: usize,
-        weight: f64,
-        profile: &[f64; N],
-    ) {
-        rows::<LEVEL>(&mut self.through[at..at + N], weight, profile);
-        let alphas: [f32; N] = std::array::from_fn(|k| (weight * profile[k]) as f32);
+    fn take<const LEVEL: u8>(&mut self, at: usize, weight: f64, profile: &[f64; LANES]) {
+        rows::<LEVEL>(&mut self.through[at..at + LANES], weight, profile);
+        let alphas: [f32; LANES] = std::array::from_fn(|k| (weight * profile[k]) as f32);
         self.add(at, &alphas);
     }
 }
@@ -174,8 +169,8 @@ fn pictures<const LEVEL: u8>(
     let (top, left) = (tile.row * TILE, tile.column * TILE);
     let (mut room, mut seen) = (Line::default(), [0.0; TILE]);
     for (patch, &color) in scene.patches.iter().zip(colors) {
-        let (upper, lower) = patch.bounds(1, usize::MAX >> 1);
-        let (first, end) = patch.bounds(0, usize::MAX >> 1);
+        let (upper, lower) = patch.bounds(1);
+        let (first, end) = patch.bounds(0);
         if end <= left || first >= left + TILE || lower <= top || upper >= top + TILE {
             continue;
         }

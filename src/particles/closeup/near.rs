@@ -46,7 +46,7 @@ pub fn draw(
         let end = first + band.nrows();
         let mut room = Line::default();
         for patch in patches {
-            let (upper, lower) = patch.bounds(1, usize::MAX >> 1);
+            let (upper, lower) = patch.bounds(1);
             for y in upper.max(first)..lower.min(end) {
                 let mut line = band.row_mut(y - first);
                 let line = line.as_slice_mut().ok_or_else(layout)?;
@@ -82,7 +82,7 @@ pub fn number(
     let mut room = Line::default();
     for patch in patches {
         cancel.check()?;
-        let (upper, lower) = patch.bounds(1, usize::MAX >> 1);
+        let (upper, lower) = patch.bounds(1);
         for y in upper.max(top)..lower.min(bottom) {
             let (x, alphas) = patch.row(y, left..right, &mut room);
             for (x, &alpha) in (x..).zip(alphas) {

@@ -130,12 +130,11 @@ impl Patch {
         })
     }
 
-    /// Pixels that it reaches: (first, one behind the last), clipped to a picture; x and y.
-    pub fn bounds(&self, axis: usize, limit: usize) -> (usize, usize) {
-        let scale = self.scale as i64;
+    /// Pixels of an axis that it reaches, from 0 on: the first, and one behind the last.
+    pub fn bounds(&self, axis: usize) -> (usize, usize) {
         let first = self.origin[axis];
-        let end = first + self.size[axis] as i64 * scale;
-        (first.clamp(0, limit as i64) as usize, end.clamp(0, limit as i64) as usize)
+        let end = first + (self.size[axis] * self.scale) as i64;
+        (first.max(0) as usize, end.max(0) as usize)
     }
 
     /// The first column of a row of the frame that it reaches, and the opacities from there on.
@@ -146,7 +145,7 @@ impl Patch {
         line: &'a mut Line,
     ) -> (usize, &'a [f32]) {
         let [across, down] = self.size;
-        let (first, end) = self.bounds(0, usize::MAX >> 1);
+        let (first, end) = self.bounds(0);
         let (first, end) = (columns.start.max(first), columns.end.min(end));
         let offset = y as i64 - self.origin[1];
         if offset < 0 || offset >= (down * self.scale) as i64 || first >= end {
