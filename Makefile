@@ -21,7 +21,7 @@ WORKERS ?= 2
 # Tests start Python some hundred times: without bytecode each would compile the package again.
 unexport PYTHONDONTWRITEBYTECODE
 
-RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/fft/Cargo.toml pyproject.toml
+RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/dispatch/Cargo.toml crates/fft/Cargo.toml pyproject.toml
 
 .PHONY: docs links demo test asan audit test-lowest test-browser test-hosts test-hosts-older wheel test-wheel peers hard-cases accuracy mutations \
 	lint bench performance frames hashes soak clean requirements

@@ -26,7 +26,6 @@ __all__ = [
     "cone_chart",
     "cone_footprints",
     "cone_layer",
-    "cone_moving",
     "cone_needed",
     "cone_rays",
     "cone_shown",
@@ -68,7 +67,6 @@ __all__ = [
     "set_scope",
     "set_threads",
     "shade_add",
-    "shade_light",
     "shade_over",
     "sheet_bent",
     "sheet_read",
@@ -165,12 +163,6 @@ def shade_over(
     glow: _Array | None = None,
     light: _Array | None = None,
     edges: _Array | None = None,
-) -> None: ...
-def shade_light(
-    out: _Array,
-    alpha: _Array,
-    colors: tuple[_Array, float, int, int],
-    glow: _Array | None = None,
 ) -> None: ...
 def shade_add(
     glow: _Array,
@@ -310,15 +302,6 @@ def cone_chart(
     course: tuple[int, float, int],
 ) -> None: ...
 def cone_footprints(out: _Array, pose: Pose, course: tuple[int, float, int]) -> None: ...
-def cone_moving(
-    out: _Array,
-    footprint: _Array,
-    pose: Pose,
-    course: tuple[int, float, int],
-    sheets: list[_Sheet],
-    levels: int,
-    tables: list[tuple[int, int, _Array]],
-) -> None: ...
 def cone_shown(out: _Array, depth: _Array, pose: Pose, radii: list[float], top: int) -> None: ...
 def cone_table(
     out: _Array, texture: _Float64, width: float, height: float, peak: float
@@ -326,15 +309,12 @@ def cone_table(
 def cone_needed(out: _Array, footprint: _Array, sheets: list[_Sheet]) -> None: ...
 def cone_stack(
     out: _Array,
-    across: _Array,
-    along: _Array,
-    fade: _Array,
-    state: _Array,
+    chart: tuple[_Array, _Array, _Array, _Array, _Array | None] | None,
+    view: tuple[Pose, tuple[int, float, int]] | None,
     footprint: _Array,
     sheets: list[_Sheet],
     levels: int,
     tables: list[tuple[int, int, _Array]],
-    shown: _Array | None = None,
 ) -> None: ...
 def cone_tile(out: _Array, drops: _Float64) -> None: ...
 def gas_splat(

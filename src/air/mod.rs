@@ -2,7 +2,7 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
-use crate::base::error::{Cancel, Error};
+use crate::base::error::{Cancel, Error, layout};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::{dispatch, multiply_add};
@@ -34,7 +34,6 @@ pub fn sum(
     if channels > MOST_CHANNELS || weights.dim() != (k.nrows(), 2 * channels) {
         return Err(Error::invalid("weights", "must have two numbers for each wave and channel"));
     }
-    let layout = || Error::Internal("layout".into());
     let (k, weights) = (k.to_slice().ok_or_else(layout)?, weights.to_slice().ok_or_else(layout)?);
     let tasks = out.axis_chunks_iter_mut(Axis(0), RUN).zip(points.axis_chunks_iter(Axis(0), RUN));
     pool::for_each(tasks, |(mut out, points)| {
@@ -60,8 +59,8 @@ pub fn sum(
     })
 }
 
-#[inline(always)]
-fn add_waves_with<const LEVEL: u8>(
+#[dispatch]
+fn add_waves<const LEVEL: u8>(
     places: &[[f64; LANES]; 3],
     k: &[f64],
     weights: &[f64],
@@ -89,16 +88,6 @@ fn add_waves_with<const LEVEL: u8>(
             }
         }
     }
-}
-
-dispatch! {
-    fn add_waves(
-        places: &[[f64; LANES]; 3],
-        k: &[f64],
-        weights: &[f64],
-        channels: usize,
-        sums: &mut [[f64; LANES]; MOST_CHANNELS],
-    ) = add_waves_with
 }
 
 #[cfg(test)]

@@ -42,19 +42,3 @@ impl<T> DerefMut for Aligned<T> {
         &mut self.values[self.from..self.from + self.count]
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn it_starts_at_a_line_and_has_its_length() {
-        for count in [0, 1, 7, 4096, 100_003] {
-            let buffer = Aligned::<f32>::zeroed(count).unwrap();
-            assert_eq!(buffer.len(), count);
-            assert_eq!(buffer.as_ptr() as usize % LINE, 0);
-            assert!(buffer.iter().all(|&value| value == 0.0));
-        }
-        assert!(Aligned::<f64>::zeroed(usize::MAX).is_err());
-    }
-}

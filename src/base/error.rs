@@ -15,10 +15,7 @@ pub enum Error {
         message: String,
     },
     /// Work space could not be allocated (MemoryError).
-    Memory {
-        /// How much was asked for.
-        bytes: usize,
-    },
+    Memory { bytes: usize },
     /// The caller asked to stop; the output is unfinished (KeyboardInterrupt).
     Cancelled,
     /// A defect of ours (InternalError).
@@ -61,35 +58,52 @@ pub fn guarded<R>(kernel: impl FnOnce() -> Result<R, Error>) -> Result<R, Error>
 /// Refuses a number that is not finite.
 pub fn finite(argument: &'static str, value: f64) -> Result<f64, Error> {
     if value.is_finite() {
-        Ok(value)
-    } else {
-        Err(Error::invalid(argument, format!("must be finite, got {value}")))
+        return Ok(value);
     }
+    Err(Error::invalid(argument, format!("must be finite, got {value}")))
 }
 
-/// A zeroed work buffer; a request that cannot be met is an error, not an abort of the interpreter.
+/// The value of a name, of those that an argument may have.
+pub fn named<T: Copy>(argument: &'static str, name: &str, all: &[(&str, T)]) -> Result<T, Error> {
+    let found = all.iter().find(|(known, _)| *known == name);
+    found.map(|(_, value)| *value).ok_or_else(|| {
+        let known: Vec<_> = all.iter().map(|(known, _)| *known).collect();
+        Error::invalid(argument, format!("must be {}, got {name:?}", known.join(" or ")))
+    })
+}
+
+/// An array whose rows are not what the Python layer hands over.
+pub fn layout() -> Error {
+    Error::Internal("rows are not contiguous".into())
+}
+
+/// Room for `more` items; a request that cannot be met is an error, not an abort of the interpreter.
+#[inline(always)]
+pub fn reserve<T>(list: &mut Vec<T>, more: usize) -> Result<(), Error> {
+    if list.capacity() - list.len() >= more {
+        return Ok(());
+    }
+    let bytes = list.len().saturating_add(more).saturating_mul(size_of::<T>());
+    list.try_reserve(more).map_err(|_| Error::Memory { bytes })
+}
+
 pub fn zeroed<T: Clone + num_traits::Zero>(count: usize) -> Result<Vec<T>, Error> {
     let mut buffer = Vec::new();
-    buffer
-        .try_reserve_exact(count)
-        .map_err(|_| Error::Memory { bytes: count.saturating_mul(size_of::<T>()) })?;
+    reserve(&mut buffer, count)?;
     buffer.resize(count, T::zero());
     Ok(buffer)
 }
 
-/// The items of an iterator in a vector, memory asked for as in [`zeroed`].
 pub fn collected<T>(items: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>, Error> {
     let mut list = Vec::new();
-    list.try_reserve_exact(items.len())
-        .map_err(|_| Error::Memory { bytes: items.len().saturating_mul(size_of::<T>()) })?;
+    reserve(&mut list, items.len())?;
     list.extend(items);
     Ok(list)
 }
 
-/// Adds to a list that grows, memory asked for as in [`zeroed`].
+/// Adds to a list that grows.
 pub fn pushed<T>(list: &mut Vec<T>, item: T) -> Result<(), Error> {
-    list.try_reserve(1)
-        .map_err(|_| Error::Memory { bytes: 2 * list.len().saturating_mul(size_of::<T>()) })?;
+    reserve(list, 1)?;
     list.push(item);
     Ok(())
 }
@@ -104,7 +118,6 @@ pub fn spare(bytes: usize) -> Result<(), Error> {
 pub struct Cancel(AtomicBool);
 
 impl Cancel {
-    /// A flag that is not raised.
     pub const fn new() -> Self {
         Self(AtomicBool::new(false))
     }

@@ -4,10 +4,9 @@
 //! per steradian, so that light of radiance L from all sides makes a particle of radiance albedo * L.
 
 use super::error::Error;
+use super::pixel::smoothstep;
 use super::simd::dispatch;
-use super::smooth::smoothstep;
 
-/// A lamp in the eye's axes.
 #[derive(Debug, Clone, Copy)]
 pub struct Lamp {
     /// Where it is; of a sun nothing.
@@ -26,13 +25,11 @@ pub struct Lamp {
 /// All lamps of a frame, and what particles do with their light.
 #[derive(Debug, Clone)]
 pub struct Lamps {
-    /// The lamps.
     pub lamps: Vec<Lamp>,
     /// Mean cosine between the ways of light before and after.
     pub asymmetry: f64,
     /// Share of light that goes on.
     pub albedo: f64,
-    /// The eye.
     pub eye: [f64; 3],
 }
 
@@ -63,13 +60,9 @@ impl Lamps {
 /// Particles at a time.
 const LANES: usize = 8;
 
-dispatch! {
-    /// Fills `out` with the radiances of particles at places.
-    pub fn light(lamps: &Lamps, points: &[[f64; 3]], out: &mut [[f64; 3]]) = light_with
-}
-
-#[inline(always)]
-fn light_with<const LEVEL: u8>(lamps: &Lamps, points: &[[f64; 3]], out: &mut [[f64; 3]]) {
+/// Fills `out` with the radiances of particles at places.
+#[dispatch]
+pub fn light<const LEVEL: u8>(lamps: &Lamps, points: &[[f64; 3]], out: &mut [[f64; 3]]) {
     for (points, out) in points.chunks(LANES).zip(out.chunks_mut(LANES)) {
         let mut lanes = [[1.0; LANES]; 3];
         for (k, point) in points.iter().enumerate() {

@@ -2,16 +2,14 @@
 
 pub mod aligned;
 pub mod ball;
-pub mod cover;
 pub mod error;
 pub mod lamps;
 pub mod lanes;
 pub mod normal;
+pub mod pixel;
 pub mod pool;
 pub mod random;
 pub mod real;
-pub mod sampling;
 pub mod scan;
 pub mod scope;
 pub mod simd;
-pub mod smooth;

@@ -13,10 +13,10 @@
 
 use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
 
-use ndarray::{ArrayViewMut, Axis, RemoveAxis};
+use ndarray::{ArrayView, ArrayViewMut, Axis, RemoveAxis};
 use rayon::prelude::*;
 
-use crate::base::error::{Error, collected};
+use crate::base::error::{Error, collected, layout};
 use crate::base::scope::Scope;
 
 /// The most threads that may be asked for.
@@ -57,14 +57,10 @@ fn cores() -> usize {
 
 /// What FLURRIES_NUM_THREADS says; None where it is not set or empty.
 pub fn environment() -> Result<Option<usize>, Error> {
-    parsed(std::env::var("FLURRIES_NUM_THREADS").ok().as_deref())
-}
-
-fn parsed(value: Option<&str>) -> Result<Option<usize>, Error> {
-    let Some(text) = value.map(str::trim).filter(|text| !text.is_empty()) else {
-        return Ok(None);
-    };
+    let value = std::env::var("FLURRIES_NUM_THREADS").unwrap_or_default();
+    let text = value.trim();
     match text.parse::<usize>() {
+        _ if text.is_empty() => Ok(None),
         Ok(count) if (1..=MOST_THREADS).contains(&count) => Ok(Some(count)),
         _ => Err(Error::invalid(
             "FLURRIES_NUM_THREADS",
@@ -157,19 +153,15 @@ pub fn rows<A, D: RemoveAxis>(
     all
 }
 
+/// A row of a picture.
+pub fn line<A, D: RemoveAxis>(picture: ArrayView<'_, A, D>, row: usize) -> Result<&[A], Error> {
+    picture.index_axis_move(Axis(0), row).to_slice().ok_or_else(layout)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::base::error::guarded;
-
-    #[test]
-    fn runs_cover_the_length_once() {
-        for (length, parts) in [(0, 3), (1, 3), (7, 3), (19, 2), (64, 64), (5, 9)] {
-            let runs = split(length, parts);
-            assert_eq!(runs.iter().map(ExactSizeIterator::len).sum::<usize>(), length);
-            assert!(runs.windows(2).all(|pair| pair[0].end == pair[1].start));
-        }
-    }
 
     #[test]
     fn a_panic_of_a_worker_is_an_error_and_the_pool_works_on() {
@@ -190,12 +182,5 @@ mod tests {
                 });
             }
         });
-    }
-
-    #[test]
-    fn an_error_comes_back() {
-        let result =
-            for_each(vec![1, 2, 3], |i| if i == 2 { Err(Error::Cancelled) } else { Ok(()) });
-        assert_eq!(result, Err(Error::Cancelled));
     }
 }

@@ -29,7 +29,6 @@ impl Hash {
         Self(mix64(self.0 ^ word as u64))
     }
 
-    /// The 64 bits.
     #[inline(always)]
     pub const fn bits(self) -> u64 {
         self.0

@@ -30,19 +30,14 @@ pub fn all_within<T: Real>(values: &[T], low: T, high: T) -> Result<bool, Error>
     Ok(all.into_inner())
 }
 
-/// Whether all numbers are finite.
 pub fn all_finite<T: Real>(values: &[T]) -> Result<bool, Error> {
     all_within(values, T::min_value(), T::max_value())
 }
 
-#[inline(always)]
-fn within_with<T: Real, const LEVEL: u8>(values: &[T], low: T, high: T) -> bool {
+#[dispatch]
+fn within<const LEVEL: u8, T: Real>(values: &[T], low: T, high: T) -> bool {
     // Without an early end the loop is two comparisons of vectors.
     values.iter().fold(true, |all, &value| all & (value >= low) & (value <= high))
-}
-
-dispatch! {
-    fn within<T: Real>(values: &[T], low: T, high: T) -> bool = within_with
 }
 
 #[cfg(test)]

@@ -9,7 +9,6 @@ use std::cell::Cell;
 /// What a call asks for; None leaves it to the process.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Scope {
-    /// How many threads.
     pub threads: Option<usize>,
     /// Whether all levels of vector instructions give the same bits.
     pub reproducible: Option<bool>,
@@ -20,7 +19,6 @@ thread_local! {
 }
 
 impl Scope {
-    /// What the call of this thread asks for.
     pub fn now() -> Self {
         SCOPE.get()
     }
@@ -43,35 +41,5 @@ pub struct Entered(Scope);
 impl Drop for Entered {
     fn drop(&mut self) {
         SCOPE.set(self.0);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::base::{pool, simd};
-
-    #[test]
-    fn threads_of_the_pool_work_in_the_mode_of_their_caller() {
-        let modes = |plain: bool| {
-            let _entered = Scope { threads: Some(4), reproducible: Some(plain) }.enter();
-            let mut seen = [false; 400];
-            pool::for_each(seen.iter_mut(), |one| {
-                *one = simd::reproducible();
-                Ok(())
-            })
-            .unwrap();
-            seen
-        };
-        std::thread::scope(|threads| {
-            for plain in [true, false, true, false] {
-                threads.spawn(move || {
-                    for _ in 0..20 {
-                        assert_eq!(modes(plain), [plain; 400]);
-                    }
-                });
-            }
-        });
-        assert_eq!(Scope::now(), Scope::default());
     }
 }

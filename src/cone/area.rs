@@ -26,7 +26,6 @@ fn folded(x: f64, size: f64) -> (f64, f64) {
 }
 
 impl Area {
-    /// The table of a texture.
     pub fn of<T: Real>(texture: ArrayView2<T>) -> Result<Self, Error> {
         let (rows, size) = texture.dim();
         if rows != size || size == 0 {
@@ -48,7 +47,6 @@ impl Area {
         Ok(Self { size, sums, texels })
     }
 
-    /// Texels along a side.
     pub fn size(&self) -> usize {
         self.size
     }

@@ -22,7 +22,6 @@ pub struct Basis {
     pub second: Vector,
 }
 
-/// The scalar product.
 #[inline]
 pub fn dot(a: Vector, b: Vector) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

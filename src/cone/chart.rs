@@ -7,14 +7,14 @@
 
 use std::f64::consts::TAU;
 
-use ndarray::{ArrayViewMut2, ArrayViewMut3};
+use ndarray::ArrayViewMut3;
 
 use super::basis::{Vector, dot};
 use super::view::{FADE, FADE_SLOPE, View};
 use crate::base::error::{Cancel, Error};
+use crate::base::pixel::smoothstep;
 use crate::base::pool;
 use crate::base::simd::{dispatch, multiply_add};
-use crate::base::smooth::smoothstep;
 
 /// Pixels to a side of a block, and lanes that are computed together.
 pub const BLOCK: usize = 16;
@@ -42,16 +42,16 @@ const ARCTAN: [f32; 8] = [
     -0.000_743_058_35,
 ];
 
-/// What a chart consists of; the width of `across` and `along` is a whole number of blocks.
+/// The planes of a chart, or of some rows of it: rows of whole blocks of pixels, one after the other.
 pub struct Chart<'a> {
-    /// (H, blocks * 16): azimuth, 2^32 to a tile.
-    pub across: ArrayViewMut2<'a, u32>,
-    /// (H, blocks * 16): height, 2^32 to a tile.
-    pub along: ArrayViewMut2<'a, u32>,
-    /// (H, blocks * 16): how much is shown, written where the block is FADED.
-    pub fade: ArrayViewMut2<'a, f32>,
-    /// (H, blocks): SHOWN, FADED or HIDDEN.
-    pub state: ArrayViewMut2<'a, u8>,
+    /// Azimuth, 2^32 to a tile.
+    pub across: &'a mut [u32],
+    /// Height, 2^32 to a tile.
+    pub along: &'a mut [u32],
+    /// How much is shown, written where the block is FADED.
+    pub fade: &'a mut [f32],
+    /// Of each block: SHOWN, FADED or HIDDEN.
+    pub state: &'a mut [u8],
 }
 
 /// A row's rays: each part is `start + column * step`, in float32.
@@ -73,7 +73,6 @@ fn fraction(x: f32) -> u32 {
     ((x - x.floor()) + 1.0).to_bits() << 9
 }
 
-/// Pixels that are computed together.
 const RUN: usize = 8 * BLOCK;
 
 /// The rays of a run of pixels: the parts to the two sides, along the axis, and across it.
@@ -109,8 +108,8 @@ fn cast<const LEVEL: u8>(lanes: &mut Lanes, row: &Row, first: usize, count: usiz
     }
 }
 
-#[inline(always)]
-fn row_with<const LEVEL: u8>(
+#[dispatch]
+fn chart_row<const LEVEL: u8>(
     across: &mut [u32],
     along: &mut [u32],
     fade: &mut [f32],
@@ -119,12 +118,9 @@ fn row_with<const LEVEL: u8>(
 ) {
     let zeros = [0.0; RUN];
     let mut lanes = Lanes { p: zeros, q: zeros, s: zeros, c: zeros };
-    let runs = across
-        .chunks_mut(RUN)
-        .zip(along.chunks_mut(RUN))
-        .zip(fade.chunks_mut(RUN))
-        .zip(state.chunks_mut(RUN / BLOCK));
-    for (index, (((across, along), fade), state)) in runs.enumerate() {
+    let places = across.chunks_mut(RUN).zip(along.chunks_mut(RUN));
+    let runs = places.zip(fade.chunks_mut(RUN).zip(state.chunks_mut(RUN / BLOCK)));
+    for (index, ((across, along), (fade, state))) in runs.enumerate() {
         let count = across.len();
         cast::<LEVEL>(&mut lanes, row, index * RUN, count);
         let (p, q) = (&lanes.p[..count], &lanes.q[..count]);
@@ -134,13 +130,9 @@ fn row_with<const LEVEL: u8>(
             let t = high / wide.max(f32::MIN_POSITIVE);
             let square = t * t;
             let mut series = ARCTAN[7];
-            series = multiply_add::<f32, LEVEL>(series, square, ARCTAN[6]);
-            series = multiply_add::<f32, LEVEL>(series, square, ARCTAN[5]);
-            series = multiply_add::<f32, LEVEL>(series, square, ARCTAN[4]);
-            series = multiply_add::<f32, LEVEL>(series, square, ARCTAN[3]);
-            series = multiply_add::<f32, LEVEL>(series, square, ARCTAN[2]);
-            series = multiply_add::<f32, LEVEL>(series, square, ARCTAN[1]);
-            series = multiply_add::<f32, LEVEL>(series, square, ARCTAN[0]);
+            for power in (0..7).rev() {
+                series = multiply_add::<f32, LEVEL>(series, square, ARCTAN[power]);
+            }
             let turn = t * series;
             let turn = if q[k].abs() > p[k].abs() { 0.25 - turn } else { turn };
             let turn = if p[k] < 0.0 { 0.5 - turn } else { turn };
@@ -176,16 +168,6 @@ fn row_with<const LEVEL: u8>(
             };
         }
     }
-}
-
-dispatch! {
-    fn chart_row(
-        across: &mut [u32],
-        along: &mut [u32],
-        fade: &mut [f32],
-        state: &mut [u8],
-        row: &Row,
-    ) = row_with
 }
 
 /// Rounds until an eye's place is accounted for to float32; see `View::ray`.
@@ -230,25 +212,13 @@ pub fn footprints(mut out: ArrayViewMut3<'_, f32>, view: &View, course: &Course)
     }
 }
 
-/// The planes of a band: BLOCK rows, or what is left of the picture, one after the other.
-pub struct Band<'a> {
-    pub across: &'a mut [u32],
-    pub along: &'a mut [u32],
-    pub fade: &'a mut [f32],
-    pub state: &'a mut [u8],
-}
-
 /// Fills a band that begins at a row of the picture.
-pub fn band(band: Band<'_>, view: &View, course: &Course, first: usize, blocks: usize) {
+pub fn band(band: Chart<'_>, view: &View, course: &Course, first: usize, blocks: usize) {
     let parts = [view.basis.first, view.basis.second, view.basis.axis];
     let width = blocks * BLOCK;
-    let rows = band
-        .across
-        .chunks_mut(width)
-        .zip(band.along.chunks_mut(width))
-        .zip(band.fade.chunks_mut(width))
-        .zip(band.state.chunks_mut(blocks));
-    for (index, (((across, along), fades), states)) in rows.enumerate() {
+    let places = band.across.chunks_mut(width).zip(band.along.chunks_mut(width));
+    let rows = places.zip(band.fade.chunks_mut(width).zip(band.state.chunks_mut(blocks)));
+    for (index, ((across, along), (fades, states))) in rows.enumerate() {
         let y = (first + index) as f64 + 0.5 - view.center[1];
         let start = parts.map(|part| part[1] * y + part[2] * view.focal - part[0] * view.center[0]);
         let row = Row {
@@ -264,24 +234,20 @@ pub fn band(band: Band<'_>, view: &View, course: &Course, first: usize, blocks: 
     }
 }
 
-/// Fills a chart but for its footprints.
-pub fn chart(chart: Chart<'_>, view: &View, course: &Course, cancel: &Cancel) -> Result<(), Error> {
-    let broken = || Error::Internal("a chart's planes must be contiguous".into());
-    let blocks = chart.state.dim().1;
-    let width = blocks * BLOCK;
-    let items: Vec<_> = chart
-        .across
-        .into_slice()
-        .ok_or_else(broken)?
-        .chunks_mut(BLOCK * width)
-        .zip(chart.along.into_slice().ok_or_else(broken)?.chunks_mut(BLOCK * width))
-        .zip(chart.fade.into_slice().ok_or_else(broken)?.chunks_mut(BLOCK * width))
-        .zip(chart.state.into_slice().ok_or_else(broken)?.chunks_mut(BLOCK * blocks))
-        .enumerate()
-        .collect();
-    pool::for_each(items, |(index, (((across, along), fade), state))| {
+/// Fills a chart of so many blocks across, but for its footprints.
+pub fn chart(
+    chart: Chart<'_>,
+    blocks: usize,
+    view: &View,
+    course: &Course,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let pixels = BLOCK * BLOCK * blocks;
+    let across = chart.across.chunks_mut(pixels).zip(chart.along.chunks_mut(pixels));
+    let rest = chart.fade.chunks_mut(pixels).zip(chart.state.chunks_mut(BLOCK * blocks));
+    pool::for_each(across.zip(rest).enumerate(), |(index, ((across, along), (fade, state)))| {
         cancel.check()?;
-        let planes = Band { across, along, fade, state };
+        let planes = Chart { across, along, fade, state };
         band(planes, view, course, course.top + index * BLOCK, blocks);
         Ok(())
     })

@@ -10,7 +10,6 @@ use crate::base::error::{Cancel, Error};
 use crate::base::pool;
 use crate::base::real::Real;
 
-/// How a texture lies on the cone.
 #[derive(Debug, Clone, Copy)]
 pub struct Layer {
     /// Tiles around; whole, so that there is no seam.

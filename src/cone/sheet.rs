@@ -27,7 +27,6 @@ pub struct Sheet {
 /// Filtered textures by the size of their boxes: level l is a box of 2^(l / 2) texels.
 #[derive(Debug, Clone)]
 pub struct Tables<'a> {
-    /// Levels across and along.
     pub levels: usize,
     /// (levels, levels): across, then along; only those that a chart needs.
     pub grid: Vec<Option<Table<'a>>>,

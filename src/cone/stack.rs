@@ -10,34 +10,50 @@ use std::ops::Range;
 
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 
-use super::chart::{self, BLOCK, Band, Course, FADED, HIDDEN};
+use super::chart::{self, BLOCK, Chart, Course, FADED, HIDDEN};
 use super::sheet::{Sheet, Table, Tables, level};
 use super::view::View;
-use crate::base::error::{Cancel, Error, zeroed};
+use crate::base::error::{Cancel, Error, layout, zeroed};
 use crate::base::pool;
 use crate::base::simd::{dispatch, multiply_add};
 
-/// The planes that a stack is read from; see [`super::chart::Chart`].
-#[derive(Debug, Clone, Copy)]
-pub struct Charted<'a> {
-    pub across: ArrayView2<'a, u32>,
-    pub along: ArrayView2<'a, u32>,
-    pub fade: ArrayView2<'a, f32>,
-    pub state: ArrayView2<'a, u8>,
-    /// log2 of the footprints.
-    pub footprint: ArrayView3<'a, f32>,
+/// Where a stack finds what its pixels see.
+pub enum Source<'a> {
+    /// A chart, and how many of the layers, nearest first, stand before what is in the picture, for each of the
+    /// chart's pixels.
+    Chart(Planes<'a>),
+    /// The view itself, without a chart that would be used once.
+    View(View, Course),
 }
 
-impl Charted<'_> {
-    fn check(&self, shape: (usize, usize)) -> Result<(), Error> {
-        let blocks = shape.1.div_ceil(BLOCK);
-        let wide = (shape.0, blocks * BLOCK);
-        let fits = self.across.dim() == wide
-            && self.along.dim() == wide
-            && self.fade.dim() == wide
-            && self.state.dim() == (shape.0, blocks)
-            && self.footprint.dim() == (shape.0.div_ceil(BLOCK), blocks, 2);
-        if fits { Ok(()) } else { Err(Error::invalid("mapping", "must be of this shape")) }
+/// The planes of a chart, or of a band of it; see [`super::chart::Chart`].
+#[derive(Clone, Copy)]
+pub struct Planes<'a> {
+    pub across: &'a [u32],
+    pub along: &'a [u32],
+    pub fade: &'a [f32],
+    pub state: &'a [u8],
+    pub shown: Option<&'a [u8]>,
+}
+
+impl<'a> Planes<'a> {
+    fn fits(&self, blocks: usize) -> bool {
+        let pixels = blocks * BLOCK;
+        [self.across.len(), self.along.len(), self.fade.len()] == [pixels; 3]
+            && self.state.len() == blocks
+            && self.shown.is_none_or(|shown| shown.len() == pixels)
+    }
+
+    /// From one block of a row on to another.
+    fn part(&self, blocks: Range<usize>) -> Self {
+        let pixels = blocks.start * BLOCK..blocks.end * BLOCK;
+        Self {
+            across: &self.across[pixels.clone()],
+            along: &self.along[pixels.clone()],
+            fade: &self.fade[pixels.clone()],
+            state: &self.state[blocks],
+            shown: self.shown.map(|shown| &shown[pixels]),
+        }
     }
 }
 
@@ -48,7 +64,7 @@ pub fn needed(
     sheets: &[Sheet],
 ) -> Result<(), Error> {
     let levels = needed.dim().0;
-    let marks = needed.into_slice().ok_or_else(|| Error::Internal("layout".into()))?;
+    let marks = needed.into_slice().ok_or_else(layout)?;
     if levels == 0 || marks.len() != levels * levels || levels > 255 {
         return Err(Error::Internal("levels must be square".into()));
     }
@@ -109,22 +125,15 @@ fn look_up<const LEVEL: u8>(
     }
 }
 
-/// A band of BLOCK rows of the picture, or fewer at its end, and of its chart.
-struct Rows<'a> {
-    across: &'a [u32],
-    along: &'a [u32],
-    fade: &'a [f32],
-    state: &'a [u8],
-    shown: Option<&'a [u8]>,
-    /// For each block the place of each layer's table in the grid.
-    places: &'a [u16],
-    /// Blocks across.
-    blocks: usize,
-}
-
 /// One layer's factors over a run of a row.
 #[inline(always)]
-fn gains_of(band: &Rows<'_>, run: &Range<usize>, state: u8, index: usize, gain: f32) -> [f32; RUN] {
+fn gains_of(
+    band: &Planes<'_>,
+    run: &Range<usize>,
+    state: u8,
+    index: usize,
+    gain: f32,
+) -> [f32; RUN] {
     let mut gains = [gain * UNIT; RUN];
     if state == FADED {
         for (gain, &fade) in gains.iter_mut().zip(&band.fade[run.clone()]) {
@@ -141,16 +150,18 @@ fn gains_of(band: &Rows<'_>, run: &Range<usize>, state: u8, index: usize, gain: 
 
 /// The joint alpha of a band, run by run and within a run row by row: what a run sees of the textures
 /// stays in the first cache.
-#[inline(always)]
-fn stack_band_with<const LEVEL: u8>(
+#[dispatch]
+fn stack_band<const LEVEL: u8>(
     out: &mut [f32],
     width: usize,
-    band: &Rows<'_>,
+    band: &Planes<'_>,
+    places: &[u16],
     sheets: &[Sheet],
     tables: &Tables<'_>,
 ) -> bool {
-    let (count, blocks) = (sheets.len(), band.blocks);
-    let places = |block: usize| &band.places[block * count..][..count];
+    let (count, blocks) = (sheets.len(), width.div_ceil(BLOCK));
+    // For each block the place of each layer's table in the grid.
+    let places = |block: usize| &places[block * count..][..count];
     let mut whole = true;
     let mut block = 0;
     while block < blocks {
@@ -204,16 +215,6 @@ fn stack_band_with<const LEVEL: u8>(
 /// A run whose blocks differ in how much of them is shown.
 const MIXED: u8 = 255;
 
-dispatch! {
-    fn stack_band(
-        out: &mut [f32],
-        width: usize,
-        band: &Rows<'_>,
-        sheets: &[Sheet],
-        tables: &Tables<'_>,
-    ) -> bool = stack_band_with
-}
-
 /// The places in the grid of each block's and layer's table.
 fn places_of(
     footprint: ArrayView2<'_, f32>,
@@ -233,68 +234,11 @@ fn places_of(
     Ok(places)
 }
 
-/// The picture's bands, each with its number.
-fn bands<'a>(
-    out: ArrayViewMut2<'a, f32>,
-) -> Result<impl ExactSizeIterator<Item = (usize, &'a mut [f32])>, Error> {
-    let width = out.dim().1;
-    let all = out.into_slice().ok_or_else(|| Error::Internal("rows must be contiguous".into()))?;
-    Ok(all.chunks_mut(BLOCK * width).enumerate())
-}
-
-fn missing() -> Error {
-    Error::Internal("a table that the chart needs is missing".into())
-}
-
-/// Fills `out` (H, W) with the joint alpha of the layers. `shown` (H, blocks * BLOCK), where given, is
-/// how many of the layers, nearest first, stand before what is in the picture.
+/// Fills `out` (H, W) with the joint alpha of the layers; `footprint` (blocks down, blocks across, 2) are the logarithms
+/// of what a block's pixels see, to the base 2.
 pub fn stack(
     out: ArrayViewMut2<'_, f32>,
-    charted: &Charted<'_>,
-    sheets: &[Sheet],
-    tables: &Tables<'_>,
-    shown: Option<ArrayView2<'_, u8>>,
-    cancel: &Cancel,
-) -> Result<(), Error> {
-    let (height, width) = out.dim();
-    charted.check((height, width))?;
-    tables.check()?;
-    let blocks = charted.state.dim().1;
-    if shown.is_some_and(|shown| shown.dim() != (height, blocks * BLOCK)) {
-        return Err(Error::Internal("layers in front: wrong shape".into()));
-    }
-    let layout = || Error::Internal("a chart's planes must be contiguous".into());
-    let (across, along) = (charted.across.to_slice(), charted.along.to_slice());
-    let (across, along) = (across.ok_or_else(layout)?, along.ok_or_else(layout)?);
-    let (fade, state) = (charted.fade.to_slice(), charted.state.to_slice());
-    let (fade, state) = (fade.ok_or_else(layout)?, state.ok_or_else(layout)?);
-    let shown = match &shown {
-        None => None,
-        Some(shown) => Some(shown.to_slice().ok_or_else(layout)?),
-    };
-    pool::for_each(bands(out)?, |(index, out)| {
-        cancel.check()?;
-        let rows = index * BLOCK..index * BLOCK + out.len() / width;
-        let pixels = rows.start * blocks * BLOCK..rows.end * blocks * BLOCK;
-        let footprint = charted.footprint.index_axis(Axis(0), index);
-        let band = Rows {
-            across: &across[pixels.clone()],
-            along: &along[pixels.clone()],
-            fade: &fade[pixels.clone()],
-            state: &state[rows.start * blocks..rows.end * blocks],
-            shown: shown.map(|shown| &shown[pixels]),
-            places: &places_of(footprint, sheets, tables.levels)?,
-            blocks,
-        };
-        if stack_band(out, width, &band, sheets, tables) { Ok(()) } else { Err(missing()) }
-    })
-}
-
-/// The same from the view itself, without a chart that would be used once.
-pub fn moving(
-    out: ArrayViewMut2<'_, f32>,
-    view: &View,
-    course: &Course,
+    source: &Source<'_>,
     footprint: ArrayView3<'_, f32>,
     sheets: &[Sheet],
     tables: &Tables<'_>,
@@ -302,43 +246,36 @@ pub fn moving(
 ) -> Result<(), Error> {
     let (height, width) = out.dim();
     let blocks = width.div_ceil(BLOCK);
+    let fits = match source {
+        Source::Chart(planes) => planes.fits(height * blocks),
+        Source::View(..) => true,
+    };
+    if !fits || footprint.dim() != (height.div_ceil(BLOCK), blocks, 2) {
+        return Err(Error::invalid("mapping", "must be of this shape"));
+    }
     tables.check()?;
-    if footprint.dim() != (height.div_ceil(BLOCK), blocks, 2) {
-        return Err(Error::Internal("footprints: wrong shape".into()));
-    }
-    pool::for_each(bands(out)?, |(index, out)| {
+    let bands = out.into_slice().ok_or_else(layout)?.chunks_mut(BLOCK * width).enumerate();
+    pool::for_each(bands, |(index, out)| {
         cancel.check()?;
-        let rows = out.len() / width;
-        let pixels = rows * blocks * BLOCK;
-        let (mut across, mut along) = (zeroed(pixels)?, zeroed(pixels)?);
-        let (mut fade, mut state) = (zeroed(pixels)?, zeroed(rows * blocks)?);
-        let planes =
-            Band { across: &mut across, along: &mut along, fade: &mut fade, state: &mut state };
-        chart::band(planes, view, course, course.top + index * BLOCK, blocks);
-        let band = Rows {
-            across: &across,
-            along: &along,
-            fade: &fade,
-            state: &state,
-            shown: None,
-            places: &places_of(footprint.index_axis(Axis(0), index), sheets, tables.levels)?,
-            blocks,
+        let (start, count) = (index * BLOCK * blocks, out.len() / width * blocks);
+        let places = places_of(footprint.index_axis(Axis(0), index), sheets, tables.levels)?;
+        let whole = match source {
+            Source::Chart(planes) => {
+                stack_band(out, width, &planes.part(start..start + count), &places, sheets, tables)
+            }
+            Source::View(view, course) => {
+                let pixels = count * BLOCK;
+                let (mut across, mut along) = (zeroed(pixels)?, zeroed(pixels)?);
+                let (mut fade, mut state) = (zeroed(pixels)?, zeroed(count)?);
+                let (across, along, fade, state) =
+                    (&mut across[..], &mut along[..], &mut fade[..], &mut state[..]);
+                let own = Chart { across, along, fade, state };
+                chart::band(own, view, course, course.top + index * BLOCK, blocks);
+                let own = Planes { across, along, fade, state, shown: None };
+                stack_band(out, width, &own, &places, sheets, tables)
+            }
         };
-        if stack_band(out, width, &band, sheets, tables) { Ok(()) } else { Err(missing()) }
+        let missing = || Error::Internal("a table that the chart needs is missing".into());
+        whole.then_some(()).ok_or_else(missing)
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    #[test]
-    fn tables_are_as_large_as_they_say() {
-        let words = [0; 128];
-        let check = |entries, columns| {
-            let table = Table { entries, columns, rows: 3 };
-            Tables { levels: 1, grid: vec![Some(table)] }.check().is_ok()
-        };
-        assert!(check(&words, 4));
-        assert!(!check(&words[1..], 4) && !check(&words, 5) && !check(&words, 17));
-    }
 }

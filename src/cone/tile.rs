@@ -6,9 +6,9 @@ use std::f64::consts::{PI, TAU};
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, Axis};
 
 use crate::base::error::{Cancel, Error, collected, zeroed};
+use crate::base::pixel::sampled;
 use crate::base::pool;
 use crate::base::real::Real;
-use crate::base::sampling::sampled;
 
 /// A Gaussian ends here, where it is 8e-7.
 const REACH: f64 = 5.3;

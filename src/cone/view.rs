@@ -8,7 +8,7 @@
 use std::f64::consts::TAU;
 
 use super::basis::{Basis, Vector, dot};
-use crate::base::smooth::smoothstep;
+use crate::base::pixel::smoothstep;
 
 /// Denominators are at least this share of the ray's length: a ray along the axis stays finite.
 const FLOOR: f64 = 1e-6;
@@ -32,7 +32,6 @@ pub struct View {
     pub eye: Vector,
 }
 
-/// What a pixel sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
     /// Turns, in [0, 1).

@@ -6,7 +6,6 @@ use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 use crate::base::error::{Cancel, Error};
 use crate::base::pool;
 
-/// The largest finite half.
 const LARGEST: f32 = 65504.0;
 
 /// Numbers that are bounded while they are in the first cache.
@@ -35,29 +34,4 @@ pub fn to_half(out: &mut [u16], values: &[f32], cancel: &Cancel) -> Result<(), E
         }
         Ok(())
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn halves_are_the_nearest_and_bounded() {
-        let pairs = [
-            (-0.0, -0.0),
-            (1.0 + 4.9e-4, 1.0 + 9.765625e-4),
-            (65519.0, 65504.0),
-            (f32::INFINITY, 65504.0),
-            (-1e9, -65504.0),
-            (3e-8, 5.9604645e-8),
-        ];
-        for (value, wanted) in pairs {
-            let mut bits = [0];
-            to_half(&mut bits, &[value], &Cancel::new()).unwrap();
-            assert_eq!(f16::from_bits(bits[0]).to_f32().to_bits(), f32::to_bits(wanted));
-        }
-        let mut bits = vec![0; 2 * SHARE + 3];
-        to_half(&mut bits, &vec![f32::NAN; 2 * SHARE + 3], &Cancel::new()).unwrap();
-        assert!(bits.iter().all(|&bits| f16::from_bits(bits).is_nan()));
-    }
 }

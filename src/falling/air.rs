@@ -6,18 +6,14 @@ use crate::base::error::Error;
 
 /// The time of the frame, and those at which its shutter opens and closes; after them others may come.
 pub const NOW: usize = 0;
-/// When the shutter opens.
 pub const OPEN: usize = 1;
-/// When it closes.
 pub const CLOSE: usize = 2;
 
 /// Metres by which the air is carried at most.
 const FARTHEST: f64 = 1e15;
 
-/// Vectors of three.
 pub type Vector = [f64; 3];
 
-/// An eye at one time.
 #[derive(Debug, Clone, Copy)]
 pub struct Eye {
     /// Rows turn house axes into the eye's.
@@ -55,7 +51,6 @@ pub struct Class {
     pub number: i64,
     /// The most there are, 1/m3.
     pub density: f64,
-    /// Of their diameters.
     pub sizes: Sizes,
     /// Depths between which they fade in, and between which they fade out again, metres.
     pub shown: [f64; 4],
@@ -80,11 +75,9 @@ pub struct Class {
 /// The flakes before an eye.
 #[derive(Debug, Clone)]
 pub struct Air {
-    /// Of the population.
     pub seed: i64,
     /// Mean over the disc of a resting flake, 0 to 1.
     pub opacity: f64,
-    /// Class after class.
     pub classes: Vec<Class>,
     /// At each time.
     pub eyes: Vec<Eye>,
@@ -116,7 +109,6 @@ impl Air {
             && (0.0..=1.0).contains(&self.opacity)
             && self.near > 0.0
             && finite(&[self.sway, self.room, self.near])
-            && finite(&self.waves)
             && self.eyes.iter().all(|eye| {
                 finite(&eye.turn.concat())
                     && finite(&eye.center)
@@ -126,20 +118,12 @@ impl Air {
             && self.classes.iter().all(|class| {
                 class.sizes.sound()
                     && (0.0..=DENSEST).contains(&class.density)
-                    && class.shown.iter().all(|v| v.is_finite())
+                    && finite(&class.shown)
                     && class.at.len() == times
                     && class.swung.len() == times
-                    && finite(&class.swung)
-                    && !class.amount.values.is_empty()
-                    && class.amount.values.iter().all(|v| (0.0..=1.0).contains(v))
-                    && finite(&class.waves)
                     && (class.waves.is_empty() || class.waves.len() == 2 * times * self.waves.len())
                     && (class.profile.is_empty() || class.profile.len() == times)
-                    && class
-                        .profile
-                        .iter()
-                        .flatten()
-                        .all(|table| !table.values.is_empty() && finite(&table.values))
+                    && class.profile.iter().flatten().chain([&class.amount]).all(Table::sound)
             });
         if sound { Ok(self) } else { Err(Error::Internal("no air looks like that".into())) }
     }

@@ -11,8 +11,8 @@ use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 
 use super::layers::left;
 use super::sheet::Sheet;
-use crate::base::error::{Cancel, Error, pushed};
-use crate::base::pool;
+use crate::base::error::{Cancel, Error, layout, pushed, reserve};
+use crate::base::pool::{self, line};
 use crate::base::simd::{dispatch, multiply_add};
 
 /// Pixels from node to node; the first ones lie so far before the picture's first pixel.
@@ -40,23 +40,13 @@ const ROWS: usize = 128;
 /// Periods of a torus by which a node may lie beside it.
 const ROUNDS: f32 = 64.0;
 
-/// A sheet behind nodes, (rows, columns, [`NUMBERS`]).
-pub struct Bent<'a> {
-    /// Its flakes.
-    pub sheet: &'a Sheet,
-    /// See above.
-    pub nodes: ArrayView3<'a, f32>,
-}
-
-/// Sheets of one depth.
 pub struct Group<'a> {
-    /// One after the other.
-    pub sheets: Vec<Bent<'a>>,
+    /// Each with its nodes, (rows, columns, [`NUMBERS`]).
+    pub sheets: Vec<(&'a Sheet, ArrayView3<'a, f32>)>,
     /// Pixels, x and y, by which flakes move during the exposure, (rows, columns, 2).
     pub ways: ArrayView3<'a, f32>,
     /// Depths between which they lie, evenly.
     pub near: f32,
-    /// See `near`.
     pub far: f32,
 }
 
@@ -70,12 +60,13 @@ struct Sight<'a> {
 }
 
 impl<'a> Sight<'a> {
-    fn new(bent: &Bent<'a>, cancel: &Cancel) -> Result<Self, Error> {
-        let (sheet, nodes) = (bent.sheet, bent.nodes);
+    fn new(
+        &(sheet, nodes): &(&'a Sheet, ArrayView3<'a, f32>),
+        cancel: &Cancel,
+    ) -> Result<Self, Error> {
         let (rows, cols) = sheet.law.period;
         let near = |node: &f32, period: usize| node.abs() < ROUNDS * period as f32;
         let sound = nodes.len_of(Axis(2)) == NUMBERS
-            && nodes.iter().all(|value| value.is_finite())
             && nodes.lanes(Axis(2)).into_iter().all(|at| near(&at[0], cols) && near(&at[1], rows));
         if !sound {
             return Err(Error::Internal("no nodes look like that".into()));
@@ -139,32 +130,25 @@ fn wanted(nodes: ArrayView3<'_, f32>) -> [bool; 16] {
 
 /// A group with what is read of it.
 struct Part<'a> {
+    group: &'a Group<'a>,
     sights: Vec<Sight<'a>>,
-    ways: ArrayView3<'a, f32>,
-    near: f32,
-    far: f32,
     slope: f32,
     /// Pixels on each side that its longest way needs.
     reach: usize,
 }
 
 impl<'a> Part<'a> {
-    fn new(group: &Group<'a>, cancel: &Cancel) -> Result<Self, Error> {
-        let ways = group.ways;
-        let longest = ways.iter().fold(0.0_f32, |longest, way| longest.max(way.abs()));
-        let sound = group.far >= group.near
-            && ways.len_of(Axis(2)) == 2
-            && ways.iter().all(|way| way.abs() <= LONGEST);
-        if !sound {
+    fn new(group: &'a Group<'a>, cancel: &Cancel) -> Result<Self, Error> {
+        let longest = group.ways.iter().fold(0.0_f32, |longest, way| longest.max(way.abs()));
+        if group.ways.len_of(Axis(2)) != 2 || longest > LONGEST {
             return Err(Error::Internal("no ways look like that".into()));
         }
         let mut sights = Vec::new();
-        for bent in &group.sheets {
-            pushed(&mut sights, Sight::new(bent, cancel)?)?;
+        for sheet in &group.sheets {
+            pushed(&mut sights, Sight::new(sheet, cancel)?)?;
         }
         let reach = if longest < REST { 0 } else { (0.5 * LONGER * longest) as usize + 3 };
-        let (near, far) = (group.near, group.far);
-        Ok(Self { sights, ways, near, far, slope: 1.0 / (far - near), reach })
+        Ok(Self { group, sights, slope: 1.0 / (group.far - group.near), reach })
     }
 }
 
@@ -175,18 +159,16 @@ impl<'a> Part<'a> {
 pub fn read<'a>(
     out: ArrayViewMut2<'_, f32>,
     corner: [usize; 2],
-    groups: &[Group<'a>],
-    depth: Option<ArrayView2<'a, f32>>,
+    groups: &'a [Group<'a>],
+    depth: Option<ArrayView2<'_, f32>>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    let layout = || Error::Internal("planes must be contiguous and of one shape".into());
     let columns = out.ncols();
     let reach = |length: usize, first: usize| (first + length).div_ceil(APART) + 3;
     let nodes = (reach(out.nrows(), corner[0]), reach(columns, corner[1]));
-    let short =
-        |nodes_of: &ArrayView3<'_, f32>| nodes_of.dim().0 < nodes.0 || nodes_of.dim().1 < nodes.1;
+    let short = |found: &ArrayView3<'_, f32>| found.dim().0 < nodes.0 || found.dim().1 < nodes.1;
     let each =
-        |group: &Group<'_>| short(&group.ways) || group.sheets.iter().any(|one| short(&one.nodes));
+        |group: &Group<'_>| short(&group.ways) || group.sheets.iter().any(|one| short(&one.1));
     if depth.is_some_and(|depth| depth.dim() != out.dim()) || groups.iter().any(each) {
         return Err(layout());
     }
@@ -205,7 +187,7 @@ pub fn read<'a>(
             let (width, tall) = (cells.len() * APART, rows.len() + 2 * margin);
             plane.clear();
             let size = width * tall + APART;
-            plane.try_reserve(size).map_err(|_| Error::Memory { bytes: 4 * size })?;
+            reserve(&mut plane, size)?;
             plane.resize(size, 0.0);
             let top = corner[0] + APART + rows.start - margin;
             for sight in &part.sights {
@@ -217,11 +199,10 @@ pub fn read<'a>(
             for (row, mut out) in out.rows_mut().into_iter().enumerate() {
                 cancel.check()?;
                 let out = out.as_slice_mut().ok_or_else(layout)?;
-                let depth = depth.as_ref().map(|depth| depth.row(rows.start + row));
-                let depth = depth.as_ref().map(|depth| depth.to_slice().ok_or_else(layout));
+                let depth = depth.map(|depth| line(depth, rows.start + row)).transpose()?;
                 let at = (corner[0] + APART + rows.start + row, corner[1] + APART);
                 let from = (row + margin, corner[1] + APART - cells.start * APART);
-                blur(out, part, (&plane, width), at, from, depth.transpose()?);
+                blur(out, part, (&plane, width), at, from, depth);
             }
         }
         out.rows_mut().into_iter().try_for_each(|mut out| {
@@ -242,8 +223,8 @@ fn node<const N: usize>(nodes: &ArrayView3<'_, f32>, row: usize, col: usize) -> 
 }
 
 /// Adds a row of a sheet, from a cell on.
-#[inline(always)]
-fn sum_with<const LEVEL: u8>(line: &mut [f32], sight: &Sight<'_>, row: usize, first: usize) {
+#[dispatch]
+fn sum<const LEVEL: u8>(line: &mut [f32], sight: &Sight<'_>, row: usize, first: usize) {
     let mut right: [f32; NUMBERS] = node(&sight.nodes, row, first);
     for (col, cell) in (first..).zip(line.chunks_exact_mut(APART)) {
         let left = right;
@@ -318,21 +299,24 @@ fn tap<const LEVEL: u8>(sums: &mut [f32; APART], plane: &[f32], at: usize, gain:
 
 /// Adds a row of a plane, blurred and weighed by the share of the group that lies before a wall. A cell's pixels
 /// have one way.
-#[inline(always)]
-fn blur_with<const LEVEL: u8>(
+#[dispatch]
+fn blur<const LEVEL: u8>(
     out: &mut [f32],
     part: &Part<'_>,
-    (plane, width): (&[f32], usize),
+    plane: (&[f32], usize),
     at: (usize, usize),
     from: (usize, usize),
     depth: Option<&[f32]>,
 ) {
+    let (plane, width) = plane;
     let (mut done, end) = (0, out.len());
     while done < end {
         let col = at.1 + done;
         let run = (APART - col % APART).min(end - done);
-        let (left, right): ([f32; 2], [f32; 2]) =
-            (node(&part.ways, at.0, col / APART), node(&part.ways, at.0, col / APART + 1));
+        let (left, right): ([f32; 2], [f32; 2]) = (
+            node(&part.group.ways, at.0, col / APART),
+            node(&part.group.ways, at.0, col / APART + 1),
+        );
         let way: [f32; 2] = std::array::from_fn(|i| 0.5 * (left[i] + right[i]));
         let first = from.0 * width + from.1 + done;
         let mut sums = [0.0; APART];
@@ -365,8 +349,8 @@ fn blur_with<const LEVEL: u8>(
             None => out.iter_mut().zip(&sums).for_each(|(out, sum)| *out += sum),
             Some(depth) => {
                 for ((out, &sum), &depth) in out.iter_mut().zip(&sums).zip(&depth[done..]) {
-                    let share = ((depth - part.near) * part.slope).clamp(0.0, 1.0);
-                    *out += sum * if depth < part.far { share } else { 1.0 };
+                    let share = ((depth - part.group.near) * part.slope).clamp(0.0, 1.0);
+                    *out += sum * if depth < part.group.far { share } else { 1.0 };
                 }
             }
         }
@@ -374,30 +358,11 @@ fn blur_with<const LEVEL: u8>(
     }
 }
 
-#[inline(always)]
-fn hidden_with<const LEVEL: u8>(out: &mut [f32]) {
+#[dispatch]
+fn hidden<const LEVEL: u8>(out: &mut [f32]) {
     for out in out {
         *out = 1.0 - left::<LEVEL>(*out);
     }
-}
-
-dispatch! {
-    fn sum(line: &mut [f32], sight: &Sight<'_>, row: usize, first: usize) = sum_with
-}
-
-dispatch! {
-    fn blur(
-        out: &mut [f32],
-        part: &Part<'_>,
-        plane: (&[f32], usize),
-        at: (usize, usize),
-        from: (usize, usize),
-        depth: Option<&[f32]>,
-    ) = blur_with
-}
-
-dispatch! {
-    fn hidden(out: &mut [f32]) = hidden_with
 }
 
 #[cfg(test)]
@@ -407,7 +372,8 @@ mod tests {
     use ndarray::{Array2, Array3};
 
     use super::super::layers::{self, Layer, Others};
-    use super::super::sheet::{Law, law};
+    use super::super::sheet::tests::law;
+    use super::super::stamp::Law;
     use super::*;
 
     static CANCEL: Cancel = Cancel::new();
@@ -431,8 +397,8 @@ mod tests {
         depth: Option<&Array2<f32>>,
     ) -> Array2<f32> {
         let mut out = Array2::from_elem((window.0.len(), window.1.len()), f32::NAN);
-        let sheets = vec![Bent { sheet, nodes: at.view() }];
-        let group = Group { sheets, ways: way.view(), near: 2.0, far: 3.0 };
+        let group =
+            Group { sheets: vec![(sheet, at.view())], ways: way.view(), near: 2.0, far: 3.0 };
         let corner = [window.0.start, window.1.start];
         read(out.view_mut(), corner, &[group], depth.map(|depth| depth.view()), &CANCEL).unwrap();
         out

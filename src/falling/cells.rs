@@ -23,7 +23,6 @@ const LOOKS: i64 = 0x6C6F_6F6B;
 /// Bits of a place along an axis.
 const PLACE_BITS: u32 = 21;
 
-/// A flake of a cell.
 #[derive(Debug, Clone, Copy)]
 pub struct Born {
     /// The same wherever the flake is seen, 53 bits.
@@ -49,7 +48,6 @@ fn power(exponent: i32) -> f64 {
     f64::from_bits(((1023 + i64::from(exponent)) as u64) << 52)
 }
 
-/// The side of a level's cells, metres.
 pub fn side(level: i32) -> f64 {
     power(-level)
 }

@@ -9,8 +9,10 @@ use crate::base::ball::middle_depth;
 use crate::base::error::{Cancel, Error, collected, pushed};
 use crate::base::pool;
 use crate::particles::balls::Balls;
-use crate::particles::closeup::near::{Closeup, DISC, VARIANCE_OF_DISC};
-use crate::particles::closeup::patch::{Kind, Look, Patch};
+use crate::particles::closeup::aperture::VARIANCE_OF_DISC;
+use crate::particles::closeup::near::{Closeup, DISC};
+use crate::particles::closeup::patch::Patch;
+use crate::particles::closeup::shape::{Kind, Look};
 use crate::particles::sorted::Sorted;
 use crate::particles::sprite::{self, Lens, Sprite};
 
@@ -22,10 +24,8 @@ const RADIUS_OF_DIAMETER: f64 = 3.0 * std::f64::consts::FRAC_1_SQRT_2 / 2.0;
 const BEND: f64 = 0.25;
 const NEARER: f64 = 0.2;
 
-/// Pieces of a way at most.
 const MOST_PIECES: f64 = 8.0;
 
-/// The images of a frame's flakes.
 pub struct Images {
     /// Sprites, numbered by the flakes' places in the list.
     pub sorted: Sorted,
@@ -39,7 +39,6 @@ pub fn balls_of(opacity: f64) -> Result<Balls, Error> {
 }
 
 impl Images {
-    /// The images of the flakes of a list.
     pub fn of(
         air: &Air,
         list: &List,
@@ -70,7 +69,8 @@ impl Images {
             }
             pieces(flake, focal, grown, &mut |sprite| pushed(&mut sprites, (sprite, number)))?;
         }
-        let sorted = Sorted::of_balls(&sprites, Arc::clone(balls), air.shape, cancel)?;
+        let image = |index: usize| Some(sprites[index]);
+        let sorted = Sorted::new(sprites.len(), image, Some(Arc::clone(balls)), air.shape, cancel)?;
         let mut patches = collected(kept.iter().map(|_| None))?;
         if let Some(closeup) = closeup {
             let tasks: Vec<_> = patches.chunks_mut(8).zip(kept.chunks(8)).collect();

@@ -7,9 +7,9 @@
 use ndarray::{ArrayView2, ArrayViewMut2};
 
 use super::sheet::Sheet;
-use crate::base::error::{Cancel, Error, finite, pushed};
+use crate::base::error::{Cancel, Error, finite, layout, pushed};
 use crate::base::normal::{Normal, least, most, polynomial_at};
-use crate::base::pool;
+use crate::base::pool::{self, line};
 use crate::base::simd::{dispatch, multiply_add};
 
 /// Rounds of a torus that are told apart, at least.
@@ -22,20 +22,16 @@ const OPAQUE: f32 = 80.0;
 const RUN: usize = 64;
 const BLOCK: usize = 16 * RUN;
 
-/// A sheet in a picture.
 #[derive(Clone, Copy)]
 pub struct Layer<'a> {
-    /// Its flakes.
     pub sheet: &'a Sheet,
     /// Pixels, x and y, by which they have moved.
     pub shift: [f64; 2],
     /// Factor of the optical depth, and what is added to it.
     pub gain: f32,
-    /// See `gain`.
     pub base: f32,
     /// Depths between which they lie, evenly.
     pub near: f32,
-    /// See `near`.
     pub far: f32,
 }
 
@@ -44,24 +40,8 @@ pub struct Layer<'a> {
 pub struct Others<'a> {
     /// Opacities of flakes that are drawn, and the factor of their optical depth.
     pub drawn: Option<(ArrayView2<'a, f32>, f32)>,
-    /// Opacities of a veil.
     pub veil: Option<ArrayView2<'a, f32>>,
-    /// Opacity of an even veil.
     pub haze: f32,
-}
-
-impl<'a> Others<'a> {
-    fn planes(&self) -> impl Iterator<Item = ArrayView2<'a, f32>> {
-        self.drawn.map(|drawn| drawn.0).into_iter().chain(self.veil)
-    }
-}
-
-/// [`Others`] along some pixels of a row.
-#[derive(Clone, Copy, Default)]
-struct Beside<'a> {
-    drawn: Option<(&'a [f32], f32)>,
-    veil: Option<&'a [f32]>,
-    haze: f32,
 }
 
 /// A layer at the place that a picture reads.
@@ -82,13 +62,6 @@ struct Sight<'a> {
 
 impl<'a> Sight<'a> {
     fn new(layer: &Layer<'a>, origin: [i64; 2], cancel: &Cancel) -> Result<Self, Error> {
-        finite("gain", layer.gain.into())?;
-        finite("base", layer.base.into())?;
-        finite("near", layer.near.into())?;
-        if layer.far < layer.near || layer.far.is_nan() {
-            let words = format!("must be {} or more, got {}", layer.near, layer.far);
-            return Err(Error::invalid("far", words));
-        }
         let sheet = layer.sheet;
         let period = sheet.law.period;
         // The place within a pixel, and the pixel that is read, as far as the torus and how often it has
@@ -126,20 +99,20 @@ impl<'a> Sight<'a> {
 ///
 /// `origin` is the row and column of the first pixel, counted from where sheets hang. A layer shows what
 /// lies before the `depth` of a pixel, of the shape of `out`; NaN hides nothing.
-pub fn read<'a>(
+pub fn read(
     out: ArrayViewMut2<'_, f32>,
     origin: [i64; 2],
     layers: &[Layer<'_>],
-    depth: Option<ArrayView2<'a, f32>>,
-    others: Option<Others<'a>>,
+    depth: Option<ArrayView2<'_, f32>>,
+    others: Option<Others<'_>>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    let layout = || Error::Internal("planes must be contiguous and of one shape".into());
-    let beside = others.iter().flat_map(Others::planes);
-    if depth.into_iter().chain(beside).any(|plane| plane.dim() != out.dim()) {
+    let (drawn, veil) = others.map_or((None, None), |others| (others.drawn, others.veil));
+    let planes = [depth, drawn.map(|drawn| drawn.0), veil];
+    if planes.iter().flatten().any(|plane| plane.dim() != out.dim()) {
         return Err(layout());
     }
-    let (drawn, veil) = others.map_or((None, None), |others| (others.drawn, others.veil));
+    let beside = others.map(|others| (drawn.map_or(0.0, |drawn| drawn.1), 1.0 - others.haze));
     let mut sights = Vec::new();
     for layer in layers {
         pushed(&mut sights, Sight::new(layer, origin, cancel)?)?;
@@ -148,39 +121,31 @@ pub fn read<'a>(
         for (row, mut out) in rows.zip(part.rows_mut()) {
             cancel.check()?;
             let out = out.as_slice_mut().ok_or_else(layout)?;
-            let (depth, veil) = (line(depth.as_ref(), row)?, line(veil.as_ref(), row)?);
-            let drawn = line(drawn.as_ref().map(|drawn| &drawn.0), row)?.zip(drawn);
+            let mut lines = [None; 3];
+            for (own, plane) in lines.iter_mut().zip(planes) {
+                *own = plane.map(|plane| line(plane, row)).transpose()?;
+            }
             for (index, out) in out.chunks_mut(BLOCK).enumerate() {
                 let own = index * BLOCK..index * BLOCK + out.len();
-                let beside = others.map(|others| Beside {
-                    drawn: drawn.map(|(line, (_, gain))| (&line[own.clone()], gain)),
-                    veil: veil.map(|line| &line[own.clone()]),
-                    haze: others.haze,
-                });
-                block(out, (row, own.start), &sights, depth.map(|depth| &depth[own]), beside);
+                let lines = lines.map(|line| line.map(|line| &line[own.clone()]));
+                block(out, (row, own.start), &sights, lines, beside);
             }
         }
         Ok(())
     })
 }
 
-/// A row of a plane.
-fn line<'p>(
-    plane: Option<&'p ArrayView2<'_, f32>>,
-    row: usize,
-) -> Result<Option<&'p [f32]>, Error> {
-    let layout = || Error::Internal("planes must be contiguous".into());
-    plane.map(|plane| plane.row(row).to_slice().ok_or_else(layout)).transpose()
-}
-
-#[inline(always)]
-fn block_with<const LEVEL: u8>(
+/// The sum along some pixels of a row, and what it hides, which wants the factor of what is drawn and the light that an
+/// even veil leaves. `lines` are those of the depth, of what is drawn and of the veil.
+#[dispatch]
+fn block<const LEVEL: u8>(
     out: &mut [f32],
     at: (usize, usize),
     sights: &[Sight<'_>],
-    depth: Option<&[f32]>,
-    beside: Option<Beside<'_>>,
+    lines: [Option<&[f32]>; 3],
+    beside: Option<(f32, f32)>,
 ) {
+    let [depth, drawn, veil] = lines;
     // Without walls all layers' bases are one number.
     let bases = if depth.is_none() { sights.iter().map(|sight| sight.base).sum() } else { 0.0 };
     out.fill(bases);
@@ -221,14 +186,13 @@ fn block_with<const LEVEL: u8>(
             (done, col) = (done + run, (col + run) % sight.period.1);
         }
     }
-    let Some(beside) = beside else { return };
-    if let Some((drawn, gain)) = beside.drawn {
+    let Some((gain, clear)) = beside else { return };
+    if let Some(drawn) = drawn {
         for (out, &drawn) in out.iter_mut().zip(drawn) {
             *out -= gain * ln::<LEVEL>(1.0 - drawn);
         }
     }
-    let clear = 1.0 - beside.haze;
-    match beside.veil {
+    match veil {
         Some(veil) => {
             for (out, &veil) in out.iter_mut().zip(veil) {
                 *out = 1.0 - clear * (1.0 - veil) * left::<LEVEL>(*out);
@@ -244,7 +208,7 @@ fn block_with<const LEVEL: u8>(
 
 /// The light that an optical depth leaves.
 #[inline(always)]
-pub(super) fn left<const LEVEL: u8>(depth: f32) -> f32 {
+pub fn left<const LEVEL: u8>(depth: f32) -> f32 {
     f32::exp_at::<LEVEL>(-most(least(depth, OPAQUE), 0.0))
 }
 
@@ -292,21 +256,12 @@ fn weighed<const LEVEL: u8>(out: &mut [f32], bytes: &[u8], depth: &[f32], sight:
     }
 }
 
-dispatch! {
-    fn block(
-        out: &mut [f32],
-        at: (usize, usize),
-        sights: &[Sight<'_>],
-        depth: Option<&[f32]>,
-        beside: Option<Beside<'_>>,
-    ) = block_with
-}
-
 #[cfg(test)]
 mod tests {
     use ndarray::Array2;
 
-    use super::super::sheet::{Law, law};
+    use super::super::sheet::tests::law;
+    use super::super::stamp::Law;
     use super::*;
 
     static CANCEL: Cancel = Cancel::new();

@@ -10,7 +10,7 @@ use super::cells::{Born, Cells, side};
 use super::law::{presence, ramp};
 use super::sight::{Line, Sight, parts};
 use crate::air;
-use crate::base::error::{Cancel, Error, collected, pushed};
+use crate::base::error::{Cancel, Error, collected, pushed, reserve};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::PORTABLE;
@@ -175,7 +175,6 @@ fn blown(
     Ok(out)
 }
 
-/// The places of a cell's flakes.
 #[derive(Clone, Copy)]
 struct Places<'a> {
     air: &'a Air,
@@ -269,8 +268,8 @@ impl<'a> Places<'a> {
         if share <= 0.0 {
             return None;
         }
-        let height = self.height(born);
-        let amount = class.amount.at(height);
+        let below = self.corner[1] + born.inside[1] * self.side;
+        let amount = class.amount.at(below);
         let rank = born.arrival / class.density;
         let (first, last) = class.ranks;
         share *= presence(rank, amount * last)
@@ -317,15 +316,4 @@ impl<'a> Places<'a> {
             share,
         })
     }
-
-    /// Below the camera, metres.
-    #[inline]
-    fn height(&self, born: &Born) -> f64 {
-        self.corner[1] + born.inside[1] * self.side
-    }
-}
-
-fn reserve<T>(values: &mut Vec<T>, more: usize) -> Result<(), Error> {
-    let bytes = (values.len() + more) * size_of::<T>();
-    values.try_reserve(more).map_err(|_| Error::Memory { bytes })
 }

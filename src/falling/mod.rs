@@ -9,4 +9,4 @@ pub mod layers;
 pub mod list;
 pub mod sheet;
 pub mod sight;
-mod stamp;
+pub mod stamp;

@@ -12,13 +12,10 @@
 
 use std::sync::atomic::{AtomicPtr, Ordering};
 
-use super::stamp::{Stamps, WIDTH};
+use super::stamp::{Law, Stamps, WIDTH};
 use crate::base::error::{Cancel, Error, collected, pushed, zeroed};
 use crate::base::pool;
 use crate::base::random::{Hash, mix64};
-
-/// The most sizes.
-const MOST_SIZES: usize = 24;
 
 /// Rows and columns of a cell, about: what flakes are stamped on stays in the first cache, and flakes
 /// that follow one another seldom lie on one another, where a read would wait for a write.
@@ -30,76 +27,9 @@ const COUNTED: f64 = 32.0;
 /// Parts of a torus that are stamped apart.
 const PARTS: usize = 16;
 
-/// What a sheet shows.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Law {
-    /// Of the flakes.
-    pub seed: u64,
-    /// Rows and columns of the torus.
-    pub period: (usize, usize),
-    /// Columns to the right at which a flake that leaves the torus below comes in again above: one that falls
-    /// straight down meets its own place no more.
-    pub shear: usize,
-    /// Flakes for each pixel, on average and of all ranks.
-    pub count: f64,
-    /// Diameters in pixels; each stands for an equal share of the flakes.
-    pub diameters: Vec<f32>,
-    /// Pixels, x and y, by which a flake moves during the exposure, half before and half after.
-    pub streak: [f64; 2],
-    /// Diameter in pixels of the disc of defocus; 0 is sharp.
-    pub circle: f64,
-    /// Optical depth in the middle of a resting flake.
-    pub tau0: f64,
-    /// The part of a flake that a pixel shows where what is read is blurred afterwards; 1 where it is not.
-    pub thin: f64,
-    /// Only flakes with a rank from the first up to the second, of 0 to 1, are shown.
-    pub ranks: (f64, f64),
-}
-
-impl Law {
-    fn check(&self) -> Result<(), Error> {
-        let within = |argument, value: f64, low: f64, most: f64| {
-            if (low..=most).contains(&value) {
-                return Ok(());
-            }
-            let words = format!("must be from {low} to {most}, got {value}");
-            Err(Error::invalid(argument, words))
-        };
-        let (rows, cols) = self.period;
-        if !(1..=1 << 20).contains(&rows) || !(1..=1 << 20).contains(&cols) {
-            return Err(Error::invalid("period", "must be from 1 to 2^20 on each axis"));
-        }
-        if !(1..=MOST_SIZES).contains(&self.diameters.len()) {
-            let words = format!("must be 1 to {MOST_SIZES}, got {}", self.diameters.len());
-            return Err(Error::invalid("diameters", words));
-        }
-        for &diameter in &self.diameters {
-            within("diameters", diameter.into(), 1e-6, 32.0)?;
-        }
-        for way in self.streak {
-            within("streak", way, -256.0, 256.0)?;
-        }
-        if self.shear >= cols {
-            return Err(Error::invalid("shear", "must be less than the columns"));
-        }
-        within("count", self.count, 0.0, 1000.0)?;
-        within("circle", self.circle, 0.0, 32.0)?;
-        within("tau0", self.tau0, 0.0, 20.0)?;
-        within("thin", self.thin, 1e-3, 1.0)?;
-        within("ranks", self.ranks.0, 0.0, 1.0)?;
-        within("ranks", self.ranks.1, self.ranks.0, 1.0)
-    }
-
-    /// Flakes that are shown for each pixel, on average.
-    fn shown(&self) -> f64 {
-        self.count * (self.ranks.1 - self.ranks.0)
-    }
-}
-
 /// Where flakes are: cells of one size, which need not be whole pixels.
 struct Cells {
     hash: Hash,
-    /// Number of cells.
     rows: usize,
     cols: usize,
     /// Quarters of a pixel in a cell, in parts of 2^-32.
@@ -168,9 +98,9 @@ impl Cells {
 
 /// One layer's flakes on a torus.
 pub struct Sheet {
-    pub(super) law: Law,
+    pub law: Law,
     cells: Cells,
-    pub(super) stamps: Stamps,
+    pub stamps: Stamps,
     /// Row by row of places; null until it is made.
     places: [AtomicPtr<Vec<u8>>; 16],
 }
@@ -179,18 +109,16 @@ impl Sheet {
     /// A sheet of which no place is made yet.
     pub fn new(law: Law) -> Result<Self, Error> {
         law.check()?;
-        let (cells, stamps) = (Cells::new(&law)?, Stamps::new(&law, law.shown())?);
+        let (cells, stamps) = (Cells::new(&law)?, Stamps::new(&law)?);
         let places = [const { AtomicPtr::new(std::ptr::null_mut()) }; 16];
         Ok(Self { law, cells, stamps, places })
     }
 
-    /// Bytes of the places that are kept now.
     pub fn bytes(&self) -> usize {
         let made = self.places.iter().filter(|place| !place.load(Ordering::Relaxed).is_null());
         made.count() * self.law.period.0 * self.law.period.1
     }
 
-    /// The mean optical depth.
     pub fn mean(&self) -> f64 {
         self.law.shown() * self.stamps.total
     }
@@ -304,15 +232,7 @@ impl Drop for Sheet {
 }
 
 #[cfg(test)]
-/// A law of sharp flakes of all ranks, that leave below and come in above.
-pub(super) fn law(count: f64, diameters: &[f32], streak: [f64; 2], period: (usize, usize)) -> Law {
-    let (diameters, ranks) = (diameters.to_vec(), (0.0, 1.0));
-    let (shear, circle, thin) = (0, 0.0, 1.0);
-    Law { seed: 7, period, shear, count, diameters, streak, circle, tau0: 4.3, thin, ranks }
-}
-
-#[cfg(test)]
-mod tests {
+pub mod tests {
     use ndarray::Array2;
 
     use super::super::layers::{Layer, read};
@@ -321,6 +241,13 @@ mod tests {
     use crate::base::ball::{mean_opacity, opacity_at};
 
     static CANCEL: Cancel = Cancel::new();
+
+    /// A law of sharp flakes of all ranks, that leave below and come in above.
+    pub fn law(count: f64, diameters: &[f32], streak: [f64; 2], period: (usize, usize)) -> Law {
+        let (diameters, ranks) = (diameters.to_vec(), (0.0, 1.0));
+        let (shear, circle, thin) = (0, 0.0, 1.0);
+        Law { seed: 7, period, shear, count, diameters, streak, circle, tau0: 4.3, thin, ranks }
+    }
 
     fn flakes(sheet: &Sheet) -> Vec<(usize, usize, usize)> {
         let mut list = Vec::new();
@@ -486,11 +413,12 @@ mod tests {
         let law = Law { shear: 20, ..law(0.02, &[0.8, 1.6], [1.0, -2.0], (37, 53)) };
         let sheet = Sheet::new(law).unwrap();
         let want = direct(&sheet, (0, 0));
-        let got = picture((80, 60), [-4, 3], &[plain(&sheet, [0.0, 0.0])]);
-        for ((row, col), &got) in got.indexed_iter() {
-            let (row, col) = (row as i64 - 4, col as i64 + 3);
-            let aside = row.div_euclid(37) * 20;
-            let at = (row.rem_euclid(37) as usize, (col - aside).rem_euclid(53) as usize);
+        for ((row, col), &got) in
+            picture((80, 60), [-4, 3], &[plain(&sheet, [0.0; 2])]).indexed_iter()
+        {
+            let (row, col) =
+                (row as i64 - 4, col as i64 + 3 - (row as i64 - 4).div_euclid(37) * 20);
+            let at = (row.rem_euclid(37) as usize, col.rem_euclid(53) as usize);
             assert!((f64::from(got) - want[at]).abs() < 0.04, "{row} {col}");
         }
         for rounds in [1, -3, 1_000_003] {

@@ -15,18 +15,14 @@ const LEAST_REACH: f64 = 4.0;
 /// Flakes in the cells of one frame at most.
 const MOST: f64 = 6e7;
 
-/// A line of cells.
 #[derive(Debug, Clone, Copy)]
 pub struct Line {
     /// Of the class in its air.
     pub class: usize,
-    /// Of the cells.
     pub level: i32,
     /// The first cell.
     pub first: [i64; 3],
-    /// The axis along which the others follow.
     pub axis: usize,
-    /// How many cells there are.
     pub count: u32,
     /// Of the parts of the cells along the house's z.
     pub part: u32,
@@ -40,7 +36,6 @@ pub fn parts(class: &Class, side: f64) -> u32 {
     if class.profile.is_empty() { 1 } else { (side / THIN).max(1.0) as u32 }
 }
 
-/// What the eye sees of a class.
 pub struct Sight {
     eye: Eye,
     /// Slopes of the four sides of the pyramid, across and down.
@@ -57,7 +52,6 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// What the eye sees of a class.
     pub fn of(air: &Air, class: &Class) -> Self {
         let eye = air.eyes[NOW];
         let [top, bottom, left, right] = air.window.map(|v| v as f64);
@@ -169,7 +163,11 @@ impl Sight {
                 if low[across] > high[across] {
                     continue;
                 }
-                let carried = Self::carried(class, from + 0.5 * thick);
+                let middle = from + 0.5 * thick;
+                // How far a wind of depth has carried the layer.
+                let profile = class.profile.first();
+                let carried: Vector =
+                    profile.map_or([0.0; 3], |[x, y]| [x.at(middle), y.at(middle), 0.0]);
                 let rows = cells(
                     down,
                     low[down] - room - carried[down],
@@ -193,7 +191,7 @@ impl Sight {
                         for (a, cell) in [(down, row), (across, column)] {
                             place[a] = (cell as f64 + 0.5) * side - rest[a] + carried[a];
                         }
-                        place[deep] = from + 0.5 * thick;
+                        place[deep] = middle;
                         if self.sees(place, reach) {
                             line = Some((line.map_or(column, |(first, _)| first), column + 1));
                         }
@@ -212,35 +210,19 @@ impl Sight {
         }
         Ok(())
     }
-
-    /// How far a wind of depth has carried a layer of cells at a place along the house's z.
-    fn carried(class: &Class, z: f64) -> Vector {
-        match class.profile.first() {
-            Some([x, y]) => [x.at(z), y.at(z), 0.0],
-            None => [0.0; 3],
-        }
-    }
 }
 
 /// How far the waves of the wind carry a flake of a class at most, metres.
 fn waves_reach(air: &Air, class: &Class) -> f64 {
     let times = air.eyes.len();
-    if class.waves.is_empty() {
-        return 0.0;
-    }
-    let mut most = 0.0_f64;
-    for time in [NOW, OPEN, CLOSE] {
-        let all: f64 = class
-            .waves
-            .chunks_exact(6 * times)
-            .map(|wave| {
-                let parts = (0..3).flat_map(|a| [wave[3 * time + a], wave[3 * (times + time) + a]]);
-                parts.map(|v| v * v).sum::<f64>().sqrt()
-            })
-            .sum();
-        most = most.max(all);
-    }
-    most
+    let all = |time: usize| -> f64 {
+        let far = |wave: &[f64]| {
+            let parts = (0..3).flat_map(|a| [wave[3 * time + a], wave[3 * (times + time) + a]]);
+            parts.map(|v| v * v).sum::<f64>().sqrt()
+        };
+        class.waves.chunks_exact(6 * times).map(far).sum()
+    };
+    [NOW, OPEN, CLOSE].map(all).into_iter().fold(0.0, f64::max)
 }
 
 fn too_many() -> Error {

@@ -7,12 +7,63 @@
 //! Flakes lie in the middles of quarter pixels. With the eighth of a pixel as the cell, a pixel is whole
 //! cells seen from any of them, and its mean over a ball at rest is exact.
 
-use super::sheet::Law;
 use crate::base::ball::{mean_opacity, opacity_at};
-use crate::base::error::{Error, pushed, zeroed};
+use crate::base::error::{Error, pushed, reserve, zeroed};
+
+const MOST_SIZES: usize = 24;
+
+/// What a sheet shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Law {
+    pub seed: u64,
+    pub period: (usize, usize),
+    /// Columns to the right at which a flake that leaves the torus below comes in again above: one that falls
+    /// straight down meets its own place no more.
+    pub shear: usize,
+    /// Flakes for each pixel, on average and of all ranks.
+    pub count: f64,
+    /// Diameters in pixels; each stands for an equal share of the flakes.
+    pub diameters: Vec<f32>,
+    /// Pixels, x and y, by which a flake moves during the exposure, half before and half after.
+    pub streak: [f64; 2],
+    /// Diameter in pixels of the disc of defocus; 0 is sharp.
+    pub circle: f64,
+    /// Optical depth in the middle of a resting flake.
+    pub tau0: f64,
+    /// The part of a flake that a pixel shows where what is read is blurred afterwards; 1 where it is not.
+    pub thin: f64,
+    /// Only flakes with a rank from the first up to the second, of 0 to 1, are shown.
+    pub ranks: (f64, f64),
+}
+
+impl Law {
+    pub fn check(&self) -> Result<(), Error> {
+        let ((rows, cols), (low, high)) = (self.period, self.ranks);
+        let near = |length: usize| (1..=1 << 20).contains(&length);
+        let sound = near(rows)
+            && near(cols)
+            && self.shear < cols
+            && (1..=MOST_SIZES).contains(&self.diameters.len())
+            && self.diameters.iter().all(|diameter| (1e-6..=32.0).contains(diameter))
+            && self.streak.iter().all(|way| way.abs() <= 256.0)
+            && (0.0..=1000.0).contains(&self.count)
+            && (0.0..=32.0).contains(&self.circle)
+            && (0.0..=20.0).contains(&self.tau0)
+            && (1e-3..=1.0).contains(&self.thin)
+            && 0.0 <= low
+            && low <= high
+            && high <= 1.0;
+        if sound { Ok(()) } else { Err(Error::Internal(format!("no sheet of {self:?}"))) }
+    }
+
+    /// Flakes that are shown for each pixel, on average.
+    pub fn shown(&self) -> f64 {
+        self.count * (self.ranks.1 - self.ranks.0)
+    }
+}
 
 /// Pixels that are added to at once.
-pub(super) const WIDTH: usize = 8;
+pub const WIDTH: usize = 8;
 
 /// Stamps are added up in parts of a byte's step: long streaks leave less than a step in a pixel.
 const FINE: f64 = 256.0;
@@ -27,7 +78,7 @@ const SPREAD: [f64; 11] =
     [0.262, 0.296, 0.330, 0.366, 0.410, 0.468, 0.552, 0.694, 0.829, 0.909, 0.992];
 
 /// The diameter of the disc that stands for a flake.
-pub(super) fn spread(diameter: f64) -> f64 {
+pub fn spread(diameter: f64) -> f64 {
     let place = 10.0 * diameter;
     if place >= 10.0 {
         return diameter;
@@ -52,8 +103,7 @@ impl Rows {
             let first = row.iter().position(|&value| value != 0.0).unwrap_or(0);
             let last = row.iter().rposition(|&value| value != 0.0).map_or(first, |last| last + 1);
             let from = rows.values.len();
-            let bytes = 4 * (from + last - first);
-            rows.values.try_reserve(last - first).map_err(|_| Error::Memory { bytes })?;
+            reserve(&mut rows.values, last - first)?;
             rows.values.extend_from_slice(&row[first..last]);
             pushed(&mut rows.spans, (first as i64 + top, from..rows.values.len()))?;
         }
@@ -327,25 +377,25 @@ fn swept(streak: [f64; 2], cells: &[f32], half: usize) -> Result<(i64, Vec<f32>)
 type Piece = (i32, i32, [u16; WIDTH]);
 
 /// The stamps of all diameters and of all places within a pixel.
-pub(super) struct Stamps {
+pub struct Stamps {
     /// Optical depth of a step of bytes.
-    pub(super) unit: f32,
+    pub unit: f32,
     /// The mean over flakes of what one adds to all pixels.
-    pub(super) total: f64,
+    pub total: f64,
     /// Rows above and below, and columns left and right, that stamps need about a flake's pixel.
-    pub(super) reach: (usize, usize),
+    pub reach: (usize, usize),
     /// Where they begin, in pixels from the flake's: 16 stamps for each diameter, row by row.
-    pub(super) pieces: Vec<(isize, [u16; WIDTH])>,
+    pub pieces: Vec<(isize, [u16; WIDTH])>,
     /// Pixels from row to row of what is stamped on.
-    pub(super) stride: usize,
+    pub stride: usize,
     /// Pieces of a stamp, of each as many: a loop of another length each time is mispredicted, which takes
     /// longer than to add zeros.
-    pub(super) each: usize,
+    pub each: usize,
 }
 
 impl Stamps {
-    /// `count` flakes are shown for each pixel.
-    pub(super) fn new(law: &Law, count: f64) -> Result<Self, Error> {
+    pub fn new(law: &Law) -> Result<Self, Error> {
+        let count = law.shown();
         let profile = Profile::new(law.tau0);
         let weights = if sweeps(law) { None } else { Some(weights(law)?) };
         let mut images = Vec::new();
@@ -415,7 +465,7 @@ fn stamp(image: &Rows, (y, x): (i64, i64), unit: f64) -> Result<Vec<Piece>, Erro
 
 #[cfg(test)]
 mod tests {
-    use super::super::sheet::law;
+    use super::super::sheet::tests::law;
     use super::*;
 
     #[test]

@@ -71,19 +71,15 @@ impl Tables {
     }
 }
 
-#[inline(always)]
-fn read_with<const LEVEL: u8>(out: &mut [f32], bytes: &[u8], light: &[f32; 256]) {
+#[dispatch]
+fn read<const LEVEL: u8>(out: &mut [f32], bytes: &[u8], light: &[f32; 256]) {
     for (out, &byte) in out.iter_mut().zip(bytes) {
         *out = light[usize::from(byte)];
     }
 }
 
-dispatch! {
-    fn read(out: &mut [f32], bytes: &[u8], light: &[f32; 256]) = read_with
-}
-
-#[inline(always)]
-fn write_with<const LEVEL: u8>(out: &mut [u8], light: &[f32], tables: &Tables) {
+#[dispatch]
+fn write<const LEVEL: u8>(out: &mut [u8], light: &[f32], tables: &Tables) {
     for (out, &light) in out.iter_mut().zip(light) {
         let light = if light > 0.0 { light } else { 0.0 };
         let steps = if light < 1.0 { light * STEPS as f32 } else { STEPS as f32 };
@@ -92,10 +88,6 @@ fn write_with<const LEVEL: u8>(out: &mut [u8], light: &[f32], tables: &Tables) {
         let start = tables.starts[step.to_bits() as usize & (ROOM - 1)];
         *out = ((start + part) >> PART_BITS) as u8;
     }
-}
-
-dispatch! {
-    fn write(out: &mut [u8], light: &[f32], tables: &Tables) = write_with
 }
 
 /// Writes linear light as bytes.

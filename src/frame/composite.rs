@@ -6,7 +6,7 @@ use num_traits::{Float, One, Zero};
 
 use super::mix::{OneColor, dim, invert, joint};
 use super::sample::Sample;
-use crate::base::error::{Cancel, Error, collected};
+use crate::base::error::{Cancel, Error, collected, layout};
 use crate::base::pool;
 use crate::base::real::Real;
 
@@ -19,7 +19,6 @@ fn each_row<S: Sample, A: Sync + Send>(
     cancel: &Cancel,
     work: impl Fn(&mut [S], &[S], &[A]) + Sync + Send,
 ) -> Result<(), Error> {
-    let layout = || Error::Internal("rows are not contiguous".into());
     let (_, width, channels) = out.dim();
     let background = background.to_slice().ok_or_else(layout)?;
     pool::for_each(pool::rows(out, pool::threads()), |(run, part)| {
@@ -42,7 +41,7 @@ pub fn snow<S: Sample, A: Real>(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let (_, width, channels) = out.dim();
-    let alpha = alpha.to_slice().ok_or_else(|| Error::Internal("layout".into()))?;
+    let alpha = alpha.to_slice().ok_or_else(layout)?;
     let color = OneColor::new(intensity, channels)?;
     each_row(out, background, alpha, width, cancel, |out, back, alpha| color.over(out, back, alpha))
 }
@@ -55,7 +54,7 @@ pub fn over<S: Sample, A: Real>(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let (_, width, channels) = out.dim();
-    let layer = layer.to_slice().ok_or_else(|| Error::Internal("layout".into()))?;
+    let layer = layer.to_slice().ok_or_else(layout)?;
     let scale = <S::Working as Real>::of(S::SCALE);
     each_row(out, background, layer, width * 4, cancel, |out, back, layer| {
         let pixels = out.chunks_mut(channels).zip(back.chunks(channels));
@@ -87,7 +86,6 @@ pub fn join<'p, T: Real>(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let clear = T::of(1.0 - haze);
-    let layout = || Error::Internal("rows are not contiguous".into());
     let width = out.ncols();
     let mut planes = collected(layers.iter().map(|_| &[][..]))?;
     for (plane, layer) in planes.iter_mut().zip(layers) {

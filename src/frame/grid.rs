@@ -16,7 +16,7 @@ pub struct Grid<'a> {
 }
 
 /// Pixels between the same two cells: these, and how far each is from the first to the second.
-pub(super) struct Run {
+pub struct Run {
     cells: [usize; 2],
     parts: Vec<f32>,
 }
@@ -30,7 +30,7 @@ impl Grid<'_> {
         ([first, (first + 1).min(last)], (place - first as f64) as f32)
     }
 
-    pub(super) fn across(&self, width: usize) -> Vec<Run> {
+    pub fn across(&self, width: usize) -> Vec<Run> {
         let count = self.colors.dim().1;
         let mut runs: Vec<Run> = Vec::new();
         for x in 0..width {
@@ -44,13 +44,7 @@ impl Grid<'_> {
     }
 
     /// The colors of a row of pixels of the layer.
-    pub(super) fn row(
-        &self,
-        row: usize,
-        across: &[Run],
-        line: &mut Vec<[f32; 3]>,
-        out: &mut [[f32; 3]],
-    ) {
+    pub fn row(&self, row: usize, across: &[Run], line: &mut Vec<[f32; 3]>, out: &mut [[f32; 3]]) {
         let (rows, columns, _) = self.colors.dim();
         if rows == 1 && columns == 1 && !line.is_empty() {
             // One color: that of the row before.
@@ -72,7 +66,7 @@ impl Grid<'_> {
         }
     }
 
-    pub(super) fn check(&self) -> Result<(), Error> {
+    pub fn check(&self) -> Result<(), Error> {
         let (rows, columns, channels) = self.colors.dim();
         if rows == 0 || columns == 0 || channels != 3 || self.cell.is_nan() || self.cell <= 0.0 {
             return Err(Error::Internal("no grid of colors looks like that".into()));
@@ -81,17 +75,13 @@ impl Grid<'_> {
     }
 }
 
-#[inline(always)]
-fn blend_with<const LEVEL: u8>(out: &mut [[f32; 3]], parts: &[f32], low: [f32; 3], high: [f32; 3]) {
+/// Colors between two.
+#[dispatch]
+fn blend<const LEVEL: u8>(out: &mut [[f32; 3]], parts: &[f32], low: [f32; 3], high: [f32; 3]) {
     let step = [high[0] - low[0], high[1] - low[1], high[2] - low[2]];
     for (out, &part) in out.iter_mut().zip(parts) {
         for c in 0..3 {
             out[c] = low[c] + part * step[c];
         }
     }
-}
-
-dispatch! {
-    /// Colors between two.
-    fn blend(out: &mut [[f32; 3]], parts: &[f32], low: [f32; 3], high: [f32; 3]) = blend_with
 }

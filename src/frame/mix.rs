@@ -54,73 +54,35 @@ impl<S: Sample> OneColor<S> {
         let blocks = out.chunks_mut(size).zip(background.chunks(size));
         for ((out, back), alpha) in blocks.zip(alpha.chunks(BLOCK)) {
             if let Some(alpha) = S::Working::own(alpha) {
-                self.block(out, back, alpha);
+                mix_pixels(out, back, &self.values, alpha, self.channels);
             } else {
                 // On the stack: rows must not allocate.
                 let mut own = [S::Working::zero(); BLOCK];
                 for (own, alpha) in own.iter_mut().zip(alpha) {
                     *own = S::Working::of(alpha.wide());
                 }
-                self.block(out, back, &own[..alpha.len()]);
+                mix_pixels(out, back, &self.values, &own[..alpha.len()], self.channels);
             }
         }
     }
-
-    fn block(&self, out: &mut [S], background: &[S], alpha: &[S::Working]) {
-        if self.channels == 3 {
-            mix_three::<S>(out, background, &self.values, alpha);
-        } else {
-            mix_one::<S>(out, background, &self.values, alpha);
-        }
-    }
 }
 
-/// Pixels of three channels.
-#[inline(always)]
-fn mix_three_with<S: Sample, const LEVEL: u8>(
+#[dispatch]
+fn mix_pixels<const LEVEL: u8, S: Sample>(
     out: &mut [S],
     background: &[S],
     color: &[S::Working],
     alpha: &[S::Working],
+    channels: usize,
 ) {
-    match LEVEL {
-        AVX512 => pixels::<S, S::Avx512, 3>(out, background, color, alpha),
-        AVX2 => pixels::<S, S::Avx2, 3>(out, background, color, alpha),
-        _ => pixels::<S, S::Portable, 3>(out, background, color, alpha),
-    }
-}
-
-/// Pixels of one channel.
-#[inline(always)]
-fn mix_one_with<S: Sample, const LEVEL: u8>(
-    out: &mut [S],
-    background: &[S],
-    color: &[S::Working],
-    alpha: &[S::Working],
-) {
-    match LEVEL {
-        AVX512 => pixels::<S, S::Avx512, 1>(out, background, color, alpha),
-        AVX2 => pixels::<S, S::Avx2, 1>(out, background, color, alpha),
+    match (LEVEL, channels) {
+        (AVX512, 3) => pixels::<S, S::Avx512, 3>(out, background, color, alpha),
+        (AVX512, _) => pixels::<S, S::Avx512, 1>(out, background, color, alpha),
+        (AVX2, 3) => pixels::<S, S::Avx2, 3>(out, background, color, alpha),
+        (AVX2, _) => pixels::<S, S::Avx2, 1>(out, background, color, alpha),
+        (_, 3) => pixels::<S, S::Portable, 3>(out, background, color, alpha),
         _ => pixels::<S, S::Portable, 1>(out, background, color, alpha),
     }
-}
-
-dispatch! {
-    fn mix_three<S: Sample>(
-        out: &mut [S],
-        background: &[S],
-        color: &[S::Working],
-        alpha: &[S::Working],
-    ) = mix_three_with
-}
-
-dispatch! {
-    fn mix_one<S: Sample>(
-        out: &mut [S],
-        background: &[S],
-        color: &[S::Working],
-        alpha: &[S::Working],
-    ) = mix_one_with
 }
 
 #[inline(always)]
@@ -160,8 +122,9 @@ fn pixels<S: Sample, V: Samples<S>, const CHANNELS: usize>(
     }
 }
 
-#[inline(always)]
-fn joint_with<T: Real, const LEVEL: u8>(out: &mut [T], clear: T, alpha: &[T], more: Option<&[T]>) {
+/// `1 - clear (1 - alpha) (1 - more)`: two layers and an even veil together.
+#[dispatch]
+pub fn joint<const LEVEL: u8, T: Real>(out: &mut [T], clear: T, alpha: &[T], more: Option<&[T]>) {
     let (n, one) = (out.len(), T::one());
     let alpha = &alpha[..n];
     match more {
@@ -179,90 +142,18 @@ fn joint_with<T: Real, const LEVEL: u8>(out: &mut [T], clear: T, alpha: &[T], mo
     }
 }
 
-dispatch! {
-    /// `1 - clear (1 - alpha) (1 - more)`: two layers and an even veil together.
-    pub fn joint<T: Real>(out: &mut [T], clear: T, alpha: &[T], more: Option<&[T]>) = joint_with
-}
-
-#[inline(always)]
-fn dim_with<T: Real, const LEVEL: u8>(alpha: &[T], through: &mut [T]) {
+/// What is left of the light behind one more layer.
+#[dispatch]
+pub fn dim<const LEVEL: u8, T: Real>(alpha: &[T], through: &mut [T]) {
     for (through, &alpha) in through.iter_mut().zip(alpha) {
         *through *= T::one() - alpha;
     }
 }
 
-#[inline(always)]
-fn invert_with<T: Real, const LEVEL: u8>(values: &mut [T]) {
+/// Transmittance to opacity, or back.
+#[dispatch]
+pub fn invert<const LEVEL: u8, T: Real>(values: &mut [T]) {
     for value in values {
         *value = T::one() - *value;
-    }
-}
-
-dispatch! {
-    /// What is left of the light behind one more layer.
-    pub fn dim<T: Real>(alpha: &[T], through: &mut [T]) = dim_with
-}
-
-dispatch! {
-    /// Transmittance to opacity, or back.
-    pub fn invert<T: Real>(values: &mut [T]) = invert_with
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_ends_are_exact_and_nan_stays() {
-        assert_eq!(mix(-0.0_f32, 1.0, 0.0).to_bits(), (-0.0_f32).to_bits());
-        assert_eq!(mix(f64::INFINITY, 0.5, 1.0), 0.5);
-        assert_eq!(mix(f64::INFINITY, 0.5, 0.0), f64::INFINITY);
-        assert!(mix(f32::NAN, 0.5, 1.0).is_nan());
-    }
-
-    /// Vectors of every level against the formula, for lengths that fill none and some.
-    fn check<S: Sample + std::fmt::Debug, V: Samples<S>, const CHANNELS: usize>(
-        of: fn(usize) -> S,
-    ) {
-        for count in [1, V::N - 1, V::N, 3 * V::N + 1, BLOCK] {
-            let n = CHANNELS * count;
-            let value = |i: usize| <S::Working as Real>::of((i * 37 % 101) as f64 * 0.04 - 1.0);
-            // Out of range, zero, one and NaN too.
-            let mut alpha: Vec<_> = (0..count).map(value).collect();
-            alpha[count / 2] = S::Working::of(f64::NAN);
-            alpha[0] = S::Working::zero();
-            let color: Vec<_> =
-                (0..n).map(|i| value(i) * <S::Working as Real>::of(S::SCALE * 3.0)).collect();
-            let background: Vec<_> = (0..n).map(of).collect();
-            let mut out = background.clone();
-            pixels::<S, V, CHANNELS>(&mut out, &background, &color, &alpha);
-            for i in 0..n {
-                let wanted = S::store(mix(background[i].load(), color[i], alpha[i / CHANNELS]));
-                // As printed: a NaN is a NaN.
-                assert_eq!(format!("{:?}", out[i]), format!("{wanted:?}"), "{i} of {n}");
-            }
-        }
-    }
-
-    fn check_all<S: Sample + std::fmt::Debug>(of: fn(usize) -> S) {
-        use crate::base::simd::{Level, level};
-        check::<S, S::Portable, 1>(of);
-        check::<S, S::Portable, 3>(of);
-        if matches!(level(), Level::Avx2 | Level::Avx512) {
-            check::<S, S::Avx2, 1>(of);
-            check::<S, S::Avx2, 3>(of);
-        }
-        if level() == Level::Avx512 {
-            check::<S, S::Avx512, 1>(of);
-            check::<S, S::Avx512, 3>(of);
-        }
-    }
-
-    #[test]
-    fn vectors_mix_as_one_does() {
-        check_all(|i| (i * 83) as u8);
-        check_all(|i| (i * 8_301) as u16);
-        check_all(|i| i as f32 - 20.0);
-        check_all(|i| 1.0 / i as f64);
     }
 }

@@ -13,11 +13,8 @@ pub trait Sample: Copy + PartialEq + Send + Sync {
     const SCALE: f64;
     /// Whether it is a whole number, so neither infinite, nor NaN, nor minus zero.
     const INTEGER: bool;
-    /// Vectors of the level AVX-512.
     type Avx512: Samples<Self>;
-    /// Vectors of the level AVX2.
     type Avx2: Samples<Self>;
-    /// Vectors of the portable level.
     type Portable: Samples<Self>;
     /// The value in the background's own units.
     fn load(self) -> Self::Working;

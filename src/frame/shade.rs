@@ -4,7 +4,7 @@ use ndarray::{ArrayView2, ArrayView3, ArrayViewMut3, Axis};
 
 use super::coding::Coding;
 use super::grid::{Grid, Run};
-use crate::base::error::{Cancel, Error};
+use crate::base::error::{Cancel, Error, layout};
 use crate::base::pool;
 use crate::base::simd::dispatch;
 
@@ -12,7 +12,6 @@ use crate::base::simd::dispatch;
 pub struct Lit<'a> {
     /// (H, W), 0 to 1.
     pub alpha: ArrayView2<'a, f32>,
-    /// Its color.
     pub grid: Grid<'a>,
     /// Light besides, (H, W, 3), already multiplied by opacities.
     pub glow: Option<ArrayView3<'a, f32>>,
@@ -92,8 +91,9 @@ impl Along<'_> {
     }
 }
 
-#[inline(always)]
-fn lay_finite_with<const LEVEL: u8>(
+/// Lays a layer over light that is finite, with the bits of `Along::over`.
+#[dispatch]
+fn lay_finite<const LEVEL: u8>(
     light: &mut [f32],
     alpha: &[f32],
     colors: &[[f32; 3]],
@@ -117,16 +117,6 @@ fn lay_finite_with<const LEVEL: u8>(
     }
 }
 
-dispatch! {
-    /// Lays a layer over light that is finite, with the bits of `Along::over`.
-    fn lay_finite(
-        light: &mut [f32],
-        alpha: &[f32],
-        colors: &[[f32; 3]],
-        glow: Option<&[[f32; 3]]>
-    ) = lay_finite_with
-}
-
 fn laid<S: Copy + Send + Sync>(
     mut out: ArrayViewMut3<'_, S>,
     back: ArrayView3<'_, S>,
@@ -140,7 +130,6 @@ fn laid<S: Copy + Send + Sync>(
         return Err(Error::Internal("a layer and its picture differ in size".into()));
     }
     lit.grid.check()?;
-    let layout = || Error::Internal("rows are not contiguous".into());
     let across = lit.grid.across(width);
     let tasks: Vec<_> = out.axis_chunks_iter_mut(Axis(0), 32).enumerate().collect();
     pool::for_each(tasks, |(number, mut band)| {
@@ -149,26 +138,15 @@ fn laid<S: Copy + Send + Sync>(
         for (row, mut out) in band.outer_iter_mut().enumerate() {
             let row = 32 * number + row;
             lit.grid.row(row, &across, &mut line, &mut colors);
-            let alpha = lit.alpha.index_axis_move(Axis(0), row);
-            let alpha = alpha.to_slice().ok_or_else(layout)?;
-            let glow = lit.glow.map(|glow| glow.index_axis_move(Axis(0), row));
-            let glow = glow.as_ref().map(|glow| glow.to_slice().ok_or_else(layout)).transpose()?;
+            let alpha = pool::line(lit.alpha, row)?;
+            let glow = lit.glow.map(|glow| pool::line(glow, row)).transpose()?;
             let glow = glow.map(|glow| glow.as_chunks::<3>().0);
-            let back = back.index_axis_move(Axis(0), row);
-            let back = back.to_slice().ok_or_else(layout)?;
+            let back = pool::line(back, row)?;
             let along = Along { alpha, colors: &colors, glow };
             lay(out.as_slice_mut().ok_or_else(layout)?, back, &along);
         }
         Ok(())
     })
-}
-
-/// Fills `out` (H, W, 3) with the premultiplied light of a layer.
-pub fn light(mut out: ArrayViewMut3<'_, f32>, lit: &Lit<'_>, cancel: &Cancel) -> Result<(), Error> {
-    out.fill(0.0);
-    let (height, width, _) = out.dim();
-    let back = ndarray::Array3::<f32>::zeros((height, width, 3));
-    over(out, back.view(), lit, cancel)
 }
 
 /// Adds to `glow` (H, W, 3) the light of what has a color: its opacity times that.
@@ -208,17 +186,14 @@ impl<'a, 'b> Behind<'a, 'b> {
         mut glow: ArrayViewMut3<'_, f32>,
         front: Option<ArrayView2<'_, f32>>,
     ) -> Result<(), Error> {
-        let layout = || Error::Internal("rows are not contiguous".into());
         let width = glow.dim().1;
         let (mut line, mut colors) = (Vec::new(), vec![[0.0_f32; 3]; width]);
         let mut cover = vec![0.0_f32; width];
         for (row, mut glow) in glow.outer_iter_mut().enumerate() {
             self.lit.grid.row(first + row, &self.across, &mut line, &mut colors);
-            let alpha = self.lit.alpha.index_axis_move(Axis(0), first + row);
-            cover.copy_from_slice(alpha.to_slice().ok_or_else(layout)?);
+            cover.copy_from_slice(pool::line(self.lit.alpha, first + row)?);
             if let Some(front) = front {
-                let front = front.index_axis_move(Axis(0), row);
-                let front = front.to_slice().ok_or_else(layout)?;
+                let front = pool::line(front, row)?;
                 cover.iter_mut().zip(front).for_each(|(cover, front)| *cover *= 1.0 - front);
             }
             let (glow, _) = glow.as_slice_mut().ok_or_else(layout)?.as_chunks_mut::<3>();
@@ -228,16 +203,11 @@ impl<'a, 'b> Behind<'a, 'b> {
     }
 }
 
-#[inline(always)]
-fn add_light_with<const LEVEL: u8>(glow: &mut [[f32; 3]], colors: &[[f32; 3]], cover: &[f32]) {
+#[dispatch]
+fn add_light<const LEVEL: u8>(glow: &mut [[f32; 3]], colors: &[[f32; 3]], cover: &[f32]) {
     for ((glow, color), cover) in glow.iter_mut().zip(colors).zip(cover) {
         for c in 0..3 {
             glow[c] += cover * color[c];
         }
     }
-}
-
-dispatch! {
-    /// Adds colors times opacities.
-    fn add_light(glow: &mut [[f32; 3]], colors: &[[f32; 3]], cover: &[f32]) = add_light_with
 }

@@ -3,10 +3,9 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 
-use crate::base::error::{Cancel, Error, zeroed};
-use crate::base::pool;
+use crate::base::error::{Cancel, Error, layout, zeroed};
+use crate::base::pool::{self, line};
 
-/// Rows of one item of work.
 const BAND: usize = 32;
 
 /// What is asked of every pixel: the flake that shows most, -1 for none, and opacities.
@@ -32,9 +31,9 @@ impl Shown<'_> {
     /// all flakes.
     #[inline(always)]
     fn row(&self, row: usize) -> Result<impl Fn(usize) -> Option<usize>, Error> {
-        let numbers = line(&self.numbers, row)?;
-        let front = &line(&self.front, row)?[..numbers.len()];
-        let behind = self.behind.as_ref().map(|behind| line(behind, row)).transpose()?;
+        let numbers = line(self.numbers, row)?;
+        let front = &line(self.front, row)?[..numbers.len()];
+        let behind = self.behind.map(|behind| line(behind, row)).transpose()?;
         let behind = behind.map(|behind| &behind[..numbers.len()]);
         Ok(move |column: usize| {
             let through = behind.map_or(0.0, |behind| behind[column] * (1.0 - front[column]));
@@ -67,15 +66,6 @@ impl Shown<'_> {
     }
 }
 
-/// A row of a plane.
-fn line<'a, A>(plane: &ArrayView2<'a, A>, row: usize) -> Result<&'a [A], Error> {
-    (*plane).index_axis_move(Axis(0), row).to_slice().ok_or_else(broken)
-}
-
-fn broken() -> Error {
-    Error::Internal("rows are not contiguous".into())
-}
-
 /// What flakes say of themselves: forward x, y, backward x, y, depth.
 const SAID: usize = 5;
 
@@ -91,11 +81,8 @@ pub struct Passes<'a> {
 
 /// Flakes that are seen in a layer, by rising numbers, and what each says, (n, 5).
 pub struct Flakes<'a> {
-    /// Where they are seen.
     pub shown: Shown<'a>,
-    /// From [`Shown::seen`].
     pub seen: &'a [i32],
-    /// Of each of them.
     pub said: ArrayView2<'a, f32>,
 }
 
@@ -129,30 +116,25 @@ pub fn finish(
     if !fits {
         return Err(Error::Internal("planes or flakes do not fit".into()));
     }
-    let mut bands = Vec::new();
-    for top in (0..rows).step_by(BAND) {
-        let height = BAND.min(rows - top);
-        let (one, rest) = forward.split_at(Axis(0), height);
-        let (two, others) = backward.split_at(Axis(0), height);
-        let (three, last) = depth.split_at(Axis(0), height);
-        (forward, backward, depth) = (rest, others, last);
-        bands.push((top, one, two, three));
-    }
-    pool::for_each(bands, |(top, mut forward, mut backward, mut depth)| {
+    let ways = forward
+        .axis_chunks_iter_mut(Axis(0), BAND)
+        .zip(backward.axis_chunks_iter_mut(Axis(0), BAND));
+    let bands = ways.zip(depth.axis_chunks_iter_mut(Axis(0), BAND)).enumerate();
+    pool::for_each(bands, |(band, ((mut forward, mut backward), mut depth))| {
         cancel.check()?;
         for row in 0..depth.nrows() {
-            let at = top + row;
+            let at = band * BAND + row;
             let (mut ahead, mut behind) =
                 (forward.index_axis_mut(Axis(0), row), backward.index_axis_mut(Axis(0), row));
             let mut depth = depth.row_mut(row);
             let (Some(ahead), Some(behind), Some(depth)) =
                 (ahead.as_slice_mut(), behind.as_slice_mut(), depth.as_slice_mut())
             else {
-                return Err(broken());
+                return Err(layout());
             };
             let (ahead, behind) = (ahead.as_chunks_mut::<2>().0, behind.as_chunks_mut::<2>().0);
             // First, since a flake may be too faint for the layer's alpha and still have its number.
-            let alpha = line(&alpha, at)?;
+            let alpha = line(alpha, at)?;
             if alpha.iter().filter(|&&alpha| alpha <= 0.0).count() > 0 {
                 let pixels = ahead.iter_mut().zip(&mut *behind).zip(&mut *depth);
                 for (((ahead, behind), depth), &alpha) in pixels.zip(alpha) {
@@ -167,14 +149,14 @@ pub fn finish(
                     ahead.iter_mut().zip(&mut *behind).zip(&mut *depth).enumerate()
                 {
                     if let Some(number) = flake(column) {
-                        let said = line(said, places[number] as usize)?;
+                        let said = line(*said, places[number] as usize)?;
                         *ahead = [said[0], said[1]];
                         *behind = [said[2], said[3]];
                         *depth = said[4];
                     }
                 }
             }
-            if let Some(scene) = &scene {
+            if let Some(scene) = scene {
                 for (depth, &scene) in depth.iter_mut().zip(line(scene, at)?) {
                     *depth = if depth.is_finite() { depth.min(scene) } else { *depth };
                 }
@@ -199,7 +181,7 @@ pub fn rgba(
     pool::for_each(out.outer_iter_mut().zip(alpha.outer_iter()), |(mut line, alpha)| {
         cancel.check()?;
         let (Some(line), Some(alpha)) = (line.as_slice_mut(), alpha.as_slice()) else {
-            return Err(broken());
+            return Err(layout());
         };
         for (pixel, &alpha) in line.as_chunks_mut().0.iter_mut().zip(alpha) {
             *pixel = [alpha * r, alpha * g, alpha * b, alpha];

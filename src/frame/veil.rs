@@ -5,7 +5,7 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2};
 
-use crate::base::error::{Cancel, Error, zeroed};
+use crate::base::error::{Cancel, Error, collected, layout, zeroed};
 use crate::base::normal::{Normal, least, most};
 use crate::base::pool;
 use crate::base::simd::dispatch;
@@ -20,7 +20,6 @@ pub struct Patches<'a, T> {
     pub field: ArrayView2<'a, T>,
     /// Pixels between two points.
     pub cell: f64,
-    /// What the field is multiplied by.
     pub strength: f64,
 }
 
@@ -55,10 +54,8 @@ pub fn veil<T: Normal>(
         let mut line = zeroed::<T>(patches.map_or(0, |patches| patches.field.ncols()))?;
         for (row, mut out) in run.zip(part.rows_mut()) {
             cancel.check()?;
-            let layout = || Error::Internal("rows are not contiguous".into());
             let out = out.as_slice_mut().ok_or_else(layout)?;
-            let way = way.row(if way.nrows() == 1 { 0 } else { row });
-            let way = way.to_slice().ok_or_else(layout)?;
+            let way = pool::line(way, if way.nrows() == 1 { 0 } else { row })?;
             match patches {
                 Some(patches) => {
                     patches.row(row, &mut line);
@@ -85,15 +82,10 @@ pub fn veil<T: Normal>(
 
 /// Between which points of a field each pixel lies, and how far from the first.
 fn places<T: Normal>(length: usize, cell: f64) -> Result<Vec<(u32, T)>, Error> {
-    let mut found = zeroed::<u32>(length)?;
-    let mut all = Vec::new();
-    all.try_reserve_exact(length).map_err(|_| Error::Memory { bytes: 8 * length })?;
-    for (pixel, first) in found.iter_mut().enumerate() {
+    collected((0..length).map(|pixel| {
         let place = (pixel as f64 + 0.5) / cell;
-        *first = place as u32;
-        all.push((*first, T::of(place - place.floor())));
-    }
-    Ok(all)
+        (place as u32, T::of(place - place.floor()))
+    }))
 }
 
 impl<T: Normal> Patches<'_, T> {
@@ -108,7 +100,6 @@ impl<T: Normal> Patches<'_, T> {
     }
 }
 
-/// Densities along a row.
 fn patched<T: Normal>(out: &mut [T], places: &[(u32, T)], line: &[T], strength: T) {
     for (density, &(first, part)) in out.iter_mut().zip(places) {
         let (left, right) = (line[first as usize], line[first as usize + 1]);
@@ -116,8 +107,9 @@ fn patched<T: Normal>(out: &mut [T], places: &[(u32, T)], line: &[T], strength: 
     }
 }
 
-#[inline(always)]
-fn dim_with<T: Normal, const LEVEL: u8>(values: &mut [T], thick: T, way: Option<&[T]>) {
+/// Ways to opacities, each times `thick` and, where it is given, `way`.
+#[dispatch]
+fn dim<const LEVEL: u8, T: Normal>(values: &mut [T], thick: T, way: Option<&[T]>) {
     let (one, end) = (T::one(), T::of(OPAQUE));
     match way {
         Some(way) => {
@@ -133,11 +125,6 @@ fn dim_with<T: Normal, const LEVEL: u8>(values: &mut [T], thick: T, way: Option<
             }
         }
     }
-}
-
-dispatch! {
-    /// Ways to opacities, each times `thick` and, where it is given, `way`.
-    fn dim<T: Normal>(values: &mut [T], thick: T, way: Option<&[T]>) = dim_with
 }
 
 #[cfg(test)]

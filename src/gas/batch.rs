@@ -6,18 +6,45 @@
 //! it, front to back: the operations of each pixel and their order are those of one after the other.
 
 #![expect(unsafe_code, reason = "blocks of pixels that stay in registers, by `Lanes`")]
-#![expect(
-    clippy::needless_range_loop,
-    reason = "an index over rows of a fixed count is what stays in registers"
-)]
-
-use super::draw::{Row, TILE, Tile, vectors};
-use super::footprint::Scale;
-use super::rays::PART;
-use super::sprite::{Look, Sprite};
+use super::cut::Ground;
+use super::footprint::{self, Edge, Scale};
+use super::rays::{PART, Rays, Sheet};
+use super::sprite::{Form, Look, Sprite};
 use crate::base::lanes::Lanes;
 use crate::base::normal::Normal;
 use crate::base::simd::{AVX2, AVX512};
+
+/// Side of a tile, px.
+pub const TILE: usize = 64;
+
+/// A number for each pixel of a tile, row by row.
+///
+/// A particle that touches a row of a tile is computed for the whole of it: loops of one fixed length
+/// have no ends to look after, which costs more than what they leave out.
+///
+/// Aligned to cache lines: a vector's store that crosses one costs twice.
+#[derive(Clone)]
+#[repr(C, align(64))]
+pub struct Plane<P>(pub [[P; TILE]; TILE]);
+
+/// A row of a tile on the stack, aligned likewise.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub struct Row<P>(pub [P; TILE]);
+
+/// One tile while it is drawn.
+pub struct Tile<'a, P> {
+    /// Its corner (x, y), px.
+    pub origin: [usize; 2],
+    /// What it lets through, 1 at first; 0 beyond the picture's border.
+    pub through: &'a mut Plane<P>,
+    /// Premultiplied light, three planes; None if all particles have one color.
+    pub light: Option<&'a mut [Plane<P>; 3]>,
+    pub sheet: Sheet,
+    /// Room for the pixels' rays, filled where a particle needs them; None if none does.
+    pub rays: Option<&'a mut Rays<P, TILE>>,
+    pub ground: Option<&'a Ground<'a, P, TILE>>,
+}
 
 /// Particles in a batch.
 const MOST: usize = 8;
@@ -215,4 +242,44 @@ impl<P: Normal> Batch<P> {
             }
         }
     }
+}
+
+/// The two vectors whose product is the footprint: across the tile, and down its rows.
+///
+/// Only parts that `spans` touch, [first, last) across and down, are filled.
+#[inline(always)]
+pub fn vectors<P: Normal, const LEVEL: u8>(
+    tile: &Tile<'_, P>,
+    sprite: &Sprite,
+    look: &Look,
+    spans: [[usize; 2]; 2],
+) -> (Row<P>, Row<P>, Scale<P>) {
+    let mut vectors = [Row([P::zero(); TILE]); 2];
+    for axis in 0..2 {
+        let first = tile.origin[axis] as f64;
+        let (middle, radius) = (sprite.middle[axis], sprite.radius);
+        let values = &mut vectors[axis].0;
+        match sprite.form {
+            Form::Box => footprint::pixel_box(values, first, middle, radius),
+            Form::Table => footprint::looked_up(values, first, middle, radius),
+            Form::Point | Form::Ray => {
+                let step = 3.0 / radius;
+                let square = look.edge == Edge::Square;
+                let start = (first + 0.5 - middle) * step;
+                let [from, to] = spans[axis];
+                for part in from / PART..to.div_ceil(PART) {
+                    let first = part * PART;
+                    let values = &mut values[first..first + PART];
+                    let values: &mut [P; PART] = values.try_into().expect("PART of them");
+                    footprint::point::<P, PART, LEVEL>(values, first, start, step, square);
+                }
+            }
+        }
+    }
+    let scale = match sprite.form {
+        Form::Box => Scale::of_box(sprite.opacity, look.edge),
+        _ => Scale::of(sprite.opacity, look.edge),
+    };
+    let [across, down] = vectors;
+    (across, down, scale)
 }

@@ -16,10 +16,8 @@ pub struct Ground<'a, P, const N: usize> {
     pub range: [f64; 2],
 }
 
-/// What stands behind a particle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Wall {
-    /// Nothing that touches it.
     None,
     /// It cuts into the particle at its depth along the ray.
     Ray,
@@ -40,7 +38,6 @@ pub struct Cut {
 }
 
 impl Cut {
-    /// Nothing cuts it.
     pub const CLEAR: Self = Self { near: false, wall: Wall::None };
 }
 
@@ -104,17 +101,15 @@ pub fn cut<P: Normal>(
 }
 
 /// What the ends leave of a particle in a part of a row.
-pub(super) enum Share<P> {
-    /// Nothing.
+pub enum Share<P> {
     Hidden,
-    /// All of it.
     Whole,
     /// By sample, 0 to 1.
     Part(Part<P>),
 }
 
 /// Where a particle's ends are, in units of its sigma.
-pub(super) struct Ends<P> {
+pub struct Ends<P> {
     /// The middle's depth: rounded to the samples' type, and the rest.
     depth: [P; 2],
     inverse: P,

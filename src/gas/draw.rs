@@ -7,35 +7,22 @@
 //! Loops over lanes are plain loops with a fixed count: a closure would not inherit the instruction
 //! set that the function is compiled for, and would run many times slower.
 
-use super::batch::Batch;
-use super::cut::{self, Cut, Ground};
-use super::footprint::{self, Edge, Scale};
+use super::batch::{Batch, TILE, Tile, vectors};
+use super::cut::{self, Cut};
 use super::lattice::Lattice;
-use super::picture::Entry;
-use super::ray::{Canvas, Source};
-use super::rays::{PART, Rays, Sheet};
+use super::ray::{Canvas, Source, finished};
 use super::sprite::{Form, Look, Sprite};
 use crate::base::error::{Cancel, Error, pushed};
-use crate::base::normal::{Normal, most};
+use crate::base::normal::Normal;
 use crate::base::simd::dispatch;
 
-/// Side of a tile, px.
-pub const TILE: usize = 64;
-
-/// A number for each pixel of a tile, row by row.
-///
-/// A particle that touches a row of a tile is computed for the whole of it: loops of one fixed length
-/// have no ends to look after, which costs more than what they leave out.
-///
-/// Aligned to cache lines: a vector's store that crosses one costs twice.
-#[derive(Clone)]
-#[repr(C, align(64))]
-pub struct Plane<P>(pub [[P; TILE]; TILE]);
-
-/// A row of a tile on the stack, aligned likewise.
-#[derive(Clone, Copy)]
-#[repr(C, align(64))]
-pub(super) struct Row<P>(pub(super) [P; TILE]);
+/// A particle in a band: its place among the sprites, and the columns that it can touch.
+#[derive(Debug, Clone, Copy)]
+pub struct Entry {
+    pub sprite: u32,
+    pub left: u32,
+    pub right: u32,
+}
 
 /// Particles between two looks at what is still let through, and at the cancel flag.
 const LOOK: usize = 16;
@@ -48,43 +35,20 @@ pub struct Drawing<'a> {
     pub look: &'a Look,
 }
 
-/// One tile while it is drawn.
-pub struct Tile<'a, P> {
-    /// Its corner (x, y), px.
-    pub origin: [usize; 2],
-    /// What it lets through, 1 at first; 0 beyond the picture's border.
-    pub through: &'a mut Plane<P>,
-    /// Premultiplied light, three planes; None if all particles have one color.
-    pub light: Option<&'a mut [Plane<P>; 3]>,
-    pub sheet: Sheet,
-    /// Room for the pixels' rays, filled where a particle needs them; None if none does.
-    pub rays: Option<&'a mut Rays<P, TILE>>,
-    pub ground: Option<&'a Ground<'a, P, TILE>>,
-    pub lattice: Option<&'a mut Lattice<P>>,
-}
-
-dispatch! {
-    /// Draws the particles of a band's list into one of its tiles, front to back.
-    pub fn draw<P: Normal>(
-        tile: &mut Tile<'_, P>,
-        list: &[Entry],
-        drawing: &Drawing<'_>,
-        cancel: &Cancel,
-    ) -> Result<(), Error> = draw_with
-}
-
-#[inline(always)]
-fn draw_with<P: Normal, const LEVEL: u8>(
+/// Draws the particles of a band's list into one of its tiles, front to back.
+#[dispatch]
+pub fn draw<const LEVEL: u8, P: Normal>(
     tile: &mut Tile<'_, P>,
+    lattice: Option<&mut Lattice<P>>,
     list: &[Entry],
     drawing: &Drawing<'_>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let error = P::of(drawing.look.error);
     let mut rest = Vec::new();
-    let list = if let Some(lattice) = tile.lattice.take() {
+    let list = if let Some(lattice) = lattice {
         slow::<P, LEVEL>(tile, lattice, list, drawing, &mut rest, cancel)?;
-        if finished(tile.through, error) {
+        if finished(&tile.through.0, error) {
             return Ok(());
         }
         &rest
@@ -107,7 +71,7 @@ fn draw_with<P: Normal, const LEVEL: u8>(
         if drawn % LOOK == 0 {
             cancel.check()?;
             batch.draw::<LEVEL>(tile);
-            if finished(tile.through, error) {
+            if finished(&tile.through.0, error) {
                 break;
             }
         }
@@ -193,58 +157,6 @@ impl Drawing<'_> {
 fn within(range: [u32; 2], start: usize) -> [usize; 2] {
     let [low, high] = range.map(|v| v as usize);
     [low.max(start) - start, (high - start).min(TILE)]
-}
-
-/// Whether nothing that comes could add more than `error`.
-#[inline(always)]
-fn finished<P: Normal>(through: &Plane<P>, error: P) -> bool {
-    let mut greatest = [P::zero(); TILE];
-    for row in &through.0 {
-        for k in 0..TILE {
-            greatest[k] = most(row[k], greatest[k]);
-        }
-    }
-    greatest.iter().fold(P::zero(), |a, &b| most(a, b)) <= error
-}
-
-/// The two vectors whose product is the footprint: across the tile, and down its rows.
-///
-/// Only parts that `spans` touch, [first, last) across and down, are filled.
-#[inline(always)]
-pub(super) fn vectors<P: Normal, const LEVEL: u8>(
-    tile: &Tile<'_, P>,
-    sprite: &Sprite,
-    look: &Look,
-    spans: [[usize; 2]; 2],
-) -> (Row<P>, Row<P>, Scale<P>) {
-    let mut vectors = [Row([P::zero(); TILE]); 2];
-    for axis in 0..2 {
-        let first = tile.origin[axis] as f64;
-        let (middle, radius) = (sprite.middle[axis], sprite.radius);
-        let values = &mut vectors[axis].0;
-        match sprite.form {
-            Form::Box => footprint::pixel_box(values, first, middle, radius),
-            Form::Table => footprint::looked_up(values, first, middle, radius),
-            Form::Point | Form::Ray => {
-                let step = 3.0 / radius;
-                let square = look.edge == Edge::Square;
-                let start = (first + 0.5 - middle) * step;
-                let [from, to] = spans[axis];
-                for part in from / PART..to.div_ceil(PART) {
-                    let first = part * PART;
-                    let values = &mut values[first..first + PART];
-                    let values: &mut [P; PART] = values.try_into().expect("PART of them");
-                    footprint::point::<P, PART, LEVEL>(values, first, start, step, square);
-                }
-            }
-        }
-    }
-    let scale = match sprite.form {
-        Form::Box => Scale::of_box(sprite.opacity, look.edge),
-        _ => Scale::of(sprite.opacity, look.edge),
-    };
-    let [across, down] = vectors;
-    (across, down, scale)
 }
 
 /// One particle that is no product of two vectors, or that is cut off.

@@ -36,7 +36,6 @@ static ENTRIES: LazyLock<[f64; TABLE]> = LazyLock::new(|| {
     })
 });
 
-/// How a footprint ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Edge {
     /// Reaches zero at three sigma.
@@ -48,9 +47,7 @@ pub enum Edge {
 /// What turns a Gaussian into an opacity: max(0, gain * g - floor).
 #[derive(Debug, Clone, Copy)]
 pub struct Scale<P> {
-    /// Factor.
     pub gain: P,
-    /// Subtracted.
     pub floor: P,
 }
 

@@ -11,23 +11,17 @@
 //! where the cubic through its samples is its depth to a thousandth of the particle's sigma, and neighbouring
 //! samples are within .6 sigma, so that the normal law that cuts the particle off errs by .0017 at most.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "an index over lanes of a fixed count is what vectorises without closures"
-)]
-
 use std::sync::LazyLock;
 
+use super::batch::{Plane, TILE};
 use super::cut::{Cut, Ground, Wall};
-use super::draw::{Plane, TILE};
 use super::footprint::{Scale, point};
-use super::ray::{Canvas, Source};
+use super::ray::{Canvas, Source, finished};
 use super::rays::{Rays, Sheet};
 use super::sprite::{Eye, Form, Look, Sprite};
 use crate::base::normal::{Normal, least, most};
 use crate::base::simd::multiply_add;
 
-/// Samples along each side.
 pub const SIDE: usize = 16;
 
 /// Intervals of the lattice to a tile.
@@ -59,7 +53,6 @@ pub struct Lattice<P> {
     corner: [f64; 2],
     /// Weights of samples (rows) for pixels (columns).
     weights: [[P; TILE]; SIDE],
-    /// What stands in the picture.
     depth: [[P; SIDE]; SIDE],
     /// The smallest sigma for which that is smooth, world units.
     finest: f64,
@@ -67,7 +60,6 @@ pub struct Lattice<P> {
 }
 
 impl<P: Normal> Lattice<P> {
-    /// A lattice of no tile.
     pub fn none() -> Self {
         let plane = [[P::zero(); SIDE]; SIDE];
         let sheet = Sheet { first: [0.0; 2], step: 0.0, range: [1.0; 2] };
@@ -97,7 +89,6 @@ impl<P: Normal> Lattice<P> {
         self.drawn = false;
     }
 
-    /// Takes what stands in the tile.
     #[inline(always)]
     pub fn stand<const LEVEL: u8>(&mut self, ground: &Ground<'_, P, TILE>) {
         self.finest = f64::INFINITY;
@@ -197,13 +188,7 @@ impl<P: Normal> Lattice<P> {
     /// Whether no sample lets through more than `error`.
     #[inline(always)]
     pub fn finished(&self, error: P) -> bool {
-        let mut greatest = [P::zero(); SIDE];
-        for row in &self.through {
-            for k in 0..SIDE {
-                greatest[k] = most(row[k], greatest[k]);
-            }
-        }
-        self.drawn && greatest.iter().fold(P::zero(), |a, &b| most(a, b)) <= error
+        self.drawn && finished(&self.through, error)
     }
 
     /// Multiplies what a fresh tile lets through by what the lattice does, and adds its light.

@@ -6,8 +6,8 @@
 
 use ndarray::ArrayViewMut1;
 
-use super::cloud::Cloud;
 use super::ray::tapered;
+use super::sprite::Cloud;
 use crate::base::error::{Cancel, Error, collected, zeroed};
 
 /// Particles between two looks at the cancel flag.
@@ -26,15 +26,9 @@ pub fn light(
     cloud.check()?;
     let count = cloud.centers.nrows();
     if out.len() != count {
-        return Err(Error::invalid("out", format!("must have {count} elements")));
+        return Err(Error::Internal("not a number for each particle".into()));
     }
     let length = libm::hypot(libm::hypot(direction[0], direction[1]), direction[2]);
-    if !(length > 0.0 && length.is_finite()) {
-        return Err(Error::invalid("direction", "must be finite and not zero"));
-    }
-    if !(0.0..=1.0).contains(&forward) {
-        return Err(Error::invalid("forward", format!("must be from 0 to 1, got {forward}")));
-    }
     let [ux, uy, uz] = direction.map(|value| value / length);
     let along = |c: [f64; 3]| c[0] * ux + c[1] * uy + c[2] * uz;
     let mut order = collected(0..count)?;

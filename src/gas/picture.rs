@@ -4,12 +4,13 @@ use std::ops::Range;
 
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 
+use super::batch::{Plane, TILE, Tile};
 use super::cut::Ground;
-use super::draw::{Drawing, Plane, TILE, Tile, draw};
+use super::draw::{Drawing, Entry, draw};
 use super::lattice::Lattice;
 use super::rays::{Rays, Sheet};
 use super::sprite::{Eye, Form, Sprite};
-use crate::base::error::{Cancel, Error, collected, pushed};
+use crate::base::error::{Cancel, Error, collected, layout, pushed};
 use crate::base::normal::{Normal, least, most};
 use crate::base::pool;
 use crate::base::real::Real;
@@ -24,14 +25,6 @@ fn order(sprites: &[Sprite], sorted: bool) -> Result<Vec<u32>, Error> {
         order.sort_unstable_by(|&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
     }
     Ok(order)
-}
-
-/// A particle in a band: its place among the sprites, and the columns that it can touch.
-#[derive(Debug, Clone, Copy)]
-pub struct Entry {
-    pub sprite: u32,
-    pub left: u32,
-    pub right: u32,
 }
 
 /// What sprites touch, found once for any number of pictures of their frame.
@@ -64,13 +57,11 @@ impl Touched {
     }
 }
 
-/// A frame of gas.
 pub struct Picture<'a, M> {
     pub shape: (usize, usize),
     pub eye: &'a Eye,
     pub drawing: Drawing<'a>,
     pub touched: &'a Touched,
-    /// Depth of what stands in the picture.
     pub depth: Option<ArrayView2<'a, M>>,
 }
 
@@ -84,7 +75,6 @@ struct Scratch<P> {
     lattice: Option<Box<Lattice<P>>>,
 }
 
-/// A plane of zeros.
 fn nothing<P: Normal>() -> Plane<P> {
     Plane([[P::zero(); TILE]; TILE])
 }
@@ -135,9 +125,8 @@ impl<M: Real> Picture<'_, M> {
             sheet: Sheet::of(self.eye, corner, 1.0, TILE),
             rays: scratch.rays.as_deref_mut(),
             ground: ground.as_ref(),
-            lattice,
         };
-        draw(&mut tile, &self.touched.bands[top / TILE], &self.drawing, cancel)
+        draw(&mut tile, lattice, &self.touched.bands[top / TILE], &self.drawing, cancel)
     }
 
     /// Draws a part of the frame, `channels` numbers to a pixel; `store` writes a row of a tile from
@@ -150,6 +139,9 @@ impl<M: Real> Picture<'_, M> {
         store: impl Fn(&mut [P], &Scratch<P>, usize, usize) + Sync + Send,
         cancel: &Cancel,
     ) -> Result<(), Error> {
+        if self.depth.is_some_and(|depth| depth.dim() != self.shape) {
+            return Err(Error::invalid("depth", format!("must have shape {:?}", self.shape)));
+        }
         let inside = top <= bottom && bottom <= self.shape.0 && left <= right;
         let wanted = (bottom.wrapping_sub(top), channels * right.wrapping_sub(left));
         if !(inside && right <= self.shape.1 && out.dim() == wanted) {
@@ -195,7 +187,7 @@ impl<M: Real> Picture<'_, M> {
             .into_shape_with_order((height, width * channels))
             .ok()
             .filter(|_| channels == 4)
-            .ok_or_else(|| Error::Internal("an output that is not contiguous RGBA".into()))?;
+            .ok_or_else(layout)?;
         let color = self.drawing.colors[0].map(P::of);
         let store = |pixels: &mut [P], done: &Scratch<P>, row: usize, from: usize| {
             let through = &done.through.0[row][from..];
@@ -247,26 +239,15 @@ fn standing<'a, P: Normal, M: Real>(
     Ground { depth, range }
 }
 
-dispatch! {
-    /// Depths in float64.
-    fn widen<M: Real>(values: &mut [f64], stands: &[M]) = widen_with
-}
-
-#[inline(always)]
-fn widen_with<M: Real, const LEVEL: u8>(values: &mut [f64], stands: &[M]) {
+/// Depths in float64.
+#[dispatch]
+fn widen<const LEVEL: u8, M: Real>(values: &mut [f64], stands: &[M]) {
     values.iter_mut().zip(stands).for_each(|(value, stands)| *value = stands.wide());
 }
 
-dispatch! {
-    /// Rows of depths in the samples' type, and the nearest and the farthest of them.
-    fn stand<P: Normal>(depth: &mut [[P; TILE]], stands: &[[f64; TILE]]) -> [f64; 2] = stand_with
-}
-
-#[inline(always)]
-fn stand_with<P: Normal, const LEVEL: u8>(
-    depth: &mut [[P; TILE]],
-    stands: &[[f64; TILE]],
-) -> [f64; 2] {
+/// Rows of depths in the samples' type, and the nearest and the farthest of them.
+#[dispatch]
+fn stand<const LEVEL: u8, P: Normal>(depth: &mut [[P; TILE]], stands: &[[f64; TILE]]) -> [f64; 2] {
     let (mut nearest, mut farthest) = ([P::infinity(); TILE], [P::neg_infinity(); TILE]);
     for (values, stands) in depth.iter_mut().zip(stands) {
         for k in 0..TILE {
@@ -287,13 +268,9 @@ fn further<P: Normal>(last: P, before: P) -> P {
     if step.is_finite() { last + step } else { last }
 }
 
-dispatch! {
-    /// alpha = 1 - T for a row of a tile.
-    fn opacity<P: Normal>(pixels: &mut [P], through: &[P]) = opacity_with
-}
-
-#[inline(always)]
-fn opacity_with<P: Normal, const LEVEL: u8>(pixels: &mut [P], through: &[P]) {
+/// alpha = 1 - T for a row of a tile.
+#[dispatch]
+fn opacity<const LEVEL: u8, P: Normal>(pixels: &mut [P], through: &[P]) {
     for (pixel, through) in pixels.iter_mut().zip(through) {
         *pixel = P::one() - *through;
     }

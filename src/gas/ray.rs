@@ -90,6 +90,18 @@ impl<P: Normal, const N: usize> Canvas<'_, P, N> {
     }
 }
 
+/// Whether no sample lets through more than `error`: nothing that comes could add more.
+#[inline(always)]
+pub fn finished<P: Normal, const N: usize>(through: &[[P; N]; N], error: P) -> bool {
+    let mut greatest = [P::zero(); N];
+    for row in through {
+        for k in 0..N {
+            greatest[k] = most(row[k], greatest[k]);
+        }
+    }
+    greatest.iter().fold(P::zero(), |a, &b| most(a, b)) <= error
+}
+
 #[inline(always)]
 fn part_of<P, const N: usize>(row: &[P; N], part: usize) -> &Part<P> {
     row[part * PART..(part + 1) * PART].try_into().expect("PART of them")
@@ -100,7 +112,6 @@ fn part_of_mut<P, const N: usize>(row: &mut [P; N], part: usize) -> &mut Part<P>
     (&mut row[part * PART..(part + 1) * PART]).try_into().expect("PART of them")
 }
 
-/// Opacities from squared distances.
 #[inline(always)]
 fn gauss<P: Normal, const LEVEL: u8>(squared: Part<P>, scale: Scale<P>, square: bool) -> Part<P> {
     let mut alpha = [P::zero(); PART];
@@ -116,7 +127,6 @@ fn gauss<P: Normal, const LEVEL: u8>(squared: Part<P>, scale: Scale<P>, square: 
     alpha
 }
 
-/// Opacities from the two vectors.
 #[inline(always)]
 fn product<P: Normal, const N: usize, const LEVEL: u8>(
     across: &[P; N],

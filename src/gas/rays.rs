@@ -5,21 +5,15 @@
 //! steps, in the samples' type. So the distance from the middle is right to the last bits of itself,
 //! however far away the particle is.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "an index over lanes of a fixed count is what vectorises without closures"
-)]
-
 use super::footprint::lane;
 use super::sprite::{Eye, Sprite};
 use crate::base::normal::Normal;
 use crate::base::simd::multiply_add;
 
 /// Samples that are worked on at once: an exponential costs as much as some pixels of a particle.
-pub(super) const PART: usize = 16;
+pub const PART: usize = 16;
 
-/// A part of a row of samples.
-pub(super) type Part<P> = [P; PART];
+pub type Part<P> = [P; PART];
 
 /// Where the samples of a square sheet lie.
 #[derive(Debug, Clone, Copy)]
@@ -50,7 +44,6 @@ impl Sheet {
     }
 }
 
-/// The rays of N x N samples.
 #[repr(C, align(64))]
 #[derive(Clone)]
 pub struct Rays<P, const N: usize> {
@@ -65,13 +58,11 @@ pub struct Rays<P, const N: usize> {
 }
 
 impl<P: Normal, const N: usize> Rays<P, N> {
-    /// Rays of no sheet.
     pub fn none() -> Self {
         let (row, plane) = ([P::zero(); N], [[P::zero(); N]; N]);
         Self { across: row, down: row, length: plane, inverse: plane }
     }
 
-    /// Fills in the rays of a sheet.
     #[inline(always)]
     pub fn fill<const LEVEL: u8>(&mut self, sheet: &Sheet) {
         for k in 0..N {
@@ -123,7 +114,6 @@ pub struct Passing<P> {
 }
 
 impl Forms {
-    /// The forms of a sprite.
     pub fn of(sprite: &Sprite, sheet: &Sheet) -> Self {
         let [x, y, z] = sprite.place;
         let [sx, sy] = sheet.first;
@@ -163,7 +153,6 @@ impl Forms {
         Some([low.max(0.0) as usize, high.min(last).ceil() as usize])
     }
 
-    /// The forms of a row.
     #[inline(always)]
     pub fn row<P: Normal>(&self, row: usize) -> Beside<P> {
         let [x, y, z] = self.place;
@@ -212,7 +201,6 @@ impl Forms {
 }
 
 impl<P: Normal> Passing<P> {
-    /// Of no ray.
     #[inline(always)]
     pub fn none() -> Self {
         Self { squared: [P::zero(); PART], lean: [P::zero(); PART] }
@@ -260,9 +248,8 @@ impl<P: Normal> Beside<P> {
 }
 
 impl<P: Normal, const N: usize> Rays<P, N> {
-    /// Lengths of a part of a row.
     #[inline(always)]
-    pub(super) fn lengths(&self, row: usize, part: usize) -> &Part<P> {
+    pub fn lengths(&self, row: usize, part: usize) -> &Part<P> {
         let at = part * PART;
         self.length[row][at..at + PART].try_into().expect("PART of them")
     }

@@ -5,7 +5,7 @@
 
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 
-use crate::base::error::{Cancel, Error, zeroed};
+use crate::base::error::{Cancel, Error, layout, zeroed};
 use crate::base::normal::{least, most};
 use crate::base::pool;
 use crate::base::simd::{dispatch, multiply_add};
@@ -23,7 +23,6 @@ const WEIGHTS: [[f32; COARSE]; 3] = [
     [0.0078125, 0.0703125, 0.1953125, 0.3828125],
 ];
 
-/// Slices one behind the other.
 pub struct Slices<'a> {
     /// Extinction of each on the coarse grid, (slices, rows, columns).
     pub density: ArrayView3<'a, f32>,
@@ -55,7 +54,6 @@ pub fn add(
     if !fits || !slices.density.is_standard_layout() {
         return Err(Error::Internal("slices of gas do not fit the picture".into()));
     }
-    let layout = || Error::Internal("rows are not contiguous".into());
     let tasks: Vec<_> = out.axis_chunks_iter_mut(Axis(0), 32).enumerate().collect();
     pool::for_each(tasks, |(number, mut band)| {
         cancel.check()?;
@@ -66,8 +64,7 @@ pub fn add(
             let first = row / COARSE + MARGIN - 1;
             let weights = WEIGHTS.map(|pixels| pixels[row % COARSE]);
             if let Some(ground) = slices.ground {
-                let ground = ground.index_axis_move(Axis(0), row);
-                end[..width].copy_from_slice(ground.to_slice().ok_or_else(layout)?);
+                end[..width].copy_from_slice(pool::line(ground, row)?);
             }
             line.fill(0.0);
             sum.fill(0.0);
@@ -85,8 +82,7 @@ pub fn add(
             if slices.ground.is_none() {
                 spread(&mut sum, &line, None);
             }
-            let detail = slices.detail.0.index_axis_move(Axis(0), row);
-            let detail = (detail.to_slice().ok_or_else(layout)?, slices.detail.1);
+            let detail = (pool::line(slices.detail.0, row)?, slices.detail.1);
             let slopes = slices.slopes.map(|(x, y)| (x, 1.0 + y[row] * y[row]));
             finish(out.as_slice_mut().ok_or_else(layout)?, &sum, detail, slopes);
         }
@@ -94,8 +90,9 @@ pub fn add(
     })
 }
 
-#[inline(always)]
-fn between_with<const LEVEL: u8>(line: &mut [f32], three: &[f32], weights: [f32; 3]) {
+/// Adds to a line of coarse samples what lies between three of them.
+#[dispatch]
+fn between<const LEVEL: u8>(line: &mut [f32], three: &[f32], weights: [f32; 3]) {
     let columns = line.len();
     let (before, rest) = three.split_at(columns);
     let (at, after) = rest.split_at(columns);
@@ -106,12 +103,6 @@ fn between_with<const LEVEL: u8>(line: &mut [f32], three: &[f32], weights: [f32;
     }
 }
 
-dispatch! {
-    /// Adds to a line of coarse samples what lies between three of them.
-    fn between(line: &mut [f32], three: &[f32], weights: [f32; 3]) = between_with
-}
-
-/// The pixels of one coarse sample.
 #[inline(always)]
 fn pixels<const LEVEL: u8>(three: [f32; 3]) -> [f32; COARSE] {
     let mut values = [0.0_f32; COARSE];
@@ -124,8 +115,10 @@ fn pixels<const LEVEL: u8>(three: [f32; 3]) -> [f32; COARSE] {
     values
 }
 
-#[inline(always)]
-fn spread_with<const LEVEL: u8>(sum: &mut [f32], line: &[f32], ground: Option<(&[f32], f32, f32)>) {
+/// The pixels that follow from a line of coarse samples; before a ground they are added, times the
+/// part of the slice before it.
+#[dispatch]
+fn spread<const LEVEL: u8>(sum: &mut [f32], line: &[f32], ground: Option<(&[f32], f32, f32)>) {
     let (cells, _) = sum.as_chunks_mut::<COARSE>();
     let count = cells.len().min(line.len() - 2);
     let Some((ground, first, thick)) = ground else {
@@ -145,19 +138,15 @@ fn spread_with<const LEVEL: u8>(sum: &mut [f32], line: &[f32], ground: Option<(&
     }
 }
 
-dispatch! {
-    /// The pixels that follow from a line of coarse samples; before a ground they are added, times the
-    /// part of the slice before it.
-    fn spread(sum: &mut [f32], line: &[f32], ground: Option<(&[f32], f32, f32)>) = spread_with
-}
-
-#[inline(always)]
-fn finish_with<const LEVEL: u8>(
+/// Adds a row, times its short waves and the length of its rays.
+#[dispatch]
+fn finish<const LEVEL: u8>(
     out: &mut [f32],
     sum: &[f32],
-    (waves, strength): (&[f32], f32),
+    waves: (&[f32], f32),
     slopes: Option<(&[f32], f32)>,
 ) {
+    let (waves, strength) = waves;
     let dense =
         |sum: f32, wave: f32| sum * most(multiply_add::<f32, LEVEL>(strength, wave, 1.0), 0.0);
     let Some((slopes, down)) = slopes else {
@@ -170,14 +159,4 @@ fn finish_with<const LEVEL: u8>(
         let length = multiply_add::<f32, LEVEL>(x, x, down).sqrt();
         *out = multiply_add::<f32, LEVEL>(dense(sum, wave), length, *out);
     }
-}
-
-dispatch! {
-    /// Adds a row, times its short waves and the length of its rays.
-    fn finish(
-        out: &mut [f32],
-        sum: &[f32],
-        waves: (&[f32], f32),
-        slopes: Option<(&[f32], f32)>,
-    ) = finish_with
 }

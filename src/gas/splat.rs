@@ -4,38 +4,17 @@
 //! Else they are sorted once, front to back. Every pixel has one owner and its particles come in an
 //! order that follows from the arguments alone, so bits do not depend on the thread count.
 
-use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3};
+use ndarray::ArrayView2;
 
-use super::cloud::Cloud;
 use super::draw::Drawing;
 use super::picture::{Picture, Touched};
-use super::sprite::{Eye, Form, Look, Sprite};
-use crate::base::error::{Cancel, Error, collected, finite};
-use crate::base::normal::Normal;
+use super::sprite::{Cloud, Eye, Form, Look, Sprite};
+use crate::base::error::{Cancel, Error, collected};
 use crate::base::pool;
 use crate::base::real::Real;
 
 /// Particles that are projected together.
 const RUN: usize = 1024;
-
-fn check(eye: &Eye, look: &Look) -> Result<(), Error> {
-    for &value in eye.center.iter().chain(&eye.offset) {
-        finite("camera", value)?;
-    }
-    if !(eye.focal > 0.0 && eye.focal.is_finite()) {
-        return Err(Error::invalid("camera", format!("focal must be positive, got {}", eye.focal)));
-    }
-    if !(look.near > 0.0 && look.near.is_finite()) {
-        return Err(Error::invalid("near", format!("must be positive, got {}", look.near)));
-    }
-    if !(0.0..1.0).contains(&look.error) {
-        return Err(Error::invalid("error", format!("must be from 0 to 1, got {}", look.error)));
-    }
-    if look.smooth.is_nan() || look.smooth <= 0.0 {
-        return Err(Error::invalid("smooth", format!("must be positive, got {}", look.smooth)));
-    }
-    Ok(())
-}
 
 /// The images of all particles; those that are not seen touch no row.
 pub fn sprites(
@@ -60,54 +39,8 @@ pub fn sprites(
     Ok(sprites)
 }
 
-/// Refuses what cannot be drawn.
-pub fn check_all<M>(
-    shape: (usize, usize),
-    cloud: &Cloud<'_>,
-    eye: &Eye,
-    look: &Look,
-    depth: Option<&ArrayView2<'_, M>>,
-) -> Result<(), Error> {
-    cloud.check()?;
-    check(eye, look)?;
-    match depth {
-        Some(depth) if depth.dim() != shape => {
-            Err(Error::invalid("depth", format!("must have shape {shape:?}")))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Draws the alpha of particles of one color, or of any, into `out` (H, W).
-pub fn alpha<P: Normal, M: Real>(
-    out: ArrayViewMut2<P>,
-    cloud: &Cloud<'_>,
-    eye: &Eye,
-    look: &Look,
-    depth: Option<ArrayView2<M>>,
-    cancel: &Cancel,
-) -> Result<(), Error> {
-    let shape = out.dim();
-    let cloud = Cloud { colors: &[[0.0; 3]], ..*cloud };
-    let draw = |picture: &Picture<'_, M>| picture.alpha(out, [0, shape.0, 0, shape.1], cancel);
-    drawn(shape, &cloud, eye, look, depth, cancel, draw)
-}
-
-/// Draws premultiplied linear RGBA into `out` (H, W, 4).
-pub fn splat<P: Normal, M: Real>(
-    out: ArrayViewMut3<P>,
-    cloud: &Cloud<'_>,
-    eye: &Eye,
-    look: &Look,
-    depth: Option<ArrayView2<M>>,
-    cancel: &Cancel,
-) -> Result<(), Error> {
-    let shape = (out.dim().0, out.dim().1);
-    let draw = |picture: &Picture<'_, M>| picture.light(out, [0, shape.0, 0, shape.1], cancel);
-    drawn(shape, cloud, eye, look, depth, cancel, draw)
-}
-
-fn drawn<M: Real>(
+/// Hands on the picture of particles in a frame of `shape`.
+pub fn drawn<M: Real>(
     shape: (usize, usize),
     cloud: &Cloud<'_>,
     eye: &Eye,
@@ -116,7 +49,7 @@ fn drawn<M: Real>(
     cancel: &Cancel,
     draw: impl FnOnce(&Picture<'_, M>) -> Result<(), Error>,
 ) -> Result<(), Error> {
-    check_all(shape, cloud, eye, look, depth.as_ref())?;
+    cloud.check()?;
     let sprites = &sprites(cloud, eye, look, shape, cancel)?;
     let touched = &Touched::of(sprites, cloud.colors, shape.0)?;
     let drawing = Drawing { sprites, colors: cloud.colors, look };

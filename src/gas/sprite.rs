@@ -3,9 +3,12 @@
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
+use ndarray::{ArrayView1, ArrayView2};
+
 use super::footprint::{Edge, POINT_FROM, patch};
-use crate::base::cover::pixels;
-use crate::base::smooth::smoothstep;
+use crate::base::error::Error;
+use crate::base::pixel::pixels;
+use crate::base::pixel::smoothstep;
 
 /// Slopes beyond this many times the picture's are held when a footprint is widened off the axis.
 const SLOPES: f64 = 1.3;
@@ -61,12 +64,9 @@ pub enum NearMode {
     Exact,
 }
 
-/// How gas is drawn.
 #[derive(Debug, Clone, Copy)]
 pub struct Look {
-    /// The model.
     pub footprint: Footprint,
-    /// How footprints end.
     pub edge: Edge,
     /// Depth before which nothing is drawn, world units, more than 0.
     pub near: f64,
@@ -80,7 +80,6 @@ pub struct Look {
     pub smooth: f64,
 }
 
-/// A particle of the gas.
 #[derive(Debug, Clone, Copy)]
 pub struct Particle {
     /// In camera axes.
@@ -89,6 +88,42 @@ pub struct Particle {
     pub radius: f64,
     /// Opacity of its middle, 0 to 1.
     pub density: f64,
+}
+
+/// Particles as arrays: centers (n, 3) in camera axes; the others have n rows, or one for all.
+#[derive(Debug, Clone, Copy)]
+pub struct Cloud<'a> {
+    /// World units.
+    pub centers: ArrayView2<'a, f64>,
+    /// Three sigma, world units.
+    pub radius: ArrayView1<'a, f64>,
+    /// Opacity of the middle, 0 to 1.
+    pub density: ArrayView1<'a, f64>,
+    /// Linear RGB, (1 or n, 3).
+    pub colors: &'a [[f64; 3]],
+}
+
+impl Cloud<'_> {
+    /// Refuses arrays that do not fit each other; the Python layer has looked at their numbers.
+    pub fn check(&self) -> Result<(), Error> {
+        let (count, columns) = self.centers.dim();
+        let fits = [self.radius.len(), self.density.len(), self.colors.len()]
+            .into_iter()
+            .all(|length| length == 1 || length == count);
+        if columns != 3 || !fits || self.colors.is_empty() || u32::try_from(count).is_err() {
+            return Err(Error::Internal("arrays of a gas do not fit each other".into()));
+        }
+        Ok(())
+    }
+
+    pub fn get(&self, index: usize) -> Particle {
+        let row = |length: usize| if length == 1 { 0 } else { index };
+        Particle {
+            center: [0, 1, 2].map(|axis| self.centers[[index, axis]]),
+            radius: self.radius[row(self.radius.len())],
+            density: self.density[row(self.density.len())],
+        }
+    }
 }
 
 /// What the footprint on the picture is.
@@ -104,10 +139,8 @@ pub enum Form {
     Ray,
 }
 
-/// A particle's image.
 #[derive(Debug, Clone, Copy)]
 pub struct Sprite {
-    /// What it is.
     pub form: Form,
     /// The model that it is drawn by.
     pub model: Footprint,
@@ -121,7 +154,6 @@ pub struct Sprite {
     pub radius: f64,
     /// From the eye, world units.
     pub place: [f64; 3],
-    /// How far that is.
     pub away: f64,
     /// World units.
     pub sigma: f64,
@@ -131,12 +163,10 @@ pub struct Sprite {
     pub opacity: f64,
     /// What it is sorted by, front to back.
     pub key: f64,
-    /// Its place in the list.
     pub index: u32,
 }
 
 impl Sprite {
-    /// No image.
     pub const NONE: Self = Self {
         form: Form::Point,
         model: Footprint::Viewplane,
@@ -290,31 +320,4 @@ fn slopes(x: f64, depth: f64, reach: f64) -> Option<(f64, f64)> {
     let low = if low <= -FRAC_PI_2 { f64::NEG_INFINITY } else { libm::tan(low) };
     let high = if high >= FRAC_PI_2 { f64::INFINITY } else { libm::tan(high) };
     Some((low, high))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::base::random::Hash;
-
-    #[test]
-    fn slopes_hold_every_ray_that_meets_the_circle() {
-        let unit = |i: i64, word: i64| Hash::seeded(5).word(i).word(word).unit();
-        for i in 0..2000 {
-            let x = 8.0 * unit(i, 0) - 4.0;
-            let depth = 8.0 * unit(i, 1) - 4.0;
-            let reach = 2.0 * unit(i, 2);
-            let bounds = slopes(x, depth, reach);
-            for step in -400..=400 {
-                let slope = f64::from(step) / 40.0;
-                let length = slope.hypot(1.0);
-                let meets = (x - slope * depth).abs() / length < reach * (1.0 - 1e-12)
-                    && (x * slope + depth) > 0.0;
-                if meets {
-                    let (low, high) = bounds.expect("met by a ray");
-                    assert!(low <= slope && slope <= high, "{x} {depth} {reach} {slope}");
-                }
-            }
-        }
-    }
 }

@@ -5,19 +5,13 @@
 //! large as the table's and as much fainter or stronger. A ball smaller than [`LEAST`] is one of that radius;
 //! beyond [`MOST`] a pixel is small beside it.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "an index over lanes of a fixed count is what vectorises without closures"
-)]
-
-use super::bins::TILE;
-use super::canvas::{Canvas, LANES};
-use super::draw::{PIXELS, begin, multiply};
+use super::bins::{PIXELS, TILE};
+use super::canvas::{Canvas, LANES, begin, multiply};
 use super::profile::Profile;
 use super::sprite::{REACH, Sprite};
-use crate::base::ball::opacity_at;
-use crate::base::cover::pixels;
+use crate::base::ball::{mean_opacity, opacity_at};
 use crate::base::error::{Error, collected};
+use crate::base::pixel::pixels;
 
 /// The radii of the first and the last table, px, and tables from a radius to its double.
 pub const LEAST: f64 = 0.2;
@@ -52,17 +46,14 @@ const OPAQUE: f32 = 1.0 - 1e-6;
 /// Of a way the places that integrate a cubic exactly, from its middle, in its lengths.
 const GAUSS: f64 = 0.288_675_134_594_812_9;
 
-/// The images of balls of one opacity.
 pub struct Balls {
     tables: Vec<Table>,
 }
 
-/// The image of a ball of one radius.
 struct Table {
     radius: f64,
     /// The radius and the margin.
     reach: f64,
-    /// Entries for each pixel.
     along: f64,
     across: f64,
     /// By distance across the way and along it: the resting image.
@@ -83,7 +74,7 @@ impl Balls {
         // Opacity by the square of the distance from the middle, in radii: looked up, it costs a tenth.
         let profile: Vec<f32> =
             (0..=1024).map(|i| opacity_at(f64::from(i).sqrt() / 32.0, tau0) as f32).collect();
-        let mean = crate::base::ball::mean_opacity(tau0);
+        let mean = mean_opacity(tau0);
         Ok(Self {
             tables: collected((0..count).map(|step| Table::new(radius(step), mean, &profile)))?,
         })
@@ -204,7 +195,7 @@ fn looked_up(table: &Table, values: &[f32], row: &Row, shift: f32) -> [f32; LANE
 
 /// A ball drawn into one tile.
 #[inline(always)]
-pub(super) fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
+pub fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
     canvas: &mut C,
     map: Option<&[P; PIXELS]>,
     sprite: &Sprite,
@@ -260,35 +251,32 @@ pub(super) fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
                 places.along[k] = at + k as f32 * right;
                 places.across[k] = side + k as f32 * aside;
             }
-            let mut alpha = [P::zero(); LANES];
+            let mut seen = [0.0_f32; LANES];
             if !resting {
                 let ahead = looked_up(table, &table.swept, &places, 0.0);
                 let behind = looked_up(table, &table.swept, &places, (-length * step) as f32);
                 for k in 0..LANES {
-                    alpha[k] = P::of(f64::from(((ahead[k] - behind[k]) * amplitude).min(OPAQUE)));
+                    seen[k] = ahead[k] - behind[k];
                 }
             } else if sprite.length < NONE {
-                let seen = looked_up(table, &table.rest, &places, 0.0);
-                for k in 0..LANES {
-                    alpha[k] = P::of(f64::from((seen[k] * amplitude).min(OPAQUE)));
-                }
+                seen = looked_up(table, &table.rest, &places, 0.0);
             } else {
                 let [dx, dy] = sprite.along.map(|part| GAUSS * sprite.length * part);
-                let mut sum = [0.0_f32; LANES];
                 for sign in [1.0, -1.0] {
                     let mut moved = Row { along: places.along, across: places.across };
                     for k in 0..LANES {
                         moved.along[k] += (sign * dx * step) as f32;
                         moved.across[k] += (sign * dy * across) as f32;
                     }
-                    let seen = looked_up(table, &table.rest, &moved, 0.0);
+                    let part = looked_up(table, &table.rest, &moved, 0.0);
                     for k in 0..LANES {
-                        sum[k] += 0.5 * seen[k];
+                        seen[k] += 0.5 * part[k];
                     }
                 }
-                for k in 0..LANES {
-                    alpha[k] = P::of(f64::from((sum[k] * amplitude).min(OPAQUE)));
-                }
+            }
+            let mut alpha = [P::zero(); LANES];
+            for k in 0..LANES {
+                alpha[k] = P::of(f64::from((seen[k] * amplitude).min(OPAQUE)));
             }
             multiply::<P, C, LEVEL>(canvas, map, depth, row * TILE + column, &alpha);
         }
@@ -298,38 +286,8 @@ pub(super) fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::ball::{mean_opacity, middle_depth};
+    use crate::base::ball::middle_depth;
 
-    /// The sum of a sprite's opacities over a tile.
-    fn energy(balls: &Balls, sprite: &Sprite) -> f64 {
-        let mut through = [1.0; PIXELS];
-        ball::<f32, _, { crate::base::simd::PORTABLE }>(
-            &mut through,
-            None,
-            sprite,
-            [0.0; 2],
-            balls,
-        );
-        through.iter().map(|through| 1.0 - through).sum()
-    }
-
-    #[test]
-    fn a_ball_covers_what_it_should_wherever_it_lies_and_moves() {
-        let tau0 = middle_depth(0.6).unwrap();
-        let balls = Balls::new(tau0).unwrap();
-        for radius in [0.05, 0.21, 0.33, 0.5, 0.9, 1.7, 3.1, 4.9, 7.3, 12.0] {
-            let mut worst: f64 = 0.0;
-            for step in 0..12 {
-                let at = [31.0 + 0.083 * f64::from(step), 32.0 - 0.137 * f64::from(step)];
-                for way in [[0.0, 0.0], [0.3, 0.2], [0.9, -0.1], [3.0, 4.0], [-6.0, 0.5]] {
-                    let sprite = Balls::sprite(at, way, radius, 0.7, 1.0).unwrap();
-                    let wanted = 0.7 * mean_opacity(tau0) * std::f64::consts::PI * radius * radius;
-                    worst = worst.max((energy(&balls, &sprite) / wanted - 1.0).abs());
-                }
-            }
-            assert!(worst < 0.011, "{radius}: {worst}");
-        }
-    }
     #[test]
     fn no_ball_is_more_than_opaque() {
         let balls = Balls::new(middle_depth(0.99).unwrap()).unwrap();

@@ -10,24 +10,23 @@ use std::ops::Range;
 use std::slice::Iter;
 
 use super::sprite::Sprite;
-use crate::base::cover::pixels;
-use crate::base::error::Error;
+use crate::base::error::{Error, reserve};
+use crate::base::pixel::pixels;
 
 /// Side of a tile, px. Its transmittance in float64 is 32 KiB: the L1 cache.
 pub const TILE: usize = 64;
+
+pub const PIXELS: usize = TILE * TILE;
 
 /// A flake that spans more tiles than this is kept in a list that every tile looks at, so that memory
 /// stays proportional to the number of flakes and not to the pixels they cover.
 const MOST_TILES: usize = 16;
 
-/// The tiles of a picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Grid {
     /// (height, width), px.
     pub shape: (usize, usize),
-    /// Tiles down.
     pub rows: usize,
-    /// Tiles across.
     pub columns: usize,
 }
 
@@ -37,8 +36,7 @@ impl Grid {
         Self { shape, rows: shape.0.div_ceil(TILE), columns: shape.1.div_ceil(TILE) }
     }
 
-    /// Tiles in all.
-    pub(super) fn len(&self) -> usize {
+    pub fn len(&self) -> usize {
         self.rows * self.columns
     }
 
@@ -66,7 +64,6 @@ pub type Numbered<'a> = Zip<Iter<'a, Sprite>, Iter<'a, i32>>;
 pub struct Bins {
     /// The sprites of tile k are sprites[starts[k]..starts[k + 1]], by index of the flake.
     sprites: Vec<Sprite>,
-    /// Their flakes' numbers.
     numbers: Vec<i32>,
     starts: Vec<u32>,
     /// Those that span many tiles, by index.
@@ -146,7 +143,6 @@ impl Bins {
         Ok(())
     }
 
-    /// Bytes that it keeps.
     pub fn bytes(&self) -> usize {
         size_of::<Sprite>() * (self.sprites.capacity() + self.large.capacity())
             + size_of::<u32>() * (self.starts.capacity() + self.next.capacity())
@@ -172,15 +168,4 @@ impl Bins {
 pub fn touches(sprite: &Sprite, row: usize, column: usize) -> bool {
     let center = [column, row].map(|place| (place * TILE + TILE / 2) as i64 as f64);
     sprite.touches(center, (TILE / 2) as f64)
-}
-
-/// Room for `more` elements, or an error where `push` would abort the process.
-#[inline(always)]
-fn reserve<T>(buffer: &mut Vec<T>, more: usize) -> Result<(), Error> {
-    if buffer.capacity() - buffer.len() >= more {
-        return Ok(());
-    }
-    buffer.try_reserve(more).map_err(|_| Error::Memory {
-        bytes: (buffer.len().saturating_add(more)).saturating_mul(size_of::<T>()),
-    })
 }

@@ -3,7 +3,8 @@
 
 #![expect(unsafe_code, reason = "vectors by `Lanes`")]
 
-use super::draw::PIXELS;
+use super::bins::{PIXELS, TILE};
+use super::profile::Profile;
 use crate::base::lanes::Lanes;
 use crate::base::real::Real;
 use crate::base::simd::{AVX2, AVX512};
@@ -16,8 +17,8 @@ pub trait Canvas {
     /// Says which flake comes next.
     fn next(&mut self, number: i32);
 
-    /// Takes the flake's alphas at N pixels from `at` on: weight * profile.
-    fn take<const N: usize, const LEVEL: u8>(&mut self, at: usize, weight: f64, profile: &[f64; N]);
+    /// Takes the flake's alphas at LANES pixels from `at` on: weight * profile.
+    fn take<const LEVEL: u8>(&mut self, at: usize, weight: f64, profile: &[f64; LANES]);
 }
 
 /// T *= 1 - alpha.
@@ -26,13 +27,8 @@ impl Canvas for [f64; PIXELS] {
     fn next(&mut self, _: i32) {}
 
     #[inline(always)]
-    fn take<const N: usize, const LEVEL: u8>(
-        &mut self,
-        at: usize,
-        weight: f64,
-        profile: &[f64; N],
-    ) {
-        rows::<LEVEL>(&mut self[at..at + N], weight, profile);
+    fn take<const LEVEL: u8>(&mut self, at: usize, weight: f64, profile: &[f64; LANES]) {
+        rows::<LEVEL>(&mut self[at..at + LANES], weight, profile);
     }
 }
 
@@ -40,7 +36,6 @@ impl Canvas for [f64; PIXELS] {
 pub struct Numbered {
     /// T, with the bits that it has alone.
     pub through: [f64; PIXELS],
-    /// The greatest alpha.
     pub most: [f64; PIXELS],
     /// Whose it is, or [`NONE`].
     pub numbers: [i32; PIXELS],
@@ -48,7 +43,6 @@ pub struct Numbered {
 }
 
 impl Numbered {
-    /// An empty tile.
     pub fn new() -> Self {
         Self { through: [1.0; PIXELS], most: [0.0; PIXELS], numbers: [NONE; PIXELS], drawn: NONE }
     }
@@ -61,18 +55,13 @@ impl Canvas for Numbered {
     }
 
     #[inline(always)]
-    fn take<const N: usize, const LEVEL: u8>(
-        &mut self,
-        at: usize,
-        weight: f64,
-        profile: &[f64; N],
-    ) {
-        rows::<LEVEL>(&mut self.through[at..at + N], weight, profile);
-        let most: &mut [f64; N] =
-            (&mut self.most[at..at + N]).try_into().expect("a block in a tile");
-        let numbers: &mut [i32; N] =
-            (&mut self.numbers[at..at + N]).try_into().expect("a block in a tile");
-        for k in 0..N {
+    fn take<const LEVEL: u8>(&mut self, at: usize, weight: f64, profile: &[f64; LANES]) {
+        rows::<LEVEL>(&mut self.through[at..at + LANES], weight, profile);
+        let most: &mut [f64; LANES] =
+            (&mut self.most[at..at + LANES]).try_into().expect("a block in a tile");
+        let numbers: &mut [i32; LANES] =
+            (&mut self.numbers[at..at + LANES]).try_into().expect("a block in a tile");
+        for k in 0..LANES {
             let alpha = weight * profile[k];
             let first = (alpha == most[k]) & (self.drawn < numbers[k]);
             let wins = (alpha > most[k]) | first;
@@ -117,4 +106,35 @@ unsafe fn dim<V: Lanes<f64>>(through: &mut [f64], weight: f64, profile: &[f64]) 
             left.mul(V::load(to)).store(to);
         }
     }
+}
+
+/// The first pixel of `blocks` blocks of `lanes` that begin at `first`, moved to stay in the tile.
+#[inline(always)]
+pub fn begin(first: usize, count: usize, lanes: usize) -> (usize, usize) {
+    let blocks = count.div_ceil(lanes);
+    (first.min(TILE - blocks * lanes), blocks)
+}
+
+/// Lanes of a row, hidden where the map is nearer.
+#[inline(always)]
+pub fn multiply<P: Profile, C: Canvas, const LEVEL: u8>(
+    canvas: &mut C,
+    map: Option<&[P; PIXELS]>,
+    depth: P,
+    at: usize,
+    alpha: &[P; LANES],
+) {
+    let mut seen = [0.0; LANES];
+    if let Some(map) = map {
+        let map: &[P; LANES] = map[at..at + LANES].try_into().expect("lanes lie in the tile");
+        for k in 0..LANES {
+            // NaN in the map hides nothing.
+            seen[k] = if map[k] < depth { 0.0 } else { alpha[k].wide() };
+        }
+    } else {
+        for k in 0..LANES {
+            seen[k] = alpha[k].wide();
+        }
+    }
+    canvas.take::<LEVEL>(at, 1.0, &seen);
 }

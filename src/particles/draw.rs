@@ -1,4 +1,4 @@
-//! Flakes drawn into one tile: T *= 1 - alpha, pixel by pixel, flake after flake.
+//! A flake drawn into one tile: T *= 1 - alpha, pixel by pixel, flake after flake.
 //!
 //! The transmittance is float64 whatever the pixels are: 1e5 layers of alpha 1e-5 in float32 would
 //! be wrong by 3e-3, because 1 - alpha rounds the same way each time. One tile of it fits the L1
@@ -9,75 +9,16 @@
 //! Loops over lanes are plain loops with a fixed count: a closure would not inherit the instruction
 //! set that the function is compiled for, and would run many times slower.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "an index over lanes of a fixed count is what vectorises without closures"
-)]
-
 use super::balls::{Balls, ball};
-use super::bins::{TILE, touches};
-use super::canvas::{Canvas, LANES};
+use super::bins::{PIXELS, TILE};
+use super::canvas::{Canvas, LANES, begin};
 use super::profile::{self, Profile};
-use super::sorted::Sorted;
 use super::sprite::{REACH, Sprite};
 use super::streak::streak;
-use crate::base::cover::pixels;
-use crate::base::error::{Cancel, Error};
-use crate::base::simd::dispatch;
-
-/// Pixels of a tile.
-pub const PIXELS: usize = TILE * TILE;
-
-/// Flakes between two looks at the cancel flag.
-const LOOK: usize = 1024;
-
-dispatch! {
-    /// Multiplies what a tile's flakes let through into a canvas.
-    ///
-    /// `depth`, where given, is the depth of what stands in the tile; a flake behind it is hidden. Pixels
-    /// beyond the picture's border are computed like the others and never looked at.
-    pub fn draw<P: Profile, C: Canvas>(
-        canvas: &mut C,
-        depth: Option<&[P; PIXELS]>,
-        sorted: &Sorted,
-        tile: usize,
-        cancel: &Cancel,
-    ) -> Result<(), Error> = draw_with
-}
+use crate::base::pixel::pixels;
 
 #[inline(always)]
-fn draw_with<P: Profile, C: Canvas, const LEVEL: u8>(
-    canvas: &mut C,
-    depth: Option<&[P; PIXELS]>,
-    sorted: &Sorted,
-    tile: usize,
-    cancel: &Cancel,
-) -> Result<(), Error> {
-    let (row, column) = (tile / sorted.grid.columns, tile % sorted.grid.columns);
-    let origin = [(column * TILE) as f64, (row * TILE) as f64];
-    for bins in &sorted.runs {
-        let mut drawn = 0_usize;
-        for (list, whole) in [(bins.small(tile), true), (bins.large(), false)] {
-            for (sprite, &number) in list {
-                if !whole && !touches(sprite, row, column) {
-                    continue;
-                }
-                drawn += 1;
-                if drawn.is_multiple_of(LOOK) {
-                    cancel.check()?;
-                }
-                canvas.next(number);
-                one::<P, _, LEVEL>(canvas, depth, sprite, origin, sorted.balls.as_deref());
-            }
-        }
-        cancel.check()?;
-    }
-    Ok(())
-}
-
-/// One sprite by itself.
-#[inline(always)]
-pub(super) fn one<P: Profile, C: Canvas, const LEVEL: u8>(
+pub fn one<P: Profile, C: Canvas, const LEVEL: u8>(
     canvas: &mut C,
     depth: Option<&[P; PIXELS]>,
     sprite: &Sprite,
@@ -91,37 +32,6 @@ pub(super) fn one<P: Profile, C: Canvas, const LEVEL: u8>(
     } else {
         streak::<P, C, LEVEL>(canvas, depth, sprite, origin);
     }
-}
-
-/// The first pixel of `blocks` blocks of `lanes` that begin at `first`, moved to stay in the tile.
-#[inline(always)]
-pub(super) fn begin(first: usize, count: usize, lanes: usize) -> (usize, usize) {
-    let blocks = count.div_ceil(lanes);
-    (first.min(TILE - blocks * lanes), blocks)
-}
-
-/// Lanes of a row, hidden where the map is nearer.
-#[inline(always)]
-pub(super) fn multiply<P: Profile, C: Canvas, const LEVEL: u8>(
-    canvas: &mut C,
-    map: Option<&[P; PIXELS]>,
-    depth: P,
-    at: usize,
-    alpha: &[P; LANES],
-) {
-    let mut seen = [0.0; LANES];
-    if let Some(map) = map {
-        let map: &[P; LANES] = map[at..at + LANES].try_into().expect("lanes lie in the tile");
-        for k in 0..LANES {
-            // NaN in the map hides nothing.
-            seen[k] = if map[k] < depth { 0.0 } else { alpha[k].wide() };
-        }
-    } else {
-        for k in 0..LANES {
-            seen[k] = alpha[k].wide();
-        }
-    }
-    canvas.take::<LANES, LEVEL>(at, 1.0, &seen);
 }
 
 #[inline(always)]
@@ -147,7 +57,6 @@ fn disc<P: Profile, C: Canvas, const LEVEL: u8>(
     outer::<P, C, LEVEL>(canvas, &place, blocks, &across, &down);
 }
 
-/// Where a disc lies in its tile.
 struct Place<'a, P> {
     map: Option<&'a [P; PIXELS]>,
     depth: P,
@@ -174,7 +83,7 @@ fn outer<P: Profile, C: Canvas, const LEVEL: u8>(
             let weight = down[row - place.top].wide();
             let at = row * TILE + place.left + block * LANES;
             let Some(map) = place.map else {
-                canvas.take::<LANES, LEVEL>(at, weight, &profile);
+                canvas.take::<LEVEL>(at, weight, &profile);
                 continue;
             };
             let map: &[P; LANES] = map[at..at + LANES].try_into().expect("lanes lie in the tile");
@@ -183,7 +92,7 @@ fn outer<P: Profile, C: Canvas, const LEVEL: u8>(
                 // NaN in the map hides nothing.
                 seen[k] = if map[k] < place.depth { 0.0 } else { seen[k] };
             }
-            canvas.take::<LANES, LEVEL>(at, weight, &seen);
+            canvas.take::<LEVEL>(at, weight, &seen);
         }
     }
 }

@@ -19,7 +19,6 @@ use crate::base::simd::multiply_add;
 /// Where the end of the footprint begins, in sigma.
 const RIM: f64 = 3.0;
 
-/// Terms of the series for short segments.
 pub const TERMS: usize = 7;
 
 /// What the profiles need of a pixel's precision beyond [`Normal`].
@@ -160,61 +159,4 @@ pub fn swept_short<P: Profile, const LEVEL: u8>(x: P, q: P, half: P, series: [P;
     let squared = x * x;
     let both = multiply_add::<P, LEVEL>(q, q, squared);
     P::exp_at::<LEVEL>(P::of(-0.5) * both) * polynomial_at::<P, TERMS, LEVEL>(series, squared)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::base::simd::PORTABLE;
-
-    /// G by Simpson's rule over the segment: the definition.
-    fn by_quadrature(x: f64, length: f64) -> f64 {
-        let steps = 8000;
-        // Compensated, or the sum itself would lose two digits.
-        let (mut sum, mut lost) = (0.0, 0.0);
-        for i in 0..=steps {
-            let weight = match i {
-                0 => 1.0,
-                i if i == steps => 1.0,
-                i if i % 2 == 1 => 4.0,
-                _ => 2.0,
-            };
-            let at = x + length * (f64::from(i) / f64::from(steps) - 0.5);
-            let term = weight * (-0.5 * at * at).exp() - lost;
-            let next: f64 = sum + term;
-            lost = (next - sum) - term;
-            sum = next;
-        }
-        sum / (3.0 * f64::from(steps))
-    }
-
-    fn errors<P: Profile>(length: f64) -> f64 {
-        let coefficients = series(length).map(P::of);
-        let scale = std::f64::consts::FRAC_PI_2.sqrt() / length;
-        (0..=60)
-            .map(|i| {
-                // Up to 3 sigma past the end, where the rim begins.
-                let x = (0.5 * length + 3.0) * f64::from(i) / 60.0;
-                let half = 0.5 * length;
-                let got = if length < P::SHORT {
-                    swept_short::<P, PORTABLE>(P::of(x), P::zero(), P::of(half), coefficients)
-                        .wide()
-                } else {
-                    swept::<P, PORTABLE>(P::of(half + x), P::of(half - x)).wide() * scale
-                };
-                (got - by_quadrature(x, length)).abs()
-            })
-            .fold(0.0, f64::max)
-    }
-
-    #[test]
-    fn both_forms_of_the_sweep_are_the_integral() {
-        for length in [1e-6, 1e-4, 0.01, 0.1, 0.2, 0.44, 0.46, 0.9, 1.0, 1.99, 2.0, 3.0, 10.0, 40.0]
-        {
-            let (wide, narrow) = (errors::<f64>(length), errors::<f32>(length));
-            // Simpson's own error is below 1e-15 up to 10 sigma and 1e-11 at 40.
-            assert!(wide < if length > 10.0 { 1e-11 } else { 3e-15 }, "{length}: {wide:e}");
-            assert!(narrow < 3e-7, "{length}: {narrow:e}");
-        }
-    }
 }

@@ -8,13 +8,12 @@ use std::sync::{Arc, Mutex};
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
 use super::balls::Balls;
-use super::bins::{Bins, Grid, Scratch, TILE};
+use super::bins::{Bins, Grid, PIXELS, Scratch, TILE, touches};
 use super::canvas::{Canvas, NONE, Numbered};
-use super::draw::{PIXELS, draw};
+use super::draw::one;
 use super::profile::Profile;
-use super::splat::{Flakes, check_lens};
-use super::sprite::{Lens, Sprite};
-use crate::base::error::{Cancel, Error, pushed};
+use super::sprite::Sprite;
+use crate::base::error::{Cancel, Error, layout, pushed};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::dispatch;
@@ -39,15 +38,51 @@ pub type Part = [usize; 4];
 /// and then buffers are made anew.
 static SPARE: Mutex<Vec<Bins>> = Mutex::new(Vec::new());
 
-/// What is kept at most, bytes.
 const MOST_SPARE: usize = 32 << 20;
 
 /// The flakes of a frame by the tiles that they touch.
 pub struct Sorted {
-    pub(super) runs: Vec<Bins>,
-    pub(super) grid: Grid,
+    pub runs: Vec<Bins>,
+    pub grid: Grid,
     /// What sprites are the images of; None where they are Gaussians.
-    pub(super) balls: Option<Arc<Balls>>,
+    pub balls: Option<Arc<Balls>>,
+}
+
+/// Flakes between two looks at the cancel flag.
+const LOOK: usize = 1024;
+
+/// Multiplies what a tile's flakes let through into a canvas.
+///
+/// `depth`, where given, is the depth of what stands in the tile; a flake behind it is hidden. Pixels
+/// beyond the picture's border are computed like the others and never looked at.
+#[dispatch]
+fn draw<const LEVEL: u8, P: Profile, C: Canvas>(
+    canvas: &mut C,
+    depth: Option<&[P; PIXELS]>,
+    sorted: &Sorted,
+    tile: usize,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let (row, column) = (tile / sorted.grid.columns, tile % sorted.grid.columns);
+    let origin = [(column * TILE) as f64, (row * TILE) as f64];
+    for bins in &sorted.runs {
+        let mut drawn = 0_usize;
+        for (list, whole) in [(bins.small(tile), true), (bins.large(), false)] {
+            for (sprite, &number) in list {
+                if !whole && !touches(sprite, row, column) {
+                    continue;
+                }
+                drawn += 1;
+                if drawn.is_multiple_of(LOOK) {
+                    cancel.check()?;
+                }
+                canvas.next(number);
+                one::<P, _, LEVEL>(canvas, depth, sprite, origin, sorted.balls.as_deref());
+            }
+        }
+        cancel.check()?;
+    }
+    Ok(())
 }
 
 impl Drop for Sorted {
@@ -64,30 +99,8 @@ impl Drop for Sorted {
 }
 
 impl Sorted {
-    /// Projects and sorts the flakes of a frame of `shape`.
-    pub fn of(
-        flakes: &Flakes<'_>,
-        lens: &Lens,
-        shape: (usize, usize),
-        cancel: &Cancel,
-    ) -> Result<Self, Error> {
-        flakes.check()?;
-        check_lens(lens)?;
-        let image = |index| Some((Sprite::of(&flakes.get(index), lens)?, index as i32));
-        Self::new(flakes.points.nrows(), image, None, shape, cancel)
-    }
-
-    /// Sorts images of balls, each with its number.
-    pub fn of_balls(
-        sprites: &[(Sprite, i32)],
-        balls: Arc<Balls>,
-        shape: (usize, usize),
-        cancel: &Cancel,
-    ) -> Result<Self, Error> {
-        Self::new(sprites.len(), |index| Some(sprites[index]), Some(balls), shape, cancel)
-    }
-
-    fn new(
+    /// Sorts the images of a frame of `shape`, each with its number; None is no image.
+    pub fn new(
         count: usize,
         image: impl Fn(usize) -> Option<(Sprite, i32)> + Sync,
         balls: Option<Arc<Balls>>,
@@ -116,13 +129,11 @@ impl Sorted {
         Ok(Self { runs, grid, balls })
     }
 
-    /// Size of the frame, px.
     pub fn shape(&self) -> (usize, usize) {
         self.grid.shape
     }
 
-    /// A tile of a depth map of the frame.
-    pub(super) fn map_of(&self, map: &ArrayView2<f32>, row: usize, column: usize) -> [f32; PIXELS] {
+    pub fn map_of(&self, map: &ArrayView2<f32>, row: usize, column: usize) -> [f32; PIXELS] {
         map_of_tile(map, &self.grid, row * self.grid.columns + column)
     }
 
@@ -199,7 +210,7 @@ impl Sorted {
         draw(canvas, map.as_ref(), self, tile, cancel)
     }
 
-    pub(super) fn check<M>(
+    pub fn check<M>(
         &self,
         out: (usize, usize),
         part: Part,
@@ -274,27 +285,15 @@ fn copy<A, B: Copy>(
     }
 }
 
-fn layout() -> Error {
-    Error::Internal("rows are not contiguous".into())
-}
-
-dispatch! {
-    /// Writes the tile's pixels from (row, column) on.
-    fn store<P: Profile>(
-        pixels: ArrayViewMut2<'_, P>,
-        transmittance: &[f64; PIXELS],
-        row: usize,
-        column: usize,
-    ) -> Option<()> = store_with
-}
-
-#[inline(always)]
-fn store_with<P: Profile, const LEVEL: u8>(
-    mut pixels: ArrayViewMut2<'_, P>,
+/// Writes the tile's pixels from (row, column) on.
+#[dispatch]
+fn store<const LEVEL: u8, P: Profile>(
+    pixels: ArrayViewMut2<'_, P>,
     transmittance: &[f64; PIXELS],
     row: usize,
     column: usize,
 ) -> Option<()> {
+    let mut pixels = pixels;
     let lines = transmittance.chunks_exact(TILE).skip(row);
     for (mut line, transmittance) in pixels.rows_mut().into_iter().zip(lines) {
         let line = line.as_slice_mut()?;

@@ -25,20 +25,18 @@ pub struct Flakes<'a> {
 }
 
 impl Flakes<'_> {
-    /// Refuses what cannot be drawn.
-    pub(super) fn check(&self) -> Result<(), Error> {
+    fn check(&self, lens: &Lens) -> Result<(), Error> {
         let count = self.points.nrows();
-        if self.points.ncols() != 3 {
-            return Err(Error::invalid("points", "must be (n, 3)"));
-        }
         let fits = |length: usize| [1, count].contains(&length);
+        let columns = (self.points.ncols(), self.velocity.ncols());
+        let rows = [self.radius.len(), self.opacity.len(), self.velocity.nrows()];
+        if columns != (3, 3) || !rows.into_iter().all(fits) {
+            return Err(Error::Internal("arrays of flakes do not fit each other".into()));
+        }
         for (argument, values, most, words) in [
             ("radius", &self.radius, f64::MAX, "finite and not negative"),
             ("opacity", &self.opacity, 1.0, "from 0 to 1"),
         ] {
-            if !fits(values.len()) {
-                return Err(Error::invalid(argument, "must be one number, or one for each point"));
-            }
             let within = |value: &f64| (0.0..=most).contains(value);
             let whole = values.as_slice().map(|values| scan::all_within(values, 0.0, most));
             if !whole.transpose()?.unwrap_or(false)
@@ -46,9 +44,6 @@ impl Flakes<'_> {
             {
                 return Err(Error::invalid(argument, format!("must be {words}, got {bad}")));
             }
-        }
-        if self.velocity.ncols() != 3 || !fits(self.velocity.nrows()) {
-            return Err(Error::invalid("velocity", "must be (3,), or one row for each point"));
         }
         for (argument, values) in [("points", &self.points), ("velocity", &self.velocity)] {
             let finite = match values.as_slice() {
@@ -59,18 +54,18 @@ impl Flakes<'_> {
                 return Err(Error::invalid(argument, "must be finite"));
             }
         }
-        if !(self.shutter >= 0.0 && self.shutter.is_finite()) {
-            return Err(Error::invalid(
-                "shutter",
-                format!("must be finite and not negative, got {}", self.shutter),
-            ));
+        for (argument, value) in
+            [("shutter", self.shutter), ("camera", lens.focal), ("near", lens.near)]
+        {
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(Error::invalid(argument, format!("must be positive, got {value}")));
+            }
         }
-        Ok(())
+        lens.center.iter().chain(&lens.offset).try_for_each(|&v| finite("camera", v).map(|_| ()))
     }
 
-    /// A flake.
     #[inline(always)]
-    pub(super) fn get(&self, index: usize) -> Flake {
+    fn get(&self, index: usize) -> Flake {
         let row = |length: usize| if length == 1 { 0 } else { index };
         let velocity = row(self.velocity.nrows());
         Flake {
@@ -82,21 +77,16 @@ impl Flakes<'_> {
     }
 }
 
-pub(super) fn check_lens(lens: &Lens) -> Result<(), Error> {
-    let plain = lens.center.iter().chain(&lens.offset);
-    for &value in plain {
-        finite("camera", value)?;
-    }
-    if !(lens.focal > 0.0 && lens.focal.is_finite()) {
-        return Err(Error::invalid(
-            "camera",
-            format!("focal must be positive, got {}", lens.focal),
-        ));
-    }
-    if !(lens.near > 0.0 && lens.near.is_finite()) {
-        return Err(Error::invalid("near", format!("must be positive, got {}", lens.near)));
-    }
-    Ok(())
+/// Projects and sorts the flakes of a frame of `shape`.
+pub fn sorted(
+    flakes: &Flakes<'_>,
+    lens: &Lens,
+    shape: (usize, usize),
+    cancel: &Cancel,
+) -> Result<Sorted, Error> {
+    flakes.check(lens)?;
+    let image = |index| Some((Sprite::of(&flakes.get(index), lens)?, index as i32));
+    Sorted::new(flakes.points.nrows(), image, None, shape, cancel)
 }
 
 /// Draws the flakes' alpha into `out`, (H, W), in [0, 1]; see [`Sorted::draw`].
@@ -109,14 +99,14 @@ pub fn splat<P: Profile, M: Real>(
 ) -> Result<(), Error> {
     let shape = out.dim();
     let whole = [0, shape.0, 0, shape.1];
-    Sorted::of(flakes, lens, shape, cancel)?.draw(out, whole, depth, cancel)
+    sorted(flakes, lens, shape, cancel)?.draw(out, whole, depth, cancel)
 }
 
 /// A rough estimate of the work in nanoseconds, from a sample of the flakes.
 pub fn estimate(shape: (usize, usize), flakes: &Flakes<'_>, lens: &Lens) -> f64 {
     let pixels = shape.0 as f64 * shape.1 as f64;
     let count = flakes.points.nrows();
-    if flakes.check().is_err() {
+    if flakes.check(lens).is_err() {
         return 0.0;
     }
     let stride = count.div_ceil(256).max(1);

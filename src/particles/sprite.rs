@@ -1,7 +1,7 @@
 //! One flake's image: where it falls, how large, how opaque (Langer 2004, section 6).
 //!
 //! A flake of radius r at depth D is a Gaussian with sigma = f r / (3 D) px: size goes as 1/D, like
-//! the speed. It is drawn wider, with the sigma_e of [`crate::base::sampling`], and its amplitude is
+//! the speed. It is drawn wider, with the sigma_e of [`crate::base::pixel`], and its amplitude is
 //! lowered by sigma^2 / sigma_e^2: the sum over pixels stays 2 pi sigma^2, and a far flake fades where
 //! it would otherwise flicker.
 //!
@@ -10,10 +10,10 @@
 //! smallest flakes, nothing for large ones, never above the opacity) keeps it within 0.18 % for every
 //! size and position.
 
-use crate::base::sampling::sampled;
+use crate::base::pixel::sampled;
 
 /// Gives back what the end of the footprint takes from small flakes, px^2.
-pub(super) const RIM_SHARE: f64 = 4.8e-4;
+pub const RIM_SHARE: f64 = 4.8e-4;
 
 /// Of a flake of this sigma^2, px^2: sigma_e^2, and its middle's opacity over the flake's own.
 #[inline(always)]
@@ -47,7 +47,6 @@ pub struct Lens {
     pub near: f64,
 }
 
-/// A flake in the world.
 #[derive(Debug, Clone, Copy)]
 pub struct Flake {
     /// In camera axes, at mid-exposure.
@@ -63,7 +62,6 @@ pub struct Flake {
 /// A flake in the picture: a Gaussian swept along a segment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sprite {
-    /// Where the segment starts, px.
     pub start: [f64; 2],
     /// The unit vector along it; (1, 0) for a flake that does not move.
     pub along: [f64; 2],
@@ -78,7 +76,6 @@ pub struct Sprite {
 }
 
 impl Sprite {
-    /// No flake at all.
     pub const NONE: Self = Self {
         start: [0.0; 2],
         along: [1.0, 0.0],
@@ -119,7 +116,7 @@ impl Sprite {
 
     /// Makes a resting flake's image one that moves by `way`, of the given length, from its place on.
     #[inline(always)]
-    pub(super) fn sweep(&mut self, [dx, dy]: [f64; 2], length: f64) {
+    pub fn sweep(&mut self, [dx, dy]: [f64; 2], length: f64) {
         if length > LEAST_LENGTH {
             self.along = [dx / length, dy / length];
             self.length = length;
@@ -132,7 +129,7 @@ impl Sprite {
     /// Whether it can be drawn and seen. Each comparison is false for NaN, so that an overflow on the
     /// way here ends here.
     #[inline(always)]
-    pub(super) fn within(&self) -> bool {
+    pub fn within(&self) -> bool {
         (self.start[0].abs() <= MOST_PIXELS)
             & (self.start[1].abs() <= MOST_PIXELS)
             & (self.length <= MOST_PIXELS)

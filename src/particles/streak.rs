@@ -4,18 +4,12 @@
 //! are a few pixels wide, and a block of one row would be filled by a third. A block that lies between
 //! the two ends, where nothing changes along the way, does without error functions.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "an index over lanes of a fixed count is what vectorises without closures"
-)]
-
-use super::bins::TILE;
-use super::canvas::{Canvas, LANES};
-use super::draw::{PIXELS, begin, multiply};
+use super::bins::{PIXELS, TILE};
+use super::canvas::{Canvas, LANES, begin, multiply};
 use super::profile::{self, Profile, TERMS};
 use super::sprite::{REACH, Sprite};
-use crate::base::cover::pixels;
 use crate::base::normal::{least, most};
+use crate::base::pixel::pixels;
 
 /// Rows of a block, and its pixels: a register of float32.
 const ROWS: usize = 2;
@@ -93,7 +87,7 @@ impl Strip {
 }
 
 #[inline(always)]
-pub(super) fn streak<P: Profile, C: Canvas, const LEVEL: u8>(
+pub fn streak<P: Profile, C: Canvas, const LEVEL: u8>(
     canvas: &mut C,
     map: Option<&[P; PIXELS]>,
     sprite: &Sprite,

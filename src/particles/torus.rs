@@ -6,9 +6,9 @@
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis};
 
 use crate::base::error::{Cancel, Error, finite};
+use crate::base::pixel::smoothstep;
 use crate::base::pool;
 use crate::base::random::Hash;
-use crate::base::smooth::smoothstep;
 
 /// Separates the flakes' numbers from every other use of the seed.
 const STREAM: i64 = i64::from_be_bytes(*b"flakebox");
@@ -17,7 +17,6 @@ const STREAM: i64 = i64::from_be_bytes(*b"flakebox");
 const SWAY_X: i64 = 3;
 const SWAY_Z: i64 = 4;
 
-/// Flakes per item of work.
 const RUN: usize = 4096;
 
 /// The fade begins at this share of the way from the centre to a wall.
@@ -26,9 +25,7 @@ const FADE_FROM: f64 = 0.85;
 /// A box whose opposite walls are one: sides B, around a centre (the viewer, or the world's origin).
 #[derive(Debug, Clone, Copy)]
 pub struct Torus {
-    /// B, one per axis.
     pub sides: [f64; 3],
-    /// c.
     pub center: [f64; 3],
 }
 
@@ -50,14 +47,9 @@ impl Torus {
     }
 }
 
-/// A gentle swing from side to side: `amplitude` (sin(w t + phi1), 0, sin(w t + phi2)).
-#[derive(Debug, Clone, Copy)]
-pub struct Sway {
-    /// World units.
-    pub amplitude: f64,
-    /// w, radians per unit of time.
-    pub angular_frequency: f64,
-}
+/// A gentle swing from side to side: `a` (sin(w t + phi1), 0, sin(w t + phi2)), of a in world units and w in radians per
+/// unit of time.
+pub type Sway = (f64, f64);
 
 /// wrap(x) in [-side/2, side/2), for x within a few sides of 0, as all callers have reduced it.
 ///
@@ -175,9 +167,8 @@ pub fn sway_offsets(
 
 /// w t in [-pi, pi], with the product's rounding error added back.
 fn sway_angle(sway: Sway, time: f64) -> Result<f64, Error> {
-    finite("sway", sway.amplitude)?;
-    finite("sway", sway.angular_frequency)?;
-    let (rounded, rest) = product("sway", sway.angular_frequency, time)?;
+    finite("sway", sway.0)?;
+    let (rounded, rest) = product("sway", finite("sway", sway.1)?, time)?;
     // libm rather than std: the same bits with every C library.
     Ok(libm::atan2(libm::sin(rounded), libm::cos(rounded)) + rest)
 }
@@ -186,7 +177,7 @@ fn sway_angle(sway: Sway, time: f64) -> Result<f64, Error> {
 fn swing(flake: Hash, sway: Sway, angle: f64) -> [f64; 2] {
     [SWAY_X, SWAY_Z].map(|word| {
         let phase = std::f64::consts::TAU * flake.word(word).unit();
-        sway.amplitude * libm::sin(angle + phase)
+        sway.0 * libm::sin(angle + phase)
     })
 }
 
@@ -219,25 +210,4 @@ fn fade(torus: &Torus, point: [f64; 3]) -> f64 {
             1.0 - smoothstep((reach - FADE_FROM) / (1.0 - FADE_FROM))
         })
         .product()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn wrap_stays_in_the_half_open_interval() {
-        let stream = Hash::seeded(11);
-        let sides = (0..20_000).map(|i| (16.0 * stream.word(i).unit() - 8.0).exp());
-        for side in sides.chain([1.0, 0.1, 3.0, 7.3, 1e-100, 1e100]) {
-            let half = 0.5 * side;
-            for edge in (-4..4).map(|whole| side * (f64::from(whole) + 0.5)) {
-                let near = [edge.next_down().next_down(), edge.next_down(), edge, edge.next_up()];
-                for x in near {
-                    let folded = wrap(x, side);
-                    assert!((-half..half).contains(&folded), "{x} {side} {folded}");
-                }
-            }
-        }
-    }
 }

@@ -14,7 +14,7 @@ use crate::cone::basis::Basis;
 use crate::cone::chart::{self, Chart, Course};
 use crate::cone::layer::{self, Layer};
 use crate::cone::sheet::{Sheet, Table, Tables};
-use crate::cone::stack::{self, Charted};
+use crate::cone::stack::{self, Planes, Source};
 use crate::cone::view::View;
 use crate::cone::{table, tile};
 
@@ -99,21 +99,19 @@ pub fn cone_chart(
     course: (u32, f64, usize),
 ) -> PyResult<()> {
     let (view, course) = (view_of(pose)?, course_of(course));
-    let planes = Chart {
-        across: across.as_array_mut(),
-        along: along.as_array_mut(),
-        fade: fade.as_array_mut(),
-        state: state.as_array_mut(),
-    };
-    let (height, blocks) = planes.state.dim();
-    let wide = (height, blocks * chart::BLOCK);
-    let fits =
-        planes.across.dim() == wide && planes.along.dim() == wide && planes.fade.dim() == wide;
-    if !fits {
+    let blocks = state.as_array().ncols();
+    let pixels = [across.as_array().len(), along.as_array().len(), fade.as_array().len()];
+    if pixels != [state.as_array().len() * chart::BLOCK; 3] || blocks == 0 {
         return Err(Error::Internal("the planes of a chart do not fit".into()).into());
     }
-    let work = LOOK_UP * planes.across.len() as f64;
-    gate::run(py, work, |cancel| chart::chart(planes, &view, &course, cancel))
+    let planes = Chart {
+        across: across.as_slice_mut()?,
+        along: along.as_slice_mut()?,
+        fade: fade.as_slice_mut()?,
+        state: state.as_slice_mut()?,
+    };
+    let work = LOOK_UP * pixels[0] as f64;
+    gate::run(py, work, |cancel| chart::chart(planes, blocks, &view, &course, cancel))
 }
 
 /// (tiles around, stretch, first row)
@@ -212,58 +210,43 @@ pub fn cone_needed(
     Ok(stack::needed(out.as_array_mut(), footprint.as_array(), &sheets_of(&sheets))?)
 }
 
-/// The joint alpha of layers. `tables` are (level across, level along, entries).
+/// The planes of a chart (across, along, fade, state), and which layers stand before what is in the picture.
+type ChartValues<'py> = (
+    PyReadonlyArray2<'py, u32>,
+    PyReadonlyArray2<'py, u32>,
+    PyReadonlyArray2<'py, f32>,
+    PyReadonlyArray2<'py, u8>,
+    Option<PyReadonlyArray2<'py, u8>>,
+);
+
+/// The joint alpha of layers, of a chart or else of a view: its pose and course. `tables` are (level across, level
+/// along, entries).
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the planes of a chart, one by one")]
-#[pyo3(signature = (out, across, along, fade, state, footprint, sheets, levels, tables, shown=None))]
 pub fn cone_stack(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, f32>,
-    across: PyReadonlyArray2<'_, u32>,
-    along: PyReadonlyArray2<'_, u32>,
-    fade: PyReadonlyArray2<'_, f32>,
-    state: PyReadonlyArray2<'_, u8>,
+    chart: Option<ChartValues<'_>>,
+    view: Option<(Pose, (u32, f64, usize))>,
     footprint: PyReadonlyArray3<'_, f32>,
     sheets: Vec<SheetValues>,
     levels: usize,
     tables: Vec<TableValues<'_>>,
-    shown: Option<PyReadonlyArray2<'_, u8>>,
 ) -> PyResult<()> {
-    let charted = Charted {
-        across: across.as_array(),
-        along: along.as_array(),
-        fade: fade.as_array(),
-        state: state.as_array(),
-        footprint: footprint.as_array(),
+    let source = match (&chart, view) {
+        (Some((across, along, fade, state, shown)), _) => Source::Chart(Planes {
+            across: across.as_slice()?,
+            along: along.as_slice()?,
+            fade: fade.as_slice()?,
+            state: state.as_slice()?,
+            shown: shown.as_ref().map(|shown| shown.as_slice()).transpose()?,
+        }),
+        (None, Some((pose, course))) => Source::View(view_of(pose)?, course_of(course)),
+        (None, None) => return Err(Error::Internal("neither a chart nor a view".into()).into()),
     };
     let tables = tables_of(levels, &tables)?;
-    let (out, sheets) = (out.as_array_mut(), sheets_of(&sheets));
-    let work = LOOK_UP * out.len() as f64;
-    let shown = shown.as_ref().map(|shown| shown.as_array());
-    gate::run(py, work, move |cancel| stack::stack(out, &charted, &sheets, &tables, shown, cancel))
-}
-
-/// The same without a chart that would be used once.
-#[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
-pub fn cone_moving(
-    py: Python<'_>,
-    mut out: PyReadwriteArray2<'_, f32>,
-    footprint: PyReadonlyArray3<'_, f32>,
-    pose: Pose,
-    course: (u32, f64, usize),
-    sheets: Vec<SheetValues>,
-    levels: usize,
-    tables: Vec<TableValues<'_>>,
-) -> PyResult<()> {
-    let (view, course) = (view_of(pose)?, course_of(course));
-    let tables = tables_of(levels, &tables)?;
-    let (out, footprint) = (out.as_array_mut(), footprint.as_array());
-    let sheets = sheets_of(&sheets);
+    let (out, sheets, footprint) = (out.as_array_mut(), sheets_of(&sheets), footprint.as_array());
     let work = 2.0 * LOOK_UP * out.len() as f64;
-    gate::run(py, work, move |cancel| {
-        stack::moving(out, &view, &course, footprint, &sheets, &tables, cancel)
-    })
+    gate::run(py, work, |cancel| stack::stack(out, &source, footprint, &sheets, &tables, cancel))
 }
 
 /// A toroidal texture of drops, rows of (u, v, sigma, half length, opacity) in texels.

@@ -7,18 +7,20 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
-use super::gate;
-use super::particles::{CloseupRequest, SortedFlakes};
+use super::gate::{self, attribute, from_attributes};
+use super::particles::SortedFlakes;
 use crate::base::ball::middle_depth;
-use crate::base::error::{Error, collected};
+use crate::base::error::{collected, reserve};
 use crate::falling::air::{Air, Class, Eye};
-use crate::falling::bent::{self, Bent, Group};
+use crate::falling::bent::{self, Group};
 use crate::falling::draw::{Images, balls_of, lens_of};
 use crate::falling::law::{Sizes, Table};
 use crate::falling::layers::{self, Layer, Others};
 use crate::falling::list::List;
-use crate::falling::sheet::{Law, Sheet};
+use crate::falling::sheet::Sheet;
+use crate::falling::stamp::Law;
 use crate::particles::balls::Balls;
+use crate::particles::closeup::near::Closeup;
 
 /// The images of balls of one opacity, made once.
 #[pyclass(frozen, module = "flurries._core")]
@@ -32,97 +34,29 @@ impl BallImages {
     }
 }
 
-/// An eye at one time: the attributes of `flurries.effects.air.Eye`.
-#[derive(FromPyObject)]
-struct EyeRequest {
-    turn: [[f64; 3]; 3],
-    focal: [f64; 2],
-    center: [f64; 2],
-    offset: [f64; 3],
-}
+from_attributes!(Eye { turn, focal, center, offset } of eye);
 
-/// A class of size: the attributes of `flurries.effects.air.Class`.
-#[derive(FromPyObject)]
-struct ClassRequest<'py> {
-    number: i64,
-    density: f64,
-    sizes: (f64, f64),
-    slope: f64,
-    shown: [f64; 4],
-    by_size: bool,
-    heights: (f64, f64),
-    amounts: Vec<f64>,
-    ranks: (f64, f64),
-    at: Vec<[f64; 3]>,
-    swung: Vec<f64>,
-    waves: Option<PyReadonlyArray2<'py, f64>>,
-    depths: (f64, f64),
-    profile: Vec<[Vec<f64>; 2]>,
-}
+from_attributes!(Class {
+    number, density, shown, by_size, ranks, at, swung;
+    sizes: Sizes::new(attribute!(class, sizes), attribute!(class, slope)),
+    amount: Table { range: attribute!(class, heights), values: attribute!(class, amounts) },
+    waves: waves(class)?,
+    profile: {
+        let range = attribute!(class, depths);
+        let both: Vec<[Vec<f64>; 2]> = attribute!(class, profile);
+        both.into_iter().map(|both| both.map(|values| Table { range, values })).collect()
+    },
+} of class);
 
-/// The flakes before an eye: the attributes of `flurries.effects.air.Air`.
-#[derive(FromPyObject)]
-pub struct AirRequest<'py> {
-    seed: i64,
-    opacity: f64,
-    images: Py<BallImages>,
-    classes: Vec<ClassRequest<'py>>,
-    eyes: Vec<EyeRequest>,
-    sway: f64,
-    waves: Option<PyReadonlyArray2<'py, f64>>,
-    shape: (usize, usize),
-    window: [usize; 4],
-    room: f64,
-    near: f64,
-    closeup: Option<CloseupRequest>,
-}
+from_attributes!(Air {
+    seed, opacity, classes, eyes, sway, shape, window, room, near;
+    waves: waves(air)?,
+} of air);
 
-fn numbers(array: Option<&PyReadonlyArray2<'_, f64>>) -> PyResult<Vec<f64>> {
+/// Numbers of waves, row by row; none where there are no waves.
+fn waves(object: Borrowed<'_, '_, PyAny>) -> PyResult<Vec<f64>> {
+    let array: Option<PyReadonlyArray2<'_, f64>> = attribute!(object, waves);
     Ok(array.map(|array| array.as_slice().map(<[f64]>::to_vec)).transpose()?.unwrap_or_default())
-}
-
-impl AirRequest<'_> {
-    fn air(&self) -> PyResult<Air> {
-        let classes: PyResult<Vec<Class>> = self.classes.iter().map(ClassRequest::class).collect();
-        let eye = |eye: &EyeRequest| Eye {
-            turn: eye.turn,
-            focal: eye.focal,
-            center: eye.center,
-            offset: eye.offset,
-        };
-        let air = Air {
-            seed: self.seed,
-            opacity: self.opacity,
-            classes: classes?,
-            eyes: self.eyes.iter().map(eye).collect(),
-            sway: self.sway,
-            waves: numbers(self.waves.as_ref())?,
-            shape: self.shape,
-            window: self.window,
-            room: self.room,
-            near: self.near,
-        };
-        Ok(air.checked()?)
-    }
-}
-
-impl ClassRequest<'_> {
-    fn class(&self) -> PyResult<Class> {
-        let table = |values: &Vec<f64>| Table { range: self.depths, values: values.clone() };
-        Ok(Class {
-            number: self.number,
-            density: self.density,
-            sizes: Sizes::new(self.sizes, self.slope),
-            shown: self.shown,
-            by_size: self.by_size,
-            amount: Table { range: self.heights, values: self.amounts.clone() },
-            ranks: self.ranks,
-            at: self.at.clone(),
-            swung: self.swung.clone(),
-            waves: numbers(self.waves.as_ref())?,
-            profile: self.profile.iter().map(|both| [table(&both[0]), table(&both[1])]).collect(),
-        })
-    }
 }
 
 /// Rough nanoseconds of a frame's flakes: nothing is known of how many there are before they are listed.
@@ -130,13 +64,14 @@ const UNKNOWN: f64 = 5e7;
 
 /// Finds the flakes that the window of a frame may show, and their images.
 #[pyfunction]
-pub fn fall(py: Python<'_>, request: AirRequest<'_>) -> PyResult<SortedFlakes> {
-    let air = request.air()?;
-    let closeup = request.closeup.as_ref().map(CloseupRequest::closeup);
-    let images = Arc::clone(&request.images.get().0);
+pub fn fall(py: Python<'_>, request: &Bound<'_, PyAny>) -> PyResult<SortedFlakes> {
+    let air = request.extract::<Air>()?.checked()?;
+    let closeup: Option<Closeup> = attribute!(request, closeup);
+    let images: Py<BallImages> = attribute!(request, images);
+    let balls = &images.get().0;
     let (list, images) = gate::run(py, work(&air), |cancel| {
         let list = List::of(&air, cancel)?;
-        let images = Images::of(&air, &list, &images, closeup.as_ref(), cancel)?;
+        let images = Images::of(&air, &list, balls, closeup.as_ref(), cancel)?;
         Ok((list, images))
     })?;
     let nanoseconds = (air.shape.0 * air.shape.1) as f64 + 300.0 * list.flakes.len() as f64;
@@ -152,7 +87,6 @@ fn work(air: &Air) -> f64 {
     (100.0 * view * deep).min(UNKNOWN * 1e3)
 }
 
-/// What `flake_rows` returns.
 type Rows<'py> = (Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 
 /// Lists flakes: their identities; place in the camera's axes, place in the picture, depth from the eye, diameter
@@ -164,19 +98,17 @@ pub fn flake_rows<'py>(py: Python<'py>, flakes: &SortedFlakes) -> PyResult<Rows<
     let count = list.flakes.len();
     let ids = collected(list.flakes.iter().map(|flake| flake.id))?;
     let mut rows = Vec::new();
-    rows.try_reserve_exact(8 * count).map_err(|_| Error::Memory { bytes: 64 * count })?;
+    reserve(&mut rows, 8 * count)?;
     for flake in &list.flakes {
         let [x, y, z] = flake.point;
         let [u, v] = flake.seen[0];
         rows.extend_from_slice(&[x, y, z, u, v, flake.depths[0], flake.diameter, flake.share]);
     }
     let times = list.others.len().checked_div(count).unwrap_or(0);
-    let others =
-        collected(list.others.iter().flatten().copied().collect::<Vec<f64>>().into_iter())?;
     Ok((
         PyArray1::from_vec(py, ids),
         PyArray1::from_vec(py, rows).reshape([count, 8])?,
-        PyArray1::from_vec(py, others).reshape([count, 2 * times])?,
+        PyArray1::from_slice(py, list.others.as_flattened()).reshape([count, 2 * times])?,
     ))
 }
 
@@ -188,7 +120,6 @@ pub struct FlakeSheet(Sheet);
 impl FlakeSheet {
     #[new]
     #[pyo3(signature = (seed, period, shear, count, diameters, streak, circle, opacity, ranks, thin=1.0))]
-    #[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
     fn new(
         seed: u64,
         period: (usize, usize),
@@ -206,13 +137,11 @@ impl FlakeSheet {
         Ok(Self(Sheet::new(law)?))
     }
 
-    /// Bytes that it keeps.
     #[getter]
     fn bytes(&self) -> usize {
         self.0.bytes()
     }
 
-    /// Mean optical depth.
     #[getter]
     fn mean(&self) -> f64 {
         self.0.mean()
@@ -233,7 +162,6 @@ type LayerValues<'py> = (PyRef<'py, FlakeSheet>, [f64; 2], (f32, f32), f32, f32)
 /// flakes, which are an opacity and a factor of their optical depth, a veil, and the opacity of an even one.
 #[pyfunction]
 #[pyo3(signature = (out, origin, sheets, depth, opacity, drawn=None, veil=None, haze=0.0))]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn sheet_read(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, f32>,
@@ -245,17 +173,15 @@ pub fn sheet_read(
     veil: Option<PyReadonlyArray2<'_, f32>>,
     haze: f32,
 ) -> PyResult<()> {
-    let given: Vec<Layer<'_>> = sheets
-        .iter()
-        .map(|(sheet, shift, (gain, base), near, far)| Layer {
-            sheet: &sheet.0,
-            shift: *shift,
-            gain: *gain,
-            base: *base,
-            near: *near,
-            far: *far,
-        })
-        .collect();
+    let layers = sheets.iter().map(|&(ref sheet, shift, (gain, base), near, far)| Layer {
+        sheet: &sheet.0,
+        shift,
+        gain,
+        base,
+        near,
+        far,
+    });
+    let given: Vec<Layer<'_>> = layers.collect();
     let (out, depth) = (out.as_array_mut(), depth.as_ref().map(|depth| depth.as_array()));
     let others = opacity.then(|| Others {
         drawn: drawn.as_ref().map(|(plane, gain)| (plane.as_array(), *gain)),
@@ -285,11 +211,7 @@ pub fn sheet_bent(
     depth: Option<PyReadonlyArray2<'_, f32>>,
 ) -> PyResult<()> {
     fn group<'a>((sheets, ways, near, far): &'a GroupValues<'_>) -> Group<'a> {
-        let bent = |each: &'a (PyRef<'_, FlakeSheet>, PyReadonlyArray3<'_, f32>)| Bent {
-            sheet: &each.0.0,
-            nodes: each.1.as_array(),
-        };
-        let sheets = sheets.iter().map(bent).collect();
+        let sheets = sheets.iter().map(|(sheet, nodes)| (&sheet.0, nodes.as_array())).collect();
         Group { sheets, ways: ways.as_array(), near: *near, far: *far }
     }
     let given: Vec<Group<'_>> = groups.iter().map(group).collect();

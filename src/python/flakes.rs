@@ -40,7 +40,7 @@ pub fn flake_patterns(
     diameters: PyReadonlyArray2<'_, f64>,
     law: (f64, f64, i64),
 ) -> PyResult<()> {
-    let counts = counts.as_slice().map_err(|_| Error::invalid("counts", "must be contiguous"))?;
+    let counts = counts.as_slice()?;
     let (diameters, (shear, opacity, seed)) = (diameters.as_array(), law);
     either!(SpectraMut mut out = out => {
         let out = out.as_array_mut();

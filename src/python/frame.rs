@@ -1,14 +1,23 @@
-//! `flurries.composite`: Eq. 7, over, and the joint opacity of layers.
+//! Layers and what they lie over: Eq. 7, over, joint opacity, light that differs over the picture, bytes of linear
+//! light, and what pixels show besides color.
 
-use numpy::{PyArray3, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyReadwriteArray3};
+use numpy::ndarray::{ArrayView3, ArrayViewMut3};
+use numpy::{
+    PyArray1, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1,
+    PyReadwriteArray2, PyReadwriteArray3,
+};
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut, alike, arrays, either};
 use crate::base::error::Error;
+use crate::frame::coding::{self, Coding};
 use crate::frame::composite;
+use crate::frame::grid::Grid;
+use crate::frame::plate;
+use crate::frame::shade::{self, Lit};
+use crate::frame::shown::{Flakes, Passes, Shown, finish, rgba};
 use crate::frame::veil::{self as fog, Patches};
 
-/// Rough nanoseconds for a value.
 const VALUE: f64 = 0.3;
 
 arrays! {
@@ -114,4 +123,172 @@ pub fn veil(
     });
     let work = 2.0 * out.len() as f64;
     gate::run(py, work, move |cancel| fog::veil(out, way, extinction, patches, cancel))
+}
+
+/// Colors at the middles of cells: (colors, side of a cell, first row, first column).
+pub type Shade<'py> = (PyReadonlyArray3<'py, f32>, f64, usize, usize);
+
+/// A layer of such colors, and light besides.
+pub fn lit<'a>(
+    alpha: &'a PyReadonlyArray2<'_, f32>,
+    shade: &'a Shade<'_>,
+    glow: Option<&'a PyReadonlyArray3<'_, f32>>,
+) -> Lit<'a> {
+    let grid = Grid { colors: shade.0.as_array(), cell: shade.1, first: (shade.2, shade.3) };
+    Lit { alpha: alpha.as_array(), grid, glow: glow.map(|glow| glow.as_array()) }
+}
+
+/// Sums the linear light of cells of a plate into `out` (rows, columns, 4).
+#[pyfunction]
+pub fn plate_cells(
+    py: Python<'_>,
+    mut out: PyReadwriteArray3<'_, f32>,
+    picture: Picture<'_>,
+    table: PyReadonlyArray1<'_, f32>,
+    cell: usize,
+) -> PyResult<()> {
+    let out = out.as_array_mut();
+    let table = table.as_array();
+    let table = table.to_slice().ok_or_else(|| Error::Internal("layout".into()))?;
+    fn run<S: plate::Light>(
+        py: Python<'_>,
+        out: ArrayViewMut3<'_, f32>,
+        picture: ArrayView3<'_, S>,
+        table: &[f32],
+        cell: usize,
+    ) -> PyResult<()> {
+        let work = 2.0 * picture.len() as f64;
+        gate::run(py, work, move |cancel| plate::cells(out, picture, table, cell, cancel))
+    }
+    match picture {
+        Picture::Byte(plate) if table.len() == 256 => run(py, out, plate.as_array(), table, cell),
+        Picture::Word(plate) if table.len() == 65536 => run(py, out, plate.as_array(), table, cell),
+        Picture::Single(plate) => run(py, out, plate.as_array(), table, cell),
+        _ => Err(Error::Internal("no such plate".into()).into()),
+    }
+}
+
+/// Lays a layer whose color differs over the picture over linear light, or over bytes in linear light.
+#[pyfunction]
+#[pyo3(signature = (out, background, alpha, colors, glow=None, light=None, edges=None))]
+pub fn shade_over(
+    py: Python<'_>,
+    out: PictureMut<'_>,
+    background: Picture<'_>,
+    alpha: PyReadonlyArray2<'_, f32>,
+    colors: Shade<'_>,
+    glow: Option<PyReadonlyArray3<'_, f32>>,
+    light: Option<PyReadonlyArray1<'_, f32>>,
+    edges: Option<PyReadonlyArray1<'_, f32>>,
+) -> PyResult<()> {
+    let lit = lit(&alpha, &colors, glow.as_ref());
+    let work = 20.0 * lit.alpha.len() as f64;
+    match (out, background) {
+        (PictureMut::Single(mut out), Picture::Single(back)) => {
+            let (out, back) = (out.as_array_mut(), back.as_array());
+            gate::run(py, work, |cancel| shade::over(out, back, &lit, cancel))
+        }
+        (PictureMut::Byte(mut out), Picture::Byte(back)) => {
+            let (Some(light), Some(edges)) = (&light, &edges) else {
+                return Err(Error::Internal("bytes want their coding".into()).into());
+            };
+            let coding = Coding { light: light.as_slice()?, edges: edges.as_slice()? };
+            let (out, back) = (out.as_array_mut(), back.as_array());
+            gate::run(py, work, |cancel| shade::over_bytes(out, back, &lit, &coding, cancel))
+        }
+        _ => Err(Error::Internal("no such picture".into()).into()),
+    }
+}
+
+/// Adds the light of a layer to `glow` (H, W, 3).
+#[pyfunction]
+pub fn shade_add(
+    py: Python<'_>,
+    mut glow: PyReadwriteArray3<'_, f32>,
+    alpha: PyReadonlyArray2<'_, f32>,
+    colors: Shade<'_>,
+) -> PyResult<()> {
+    let behind = lit(&alpha, &colors, None);
+    let glow = glow.as_array_mut();
+    gate::run(py, 10.0 * behind.alpha.len() as f64, |cancel| shade::add(glow, &behind, cancel))
+}
+
+/// Writes linear light (n,) as bytes; see `Coding`.
+#[pyfunction]
+pub fn encode_bytes(
+    py: Python<'_>,
+    mut out: PyReadwriteArray1<'_, u8>,
+    values: PyReadonlyArray1<'_, f32>,
+    light: PyReadonlyArray1<'_, f32>,
+    edges: PyReadonlyArray1<'_, f32>,
+) -> PyResult<()> {
+    let coding = Coding { light: light.as_slice()?, edges: edges.as_slice()? };
+    let (out, values) = (out.as_slice_mut()?, values.as_slice()?);
+    gate::run(py, 3.0 * values.len() as f64, |cancel| coding::bytes(out, values, &coding, cancel))
+}
+
+/// Numbers of flakes (h, w), opacities of flakes and of the texture behind them.
+type Planes<'py> =
+    (PyReadonlyArray2<'py, i32>, PyReadonlyArray2<'py, f32>, Option<PyReadonlyArray2<'py, f32>>);
+
+fn shown<'a>(planes: &'a Planes<'_>) -> Shown<'a> {
+    let (numbers, front, behind) = planes;
+    Shown {
+        numbers: numbers.as_array(),
+        front: front.as_array(),
+        behind: behind.as_ref().map(|behind| behind.as_array()),
+    }
+}
+
+/// Returns the numbers of the flakes that are seen in a layer, in order.
+#[pyfunction]
+pub fn layer_seen<'py>(
+    py: Python<'py>,
+    planes: Planes<'py>,
+) -> PyResult<Bound<'py, PyArray1<i32>>> {
+    let shown = shown(&planes);
+    let seen = gate::run(py, 2.0 * shown.numbers.len() as f64, |cancel| shown.seen(cancel))?;
+    Ok(PyArray1::from_vec(py, seen))
+}
+
+/// Writes the layer of an alpha and one color, (h, w, 4), premultiplied.
+#[pyfunction]
+pub fn layer_rgba(
+    py: Python<'_>,
+    mut out: PyReadwriteArray3<'_, f32>,
+    alpha: PyReadonlyArray2<'_, f32>,
+    color: [f32; 3],
+) -> PyResult<()> {
+    let (out, alpha) = (out.as_array_mut(), alpha.as_array());
+    gate::run(py, 2.0 * alpha.len() as f64, |cancel| rgba(out, alpha, color, cancel))
+}
+
+/// Writes what flakes say, one row of `said` for each of `seen`, over what a texture says of the pixels of
+/// a layer, and that nothing is where its alpha is 0.
+#[pyfunction]
+#[pyo3(signature = (forward, backward, depth, alpha, scene=None, flakes=None))]
+pub fn layer_finish(
+    py: Python<'_>,
+    mut forward: PyReadwriteArray3<'_, f32>,
+    mut backward: PyReadwriteArray3<'_, f32>,
+    mut depth: PyReadwriteArray2<'_, f32>,
+    alpha: PyReadonlyArray2<'_, f32>,
+    scene: Option<PyReadonlyArray2<'_, f32>>,
+    flakes: Option<(Planes<'_>, PyReadonlyArray1<'_, i32>, PyReadonlyArray2<'_, f32>)>,
+) -> PyResult<()> {
+    let passes = Passes {
+        forward: forward.as_array_mut(),
+        backward: backward.as_array_mut(),
+        depth: depth.as_array_mut(),
+    };
+    let (alpha, scene) = (alpha.as_array(), scene.as_ref().map(|scene| scene.as_array()));
+    let flakes = match &flakes {
+        None => None,
+        Some((planes, seen, said)) => {
+            Some(Flakes { shown: shown(planes), seen: seen.as_slice()?, said: said.as_array() })
+        }
+    };
+    gate::run(py, 4.0 * alpha.len() as f64, |cancel| {
+        finish(passes, alpha, scene, flakes.as_ref(), cancel)
+    })
 }

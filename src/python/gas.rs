@@ -7,15 +7,14 @@ use numpy::{
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut, arrays, each_map, either};
-use crate::base::error::Error;
-use crate::gas::cloud::Cloud;
+use crate::base::error::{Error, named};
 use crate::gas::draw::Drawing;
 use crate::gas::footprint::Edge;
 use crate::gas::light;
 use crate::gas::picture::{Picture, Touched};
 use crate::gas::slices::{self, Slices};
 use crate::gas::splat;
-use crate::gas::sprite::{Eye, Footprint, Look, NearMode, Sprite};
+use crate::gas::sprite::{Cloud, Eye, Footprint, Look, NearMode, Sprite};
 
 arrays! {
     /// RGBA of either precision, to be written.
@@ -52,25 +51,23 @@ fn eye_of((focal, x, y, offset): Lens) -> Eye {
 }
 
 fn look_of((footprint, edge, near, near_mode, hard, error, smooth): Manner) -> PyResult<Look> {
-    let footprint = match footprint.as_str() {
-        "viewplane" => Footprint::Viewplane,
-        "viewplane_c" => Footprint::ViewplaneC,
-        "viewpoint" => Footprint::Viewpoint,
-        "volume" => Footprint::Volume,
-        "table" => Footprint::Table,
-        _ => return Err(Error::invalid("footprint", "is none of ours").into()),
-    };
-    let edge = match edge.as_str() {
-        "taper" => Edge::Taper,
-        "square" => Edge::Square,
-        _ => return Err(Error::invalid("edge", "is none of ours").into()),
-    };
-    let near_mode = match near_mode.as_str() {
-        "fade" => NearMode::Fade,
-        "cull" => NearMode::Cull,
-        "exact" => NearMode::Exact,
-        _ => return Err(Error::invalid("near_mode", "is none of ours").into()),
-    };
+    let footprint = named(
+        "footprint",
+        &footprint,
+        &[
+            ("viewplane", Footprint::Viewplane),
+            ("viewplane_c", Footprint::ViewplaneC),
+            ("viewpoint", Footprint::Viewpoint),
+            ("volume", Footprint::Volume),
+            ("table", Footprint::Table),
+        ],
+    )?;
+    let edge = named("edge", &edge, &[("taper", Edge::Taper), ("square", Edge::Square)])?;
+    let near_mode = named(
+        "near_mode",
+        &near_mode,
+        &[("fade", NearMode::Fade), ("cull", NearMode::Cull), ("exact", NearMode::Exact)],
+    )?;
     Ok(Look { footprint, edge, near, near_mode, hard, error, smooth })
 }
 
@@ -96,12 +93,14 @@ pub fn gas_splat(
     let colors = colors_of(&colors)?;
     let cloud = gas.cloud(&colors);
     let (eye, look) = (eye_of(lens), look_of(manner)?);
-    cloud.check()?;
     either!(LayerMut mut out = out => {
         let out = out.as_array_mut();
-        let nanoseconds = splat::estimate((out.dim().0, out.dim().1), &cloud, &eye, &look);
+        let (height, width, _) = out.dim();
+        let nanoseconds = splat::estimate((height, width), &cloud, &eye, &look);
         each_map!(&depth, map => gate::run(py, nanoseconds, |cancel| {
-            splat::splat(out, &cloud, &eye, &look, map, cancel)
+            splat::drawn((height, width), &cloud, &eye, &look, map, cancel, |picture| {
+                picture.light(out, [0, height, 0, width], cancel)
+            })
         }))
     })
 }
@@ -118,11 +117,13 @@ pub fn gas_alpha(
 ) -> PyResult<()> {
     let cloud = gas.cloud(&[[0.0; 3]]);
     let (eye, look) = (eye_of(lens), look_of(manner)?);
-    cloud.check()?;
     gate::each_precision!(out, view => {
-        let nanoseconds = splat::estimate(view.dim(), &cloud, &eye, &look);
+        let (height, width) = view.dim();
+        let nanoseconds = splat::estimate((height, width), &cloud, &eye, &look);
         each_map!(&depth, map => gate::run(py, nanoseconds, |cancel| {
-            splat::alpha(view, &cloud, &eye, &look, map, cancel)
+            splat::drawn((height, width), &cloud, &eye, &look, map, cancel, |picture| {
+                picture.alpha(view, [0, height, 0, width], cancel)
+            })
         }))
     })
 }
@@ -153,7 +154,7 @@ pub fn gas_sort(
     let colors = colors_of(&colors)?;
     let (eye, look) = (eye_of(lens), look_of(manner)?);
     let cloud = gas.cloud(&colors);
-    splat::check_all::<f32>(shape, &cloud, &eye, &look, None)?;
+    cloud.check()?;
     let nanoseconds = splat::estimate(shape, &cloud, &eye, &look);
     let (sprites, touched) = gate::run(py, nanoseconds, |cancel| {
         let sprites = splat::sprites(&cloud, &eye, &look, shape, cancel)?;
@@ -166,9 +167,7 @@ pub fn gas_sort(
 /// An alpha (h, w), or premultiplied linear RGBA (h, w, 4), to be written.
 #[derive(FromPyObject)]
 pub enum GasMut<'py> {
-    /// Alpha (h, w).
     Alpha(PyReadwriteArray2<'py, f32>),
-    /// Premultiplied linear RGBA (h, w, 4).
     Light(PyReadwriteArray3<'py, f32>),
 }
 
@@ -185,9 +184,6 @@ pub fn gas_draw(
 ) -> PyResult<()> {
     let SortedGas { shape, sprites, touched, colors, eye, look, .. } = gas;
     let depth = depth.as_ref().map(|map| map.as_array());
-    if depth.is_some_and(|map| map.dim() != *shape) {
-        return Err(Error::invalid("depth", format!("must have shape {shape:?}")).into());
-    }
     let drawing = Drawing { sprites, colors, look };
     let picture = Picture { shape: *shape, eye, drawing, touched, depth };
     let pixels = |count: usize| count as f64 / (shape.0 as f64 * shape.1 as f64).max(1.0);

@@ -77,6 +77,40 @@ pub fn environment() -> Result<(), Error> {
     CHECKED.get_or_init(check).clone()
 }
 
+#[pyfunction]
+pub fn set_threads(n: usize) -> PyResult<()> {
+    Ok(pool::set_threads(n)?)
+}
+
+#[pyfunction]
+pub fn threads() -> PyResult<usize> {
+    environment()?;
+    Ok(pool::threads())
+}
+
+/// Turns the mode on or off in which all vector levels give the same bits.
+#[pyfunction]
+pub fn set_reproducible(on: bool) {
+    simd::set_reproducible(on);
+}
+
+#[pyfunction]
+pub fn reproducible() -> bool {
+    simd::reproducible()
+}
+
+/// Sets threads and mode for the calls of this thread alone; returns what they were. None leaves one to
+/// the process.
+#[pyfunction]
+#[pyo3(signature = (threads, reproducible))]
+pub fn set_scope(
+    threads: Option<usize>,
+    reproducible: Option<bool>,
+) -> (Option<usize>, Option<bool>) {
+    let old = Scope { threads, reproducible }.swap();
+    (old.threads, old.reproducible)
+}
+
 /// Of the thread of a long kernel, bytes; what the standard library takes by itself.
 const STACK: usize = 2 << 20;
 
@@ -125,6 +159,32 @@ pub fn each<T: Element + Copy>(
     Ok(())
 }
 
+/// An attribute of an object in Python; names are made strings once.
+macro_rules! attribute {
+    ($object:expr, $name:ident $(: $type:ty)?) => {
+        $object.getattr(pyo3::intern!($object.py(), stringify!($name)))?.extract$(::<$type>)?()?
+    };
+}
+pub(crate) use attribute;
+
+/// Makes a struct of the kernels from an object in Python: fields from the attributes of their names, and those
+/// behind the semicolon as they say.
+macro_rules! from_attributes {
+    ($type:ty { $($own:ident),* $(; $($field:ident: $value:expr),+ $(,)?)? } of $object:ident) => {
+        impl<'a, 'py> FromPyObject<'a, 'py> for $type {
+            type Error = PyErr;
+
+            fn extract($object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+                Ok(Self {
+                    $($own: $crate::python::gate::attribute!($object, $own),)*
+                    $($($field: $value,)+)?
+                })
+            }
+        }
+    };
+}
+pub(crate) use from_attributes;
+
 /// Defines an enum of arrays that are told apart by looking at their types. A derived one puts into words
 /// why an array is none of the kinds before its own, which takes longer than a small kernel.
 macro_rules! arrays {
@@ -136,13 +196,13 @@ macro_rules! arrays {
     ) => {
         $(#[$meta])*
         $visibility enum $name<'py> {
-            $(#[doc = stringify!($element)] $variant($held<'py, $element>),)+
+            $($variant($held<'py, $element>),)+
         }
 
-        impl<'a, 'py> pyo3::FromPyObject<'a, 'py> for $name<'py> {
-            type Error = pyo3::PyErr;
+        impl<'a, 'py> FromPyObject<'a, 'py> for $name<'py> {
+            type Error = PyErr;
 
-            fn extract(object: pyo3::Borrowed<'a, 'py, pyo3::PyAny>) -> pyo3::PyResult<Self> {
+            fn extract(object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
                 use numpy::PyArrayMethods;
                 $(
                     if let Ok(array) = object.cast::<$array<$element>>() {

@@ -3,7 +3,10 @@
 //! The Python layer owns the contract (types, dtypes, layout, allocation of outputs); what arrives
 //! here is C-contiguous and of the stated dtype, or raises TypeError.
 
+use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
+
+use crate::base::error::Error;
 
 mod cone;
 mod falling;
@@ -11,14 +14,9 @@ mod flakes;
 mod frame;
 mod gas;
 mod gate;
-mod lookup;
 mod numbers;
 mod particles;
-mod shade;
-mod shown;
 mod spectral;
-mod threads;
-mod volume;
 
 #[pymodule]
 #[pyo3(name = "_core")]
@@ -27,19 +25,24 @@ mod core {
 
     #[pymodule_export]
     use super::cone::{
-        cone_basis, cone_chart, cone_footprints, cone_layer, cone_moving, cone_needed, cone_rays,
-        cone_shown, cone_stack, cone_table, cone_tile,
+        cone_basis, cone_chart, cone_footprints, cone_layer, cone_needed, cone_rays, cone_shown,
+        cone_stack, cone_table, cone_tile,
     };
     #[pymodule_export]
     use super::falling::{BallImages, FlakeSheet, fall, flake_rows, sheet_bent, sheet_read};
     #[pymodule_export]
     use super::flakes::{flake_choices, flake_frame, flake_patterns};
     #[pymodule_export]
-    use super::frame::{join, over, snow, veil};
+    use super::frame::{
+        encode_bytes, join, layer_finish, layer_rgba, layer_seen, over, plate_cells, shade_add,
+        shade_over, snow, veil,
+    };
     #[pymodule_export]
     use super::gas::{SortedGas, gas_alpha, gas_draw, gas_light, gas_slices, gas_sort, gas_splat};
     #[pymodule_export]
-    use super::gate::InternalError;
+    use super::gate::{
+        InternalError, reproducible, set_reproducible, set_scope, set_threads, threads,
+    };
     #[pymodule_export]
     use super::numbers::{
         all_finite, all_within, lamp_light, particle_edge_fade, particle_positions,
@@ -50,22 +53,29 @@ mod core {
         SortedFlakes, particle_draw, particle_draw_lit, particle_ids, particle_splat,
     };
     #[pymodule_export]
-    use super::shade::{encode_bytes, plate_cells, shade_add, shade_light, shade_over};
-    #[pymodule_export]
-    use super::shown::{layer_finish, layer_rgba, layer_seen};
-    #[pymodule_export]
     use super::spectral::{
         advance_phase, band_amplitude, blend_tiles, field, inverse_transform, opacity,
-        random_phase, temporal_filter, temporal_gain, tent_rate, tile_count, tile_shares,
+        random_phase, temporal_filter, temporal_gain, tent_rate, tile_count, tile_shares, volume,
         wave_depth,
     };
-    #[pymodule_export]
-    use super::threads::{reproducible, set_reproducible, set_scope, set_threads, threads};
-    #[pymodule_export]
-    use super::volume::volume;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        super::lookup::look_up(module.py())
+        super::look_up(module.py())
     }
+}
+
+/// Finds NumPy's functions while the module is imported, and the table of borrowed arrays, on another thread: Python hears Ctrl-C on
+/// the main thread alone, and the binding, which would look them up at the first array that it is handed, panics if that
+/// fails.
+fn look_up(py: Python<'_>) -> PyResult<()> {
+    // Where NumPy is missing or Ctrl-C is pressed in its import, this is an error like any other.
+    py.import("numpy")?;
+    let found = py.detach(|| {
+        let thread = std::thread::Builder::new().spawn(|| {
+            Python::attach(|py| PyArray1::<f64>::zeros(py, 1, false).try_readwrite().is_ok())
+        });
+        thread.is_ok_and(|thread| thread.join().unwrap_or(false))
+    });
+    if found { Ok(()) } else { Err(Error::Internal("NumPy cannot be reached".into()).into()) }
 }

@@ -5,19 +5,16 @@ use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyR
 use pyo3::prelude::*;
 
 use super::gate::{self, arrays};
-use super::particles::swaying;
 use crate::air;
-use crate::base::error::Error;
 use crate::base::lamps::{Lamps, light};
+use crate::base::pixel::smoothstep;
 use crate::base::real::Real;
-use crate::base::smooth::smoothstep;
 use crate::base::{pool, random, scan};
 use crate::encode::to_half as half;
-use crate::particles::torus::{self, Sway, Torus};
+use crate::particles::torus::{self, Torus};
 
 /// Fills `out` (n, 3) with the positions of flakes 0..n at `time`.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn particle_positions(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, f64>,
@@ -31,7 +28,7 @@ pub fn particle_positions(
     let (out, velocity) = (out.as_array_mut(), velocity.as_array());
     gate::run(py, 60.0 * out.nrows() as f64, |cancel| {
         let torus = Torus::new(sides, center)?;
-        torus::positions(out, &torus, seed, velocity, time, swaying(sway), cancel)
+        torus::positions(out, &torus, seed, velocity, time, sway, cancel)
     })
 }
 
@@ -45,7 +42,6 @@ pub fn particle_sway_offsets(
     sway: (f64, f64),
 ) -> PyResult<()> {
     let out = out.as_array_mut();
-    let sway = Sway { amplitude: sway.0, angular_frequency: sway.1 };
     gate::run(py, 60.0 * out.nrows() as f64, |cancel| {
         torus::sway_offsets(out, seed, time, sway, cancel)
     })
@@ -110,10 +106,6 @@ pub fn wind_waves(
     gate::run(py, work, move |cancel| air::sum(out, points, k, weights, cancel))
 }
 
-fn scattered() -> Error {
-    Error::Internal("not contiguous".into())
-}
-
 /// Single floats as the bits of the nearest half floats, within what is finite.
 #[pyfunction]
 pub fn to_half(
@@ -121,16 +113,14 @@ pub fn to_half(
     mut out: PyReadwriteArray1<'_, u16>,
     values: PyReadonlyArray1<'_, f32>,
 ) -> PyResult<()> {
-    let out = out.as_slice_mut().map_err(|_| scattered())?;
-    let values = values.as_slice().map_err(|_| scattered())?;
+    let (out, values) = (out.as_slice_mut()?, values.as_slice()?);
     gate::run(py, values.len() as f64, move |cancel| half(out, values, cancel))
 }
 
 /// Uniform numbers in [0, 1), one for each index of a stream.
 #[pyfunction]
 pub fn uniform(mut out: PyReadwriteArray1<'_, f64>, seed: i64, stream: i64) -> PyResult<()> {
-    let out = out.as_slice_mut().map_err(|_| Error::invalid("out", "must be contiguous"))?;
-    random::uniform(out, seed, stream);
+    random::uniform(out.as_slice_mut()?, seed, stream);
     Ok(())
 }
 
@@ -139,7 +129,6 @@ arrays! {
     pub enum Flat by try_readonly, PyArray1 as PyReadonlyArray1 { Single: f32, Double: f64 }
 }
 
-/// Whether all numbers are finite.
 #[pyfunction]
 pub fn all_finite(py: Python<'_>, values: Flat<'_>) -> PyResult<bool> {
     match values {
@@ -163,7 +152,7 @@ fn inside<T: Real + numpy::Element>(
     low: T,
     high: T,
 ) -> PyResult<bool> {
-    let values = values.as_slice().map_err(|_| Error::Internal("not contiguous".into()))?;
+    let values = values.as_slice()?;
     // About a nanosecond for a few numbers.
     gate::run(py, 0.2 * values.len() as f64, move |_| scan::all_within(values, low, high))
 }

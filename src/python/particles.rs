@@ -4,24 +4,20 @@ use numpy::ndarray::Array2;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
-use super::gate::{self, Plane, PlaneMut, each_map};
-use super::shade::{Shade, grid};
+use super::frame::{Shade, lit as laid};
+use super::gate::{self, Plane, PlaneMut, attribute, each_map, from_attributes};
 use crate::base::error::{Error, collected};
 use crate::base::lamps::Lamps;
 use crate::falling::list::List;
-use crate::frame::shade::{Behind, Lit};
+use crate::frame::shade::Behind;
 use crate::particles::closeup::aperture::Blur;
 use crate::particles::closeup::lit;
 use crate::particles::closeup::near::{self, Closeup};
-use crate::particles::closeup::patch::{Kind, Patch, Tumble};
+use crate::particles::closeup::patch::Patch;
+use crate::particles::closeup::shape::{Kind, Tumble};
 use crate::particles::sorted::Sorted;
 use crate::particles::splat::{self, Flakes};
 use crate::particles::sprite::Lens;
-use crate::particles::torus::Sway;
-
-pub(super) fn swaying(sway: Option<(f64, f64)>) -> Option<Sway> {
-    sway.map(|(amplitude, angular_frequency)| Sway { amplitude, angular_frequency })
-}
 
 /// Flakes of which arrays are given: points, radius, opacity, velocity, shutter.
 #[derive(FromPyObject)]
@@ -34,7 +30,7 @@ pub struct Listed<'py>(
 );
 
 impl Listed<'_> {
-    pub(super) fn flakes(&self) -> Flakes<'_> {
+    pub fn flakes(&self) -> Flakes<'_> {
         let Self(points, radius, opacity, velocity, shutter) = self;
         Flakes {
             points: points.as_array(),
@@ -47,7 +43,7 @@ impl Listed<'_> {
 }
 
 /// (focal, cx, cy, offset, near)
-pub(super) type LensValues = (f64, f64, f64, [f64; 3], f64);
+pub type LensValues = (f64, f64, f64, [f64; 3], f64);
 
 /// Draws the alpha of the flakes into `out` (H, W).
 #[pyfunction]
@@ -84,27 +80,26 @@ pub fn particle_ids(
     }
     each_map!(&depth, map => gate::run(py, nanoseconds, |cancel| {
         let (height, width) = out.dim();
-        let sorted = Sorted::of(&flakes, &lens, (height, width), cancel)?;
+        let sorted = splat::sorted(&flakes, &lens, (height, width), cancel)?;
         let mut alpha = filled((height, width), 0.0_f64)?;
         sorted.draw_numbered(alpha.view_mut(), out, None, [0, height, 0, width], map, cancel)
     }))
 }
 
-pub(super) fn lens_of((focal, x, y, offset, near): LensValues) -> Lens {
+pub fn lens_of((focal, x, y, offset, near): LensValues) -> Lens {
     Lens { focal, center: [x, y], offset, near }
 }
 
 /// The flakes of a frame, projected and sorted: to be drawn in any part of it, any number of times.
 #[pyclass(frozen, module = "flurries._core")]
 pub struct SortedFlakes {
-    pub(super) sorted: Sorted,
+    pub sorted: Sorted,
     /// What is near or out of focus.
-    pub(super) patches: Vec<Patch>,
-    pub(super) lens: Lens,
+    pub patches: Vec<Patch>,
+    pub lens: Lens,
     /// A rough estimate of drawing all of them.
-    pub(super) nanoseconds: f64,
-    /// The flakes themselves.
-    pub(super) list: List,
+    pub nanoseconds: f64,
+    pub list: List,
 }
 
 /// Draws the alpha of flakes into `out` (h, w), the part `window` (top, bottom, left, right) of their
@@ -153,7 +148,6 @@ fn filled<A: Copy>(shape: (usize, usize), value: A) -> Result<Array2<A>, Error> 
 /// adds the light of a layer behind them: its opacity and colors.
 #[pyfunction]
 #[pyo3(signature = (out, glow, flakes, window, lamps, optics, depth=None, behind=None))]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn particle_draw_lit(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, f32>,
@@ -172,11 +166,7 @@ pub fn particle_draw_lit(
     let share = out.len() as f64 / (height as f64 * width as f64).max(1.0);
     let (sorted, patches) = (&flakes.sorted, &flakes.patches[..]);
     let lit = lit::Scene { sorted, patches, lens: flakes.lens, lamps: &lamps };
-    let behind = behind.as_ref().map(|(alpha, shade)| Lit {
-        alpha: alpha.as_array(),
-        grid: grid(shade),
-        glow: None,
-    });
+    let behind = behind.as_ref().map(|(alpha, shade)| laid(alpha, shade, None));
     let behind = behind.as_ref().map(|behind| Behind::of(behind, out.dim())).transpose()?;
     gate::run(py, 3.0 * flakes.nanoseconds * share, |cancel| {
         lit.draw(out, glow, window, depth, cancel, |row, alpha, glow| match &behind {
@@ -186,26 +176,14 @@ pub fn particle_draw_lit(
     })
 }
 
-/// Flakes from near: the attributes of `flurries.particles.crowd.Closeup`.
-#[derive(FromPyObject)]
-pub struct CloseupRequest {
-    kind: String,
-    switch: (f64, f64),
-    blur: Option<(f64, f64, usize, f64)>,
-    seed: i64,
-    seconds: f64,
-}
-
-impl CloseupRequest {
-    pub(super) fn closeup(&self) -> Closeup {
-        let kind = match self.kind.as_str() {
-            "aggregate" => Some(Kind::Aggregate),
-            "drop" => Some(Kind::Drop),
-            _ => None,
-        };
-        let blur =
-            self.blur.map(|(strength, focus, blades, turn)| Blur { strength, focus, blades, turn });
-        let tumble = Tumble { seed: self.seed, seconds: self.seconds };
-        Closeup { kind, switch: self.switch, blur, tumble }
-    }
-}
+from_attributes!(Closeup {
+    switch;
+    kind: match attribute!(closeup, kind: String).as_str() {
+        "aggregate" => Some(Kind::Aggregate),
+        "drop" => Some(Kind::Drop),
+        _ => None,
+    },
+    blur: attribute!(closeup, blur: Option<(f64, f64, usize, f64)>)
+        .map(|(strength, focus, blades, turn)| Blur { strength, focus, blades, turn }),
+    tumble: Tumble { seed: attribute!(closeup, seed), seconds: attribute!(closeup, seconds) },
+} of closeup);

@@ -1,36 +1,37 @@
-//! `flurries.spectral`: tables, steps and whole frames.
+//! `flurries.spectral`: tables, steps, whole frames, and films that repeat.
 
+use numpy::ndarray::{Array, Dimension, Ix1};
 use numpy::{
-    PyArray4, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4, PyReadwriteArray1,
-    PyReadwriteArray2,
+    PyArray4, PyReadonlyArray, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4,
+    PyReadwriteArray1, PyReadwriteArray2,
 };
 use pyo3::prelude::*;
 
-use super::gate::{self, Plane, PlaneMut, alike, arrays, each_precision};
-use crate::base::error::Error;
+use super::gate::{
+    self, Plane, PlaneMut, alike, arrays, attribute, each_precision, from_attributes,
+};
+use crate::base::error::{Error, layout};
 use crate::base::pool;
-use crate::base::real::Real;
 use crate::spectral::band::{Band, band_amplitude as band_kernel};
 use crate::spectral::field::{Field, Lap, Window};
 use crate::spectral::filter::{Alias, TemporalFilter, temporal_filter as filter_kernel};
+use crate::spectral::grid::random_phase as random_kernel;
 use crate::spectral::opacity::Opacity;
-use crate::spectral::phase::random_phase as random_kernel;
 use crate::spectral::stripes::Mapped;
 use crate::spectral::tent::{self, Motion};
 use crate::spectral::tiles::{Blend, Row, blend_tiles as blend_kernel};
 use crate::spectral::transform::inverse_transform as transform_kernel;
+use crate::spectral::volume::{Cells, Volume};
 
 /// Rough nanoseconds for a pixel of a tiled frame on one thread; only decides who watches Ctrl-C.
 const PIXEL: f64 = 3.0;
 
-/// Temporal frequency of every bin.
 #[pyfunction]
 #[pyo3(signature = (out, drift, repeat=None))]
 pub fn tent_rate(mut out: PyReadwriteArray2<'_, f64>, drift: [f64; 2], repeat: Option<f64>) {
     tent::tent_rate(out.as_array_mut(), drift, repeat);
 }
 
-/// Amplitude of every bin.
 #[pyfunction]
 pub fn band_amplitude(
     mut out: PyReadwriteArray2<'_, f64>,
@@ -41,13 +42,11 @@ pub fn band_amplitude(
     Ok(band_kernel(out.as_array_mut(), band)?)
 }
 
-/// Random phases of a tile.
 #[pyfunction]
 pub fn random_phase(mut out: PyReadwriteArray2<'_, f64>, seed: i64, tile: (i64, i64)) {
     random_kernel(out.as_array_mut(), seed, tile);
 }
 
-/// Phases moved by a drift and a shift.
 #[pyfunction]
 pub fn advance_phase(
     mut out: PyReadwriteArray2<'_, f64>,
@@ -60,7 +59,6 @@ pub fn advance_phase(
 
 /// Amplitudes after the alias law and the shutter.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "one flat call per public function")]
 pub fn temporal_filter(
     mut out: PyReadwriteArray2<'_, f64>,
     amplitude: PyReadonlyArray2<'_, f64>,
@@ -172,7 +170,6 @@ pub fn opacity(
             let (mut out, field) = (out.as_array_mut(), field.as_array());
             gate::run(py, field.len() as f64, |_| {
                 pool::for_each(out.outer_iter_mut().zip(field.outer_iter()), |(mut out, field)| {
-                    let layout = || Error::Internal("rows are not contiguous".into());
                     let out = out.as_slice_mut().ok_or_else(layout)?;
                     map.map_row(field.as_slice().ok_or_else(layout)?, out);
                     Ok(())
@@ -187,79 +184,41 @@ const fn opacity_map((mean, spread, power, amount): (f64, f64, f64, f64)) -> Opa
     Opacity { mean, spread, power, amount }
 }
 
-/// A frame of the field as the Python layer has settled it; the attributes of its request.
-#[derive(FromPyObject)]
-pub struct Request<'py> {
-    shape: (usize, usize),
-    tile: (usize, usize),
-    overlap: usize,
-    blend: String,
-    wavelengths: (f64, f64),
-    exponent: f64,
-    seed: i64,
-    jitter: bool,
-    ring_edges: PyReadonlyArray1<'py, f64>,
-    ring_gains: PyReadonlyArray1<'py, f64>,
-    drift: PyReadonlyArray4<'py, f64>,
-    shift: PyReadonlyArray4<'py, f64>,
-    velocity: PyReadonlyArray4<'py, f64>,
-    shift_rate: PyReadonlyArray4<'py, f64>,
-    alias: String,
-    soft_from: f64,
-    shutter: f64,
-    shortest: Option<PyReadonlyArray2<'py, f64>>,
-    window: (usize, usize, usize, usize),
-    lap: Option<(PyReadonlyArray4<'py, f64>, PyReadonlyArray4<'py, f64>, f64)>,
+/// A band, from the attributes of a request.
+fn band(request: Borrowed<'_, '_, PyAny>) -> PyResult<Band> {
+    let (shortest, longest) = attribute!(request, wavelengths);
+    Ok(Band { shortest, longest, exponent: attribute!(request, exponent) })
 }
 
-impl Request<'_> {
-    /// The request as the kernels take it.
-    fn with_field<R>(
-        &self,
-        use_it: impl FnOnce(&Field<'_>, &Window) -> PyResult<R>,
-    ) -> PyResult<R> {
-        let edges = self
-            .ring_edges
-            .as_slice()
-            .map_err(|_| Error::invalid("ring_edges", "must be contiguous"))?;
-        let gains = self
-            .ring_gains
-            .as_slice()
-            .map_err(|_| Error::invalid("ring_gains", "must be contiguous"))?;
-        let field = Field {
-            shape: self.shape,
-            tile: self.tile,
-            overlap: self.overlap,
-            blend: Blend::named(&self.blend)?,
-            band: Band {
-                shortest: self.wavelengths.0,
-                longest: self.wavelengths.1,
-                exponent: self.exponent,
-            },
-            seed: self.seed,
-            jitter: self.jitter,
-            ring_edges: edges,
-            ring_gains: gains,
-            drift: self.drift.as_array(),
-            shift: self.shift.as_array(),
-            velocity: self.velocity.as_array(),
-            shift_rate: self.shift_rate.as_array(),
-            filter: TemporalFilter {
-                alias: Alias::named(&self.alias)?,
-                soft_from: self.soft_from,
-                shutter: self.shutter,
-            },
-            shortest: self.shortest.as_ref().map(|map| map.as_array()),
-            lap: self.lap.as_ref().map(|(drift, shift, part)| Lap {
-                drift: drift.as_array(),
-                shift: shift.as_array(),
-                part: *part,
-            }),
-        };
-        let (top, bottom, left, right) = self.window;
-        use_it(&field, &Window { rows: top..bottom, cols: left..right })
-    }
+/// A filter likewise.
+fn filter(request: Borrowed<'_, '_, PyAny>) -> PyResult<TemporalFilter> {
+    Ok(TemporalFilter {
+        alias: Alias::named(&attribute!(request, alias: String))?,
+        soft_from: attribute!(request, soft_from),
+        shutter: attribute!(request, shutter),
+    })
 }
+
+/// An array that the kernels keep.
+fn owned<D: Dimension>(array: PyReadonlyArray<'_, f64, D>) -> Array<f64, D> {
+    array.as_array().to_owned()
+}
+
+from_attributes!(Field {
+    shape, tile, overlap, seed, jitter;
+    blend: Blend::named(&attribute!(field, blend: String))?,
+    band: band(field)?,
+    ring_edges: owned::<Ix1>(attribute!(field, ring_edges)).to_vec(),
+    ring_gains: owned::<Ix1>(attribute!(field, ring_gains)).to_vec(),
+    drift: owned(attribute!(field, drift)),
+    shift: owned(attribute!(field, shift)),
+    velocity: owned(attribute!(field, velocity)),
+    shift_rate: owned(attribute!(field, shift_rate)),
+    filter: filter(field)?,
+    shortest: attribute!(field, shortest: Option<_>).map(owned),
+    lap: attribute!(field, lap: Option<_>)
+        .map(|(drift, shift, part)| Lap { drift: owned(drift), shift: owned(shift), part }),
+} of field);
 
 /// One frame of the field, or of its opacity when `map` = (mean, spread, power, amount) is given;
 /// returns how many tiles were transformed.
@@ -268,19 +227,25 @@ impl Request<'_> {
 pub fn field(
     py: Python<'_>,
     out: PlaneMut<'_>,
-    request: Request<'_>,
+    request: &Bound<'_, PyAny>,
     map: Option<(f64, f64, f64, f64)>,
     preserve_mean: bool,
 ) -> PyResult<usize> {
     let map = map.map(|map| opacity_map(map).checked("power")).transpose()?;
-    request.with_field(|field, window| {
-        each_precision!(out, view => render(py, view, field, window, map, preserve_mean))
-    })
+    let field: Field = request.extract()?;
+    let (top, bottom, left, right) = attribute!(request, window);
+    let window = Window { rows: top..bottom, cols: left..right };
+    let mapped = map.map(|map| Mapped { map, preserve_mean });
+    each_precision!(out, view => gate::run(py, estimate(&field, &window), |cancel| {
+        let ready = field.ready()?;
+        ready.render(&window, view, mapped, cancel)?;
+        Ok(ready.transformed())
+    }))
 }
 
 /// Rough nanoseconds of a frame: all pixels of all tiles, many times the frame's where they overlap a
 /// lot.
-fn estimate(field: &Field<'_>, window: &Window) -> f64 {
+fn estimate(field: &Field, window: &Window) -> f64 {
     let tiles = |length: usize, tile: usize| {
         1.0 + length as f64 / tile.saturating_sub(field.overlap).max(1) as f64
     };
@@ -290,17 +255,27 @@ fn estimate(field: &Field<'_>, window: &Window) -> f64 {
         * PIXEL
 }
 
-fn render<T: Real>(
+from_attributes!(Volume {
+    frames, shape, seed, jitter;
+    band: band(film)?,
+    velocity: Motion { drift: attribute!(film, drift), shift: [0.0; 2] },
+    filter: filter(film)?,
+    cells: Cells::named(&attribute!(film, cells: String))?,
+} of film);
+
+/// The frames of a film at the given times, one below the other; returns the number of cells.
+#[pyfunction]
+pub fn volume(
     py: Python<'_>,
-    out: ndarray::ArrayViewMut2<'_, T>,
-    field: &Field<'_>,
-    window: &Window,
-    map: Option<Opacity>,
-    preserve_mean: bool,
+    out: PlaneMut<'_>,
+    film: Volume,
+    times: PyReadonlyArray1<'_, f64>,
 ) -> PyResult<usize> {
-    gate::run(py, estimate(field, window), move |cancel| {
-        let ready = field.ready::<T>()?;
-        ready.render(window, out, map.map(|map| Mapped { map, preserve_mean }), cancel)?;
-        Ok(ready.transformed())
-    })
+    let times = times.as_slice()?;
+    let work = times.len() as f64 * (film.shape.0 * film.shape.1) as f64 * 10.0;
+    each_precision!(out, view => gate::run(py, work, |cancel| {
+        let spectrum = film.spectrum()?;
+        spectrum.render(view, times, cancel)?;
+        Ok(spectrum.len())
+    }))
 }

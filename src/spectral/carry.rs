@@ -99,16 +99,17 @@ impl<T: Real> Carry<T> {
 
 /// `left` of the next tile: this one's columns from `step` on; behind them, in the first `shared` rows,
 /// what the row above left.
-#[inline(always)]
-fn hand_on_with<T: Real, const LEVEL: u8>(
+#[dispatch]
+fn hand_on<const LEVEL: u8, T: Real>(
     left: &mut [T],
     kept: &[T],
     pixels: &[T],
-    (width, step): (usize, usize),
+    steps: (usize, usize),
     above: &[T],
     span: usize,
     shared: usize,
 ) {
+    let (width, step) = steps;
     for (y, left) in left.chunks_exact_mut(kept.len().max(1)).enumerate() {
         let from = &pixels[y * width + step..][..left.len()];
         let kept = &kept[..left.len()];
@@ -125,30 +126,19 @@ fn hand_on_with<T: Real, const LEVEL: u8>(
     }
 }
 
-dispatch! {
-    fn hand_on<T: Real>(
-        left: &mut [T],
-        kept: &[T],
-        pixels: &[T],
-        steps: (usize, usize),
-        above: &[T],
-        span: usize,
-        shared: usize,
-    ) = hand_on_with
-}
-
 /// pixels = weight * pixels + what came before: `left` in the first `lead` columns, and in the first
 /// `shared` rows `above` in the others.
-#[inline(always)]
-fn add_with<T: Real, const LEVEL: u8>(
+#[dispatch]
+fn add<const LEVEL: u8, T: Real>(
     pixels: &mut [T],
-    (wy, wx): (&[T], &[T]),
+    weights: (&[T], &[T]),
     left: &[T],
     lead: usize,
     above: &[T],
     span: usize,
     shared: usize,
 ) {
+    let (wy, wx) = weights;
     let (lead_weights, weights) = wx.split_at(lead);
     // Where neighbours don't reach, weights are 1.
     let ones = weights.iter().take_while(|&&w| w == T::one()).count() / LANES * LANES;
@@ -173,16 +163,4 @@ fn add_with<T: Real, const LEVEL: u8>(
             tail[i] = wy * weights[i] * tail[i];
         }
     }
-}
-
-dispatch! {
-    fn add<T: Real>(
-        pixels: &mut [T],
-        weights: (&[T], &[T]),
-        left: &[T],
-        lead: usize,
-        above: &[T],
-        span: usize,
-        shared: usize,
-    ) = add_with
 }

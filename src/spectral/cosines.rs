@@ -7,22 +7,22 @@ use crate::base::error::Error;
 use crate::base::real::Real;
 
 /// Sums that stand together in a table: one AVX-512 register of float32, or two of float64.
-pub(super) const LANES: usize = 16;
+pub const LANES: usize = 16;
 
 /// What the sums along one axis are multiplied by.
-pub(super) struct Tables<T> {
+pub struct Tables<T> {
     /// How the pixels of the axis share their sums.
-    pub(super) symmetry: Symmetry,
+    pub symmetry: Symmetry,
     /// Values of k, made even in number by one more of zeros.
-    pub(super) terms: usize,
+    pub terms: usize,
     /// In the first pass, for each sum the cosines of all k, then the sines. In the second, blocks of
     /// LANES sums; in a block for each k the cosines, then the sines.
-    pub(super) values: Aligned<T>,
+    pub values: Aligned<T>,
 }
 
 /// How many pixels a sum makes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Symmetry {
+pub enum Symmetry {
     /// Pixels i and n-1-i.
     Halves,
     /// Also n/2-1-i and n/2+i.
@@ -30,9 +30,8 @@ pub(super) enum Symmetry {
 }
 
 impl Symmetry {
-    /// The better one for n pixels.
     #[inline]
-    pub(super) const fn of(n: usize) -> Self {
+    pub const fn of(n: usize) -> Self {
         if n.is_multiple_of(4) && padded(n / 4) < padded(n.div_ceil(2)) {
             Self::Quarters
         } else {
@@ -40,9 +39,8 @@ impl Symmetry {
         }
     }
 
-    /// Sums for n pixels.
     #[inline]
-    pub(super) const fn sums(self, n: usize) -> usize {
+    pub const fn sums(self, n: usize) -> usize {
         match self {
             Self::Halves => n.div_ceil(2),
             Self::Quarters => n / 4,
@@ -52,37 +50,37 @@ impl Symmetry {
 
 /// n, or one more.
 #[inline]
-pub(super) const fn even(n: usize) -> usize {
+pub const fn even(n: usize) -> usize {
     n + n % 2
 }
 
 #[inline]
-pub(super) const fn padded(n: usize) -> usize {
+pub const fn padded(n: usize) -> usize {
     n.div_ceil(LANES) * LANES
 }
 
 /// Where the first pass has the cosine of sum i and index k, and how far behind it the sine.
 #[inline]
-pub(super) const fn by_sum(i: usize, k: usize, terms: usize) -> (usize, usize) {
+pub const fn by_sum(i: usize, k: usize, terms: usize) -> (usize, usize) {
     (2 * terms * i + k, terms)
 }
 
 /// The same for the second pass.
 #[inline]
-pub(super) const fn in_blocks(i: usize, k: usize, terms: usize) -> (usize, usize) {
+pub const fn in_blocks(i: usize, k: usize, terms: usize) -> (usize, usize) {
     (i / LANES * 2 * LANES * terms + k * 2 * LANES + i % LANES, LANES)
 }
 
 /// Columns kx > 0 stand for their mirrors as well.
 #[inline]
-pub(super) const fn mirrored(k: usize) -> f64 {
+pub const fn mirrored(k: usize) -> f64 {
     if k > 0 { 2.0 } else { 1.0 }
 }
 
 impl<T: Real> Tables<T> {
     /// For n pixels and `count` values of k; `place(i, k, terms)` is where the cosine of sum i stands,
     /// and how far behind it the sine.
-    pub(super) fn new(
+    pub fn new(
         n: usize,
         count: usize,
         weight: impl Fn(usize) -> f64,

@@ -33,13 +33,12 @@ pub struct Dense<T> {
 /// Work space: the spectrum folded to what cosines and sines are multiplied by, and the rows of each
 /// column between the passes.
 pub struct Work<T> {
-    pub(super) cos: Aligned<T>,
-    pub(super) sin: Aligned<T>,
+    pub cos: Aligned<T>,
+    pub sin: Aligned<T>,
     between: Aligned<T>,
 }
 
 impl<T: Real> Dense<T> {
-    /// Tables for the waves of a tile.
     pub fn new(waves: &Waves) -> Result<Self, Error> {
         let half = waves.reach + 1;
         Ok(Self {
@@ -52,7 +51,7 @@ impl<T: Real> Dense<T> {
     }
 
     /// Tables for the waves of a square tile of n px whose indices are below `half`, whole lanes in a row.
-    pub(super) fn square(n: usize, half: usize) -> Result<Self, Error> {
+    pub fn square(n: usize, half: usize) -> Result<Self, Error> {
         Ok(Self {
             tile: (n, n),
             half,
@@ -63,7 +62,7 @@ impl<T: Real> Dense<T> {
     }
 
     /// Places of a row of the spectrum.
-    pub(super) const fn stride(&self) -> usize {
+    pub const fn stride(&self) -> usize {
         self.stride
     }
 
@@ -73,7 +72,6 @@ impl<T: Real> Dense<T> {
         0.5 * k as f64 / n as f64
     }
 
-    /// Work space for this transform.
     pub fn work(&self) -> Result<Work<T>, Error> {
         Ok(Work {
             cos: Aligned::zeroed(2 * self.stride * even(self.half))?,
@@ -92,8 +90,8 @@ pub fn operations(waves: &Waves) -> f64 {
 }
 
 /// Transforms the rows `re` and `im` of a spectrum (its column kx = 0 complete) to `pixels`, row by row.
-#[inline(always)]
-fn transform_with<T: Real, const LEVEL: u8>(
+#[dispatch]
+pub fn transform<const LEVEL: u8, T: Real>(
     dense: &Dense<T>,
     re: &[T],
     im: &[T],
@@ -106,7 +104,7 @@ fn transform_with<T: Real, const LEVEL: u8>(
 
 /// Both passes over what `work` holds folded.
 #[inline(always)]
-pub(super) fn passes_on<T: Real, const LEVEL: u8>(
+pub fn passes_on<T: Real, const LEVEL: u8>(
     dense: &Dense<T>,
     work: &mut Work<T>,
     turns: Option<&[T]>,
@@ -388,15 +386,4 @@ fn put_few<T: Real>(
         }
         line[start + i] = made[0][i];
     }
-}
-
-dispatch! {
-    /// [`transform_with`] on the best instructions.
-    pub fn transform<T: Real>(
-        dense: &Dense<T>,
-        re: &[T],
-        im: &[T],
-        work: &mut Work<T>,
-        pixels: &mut [T],
-    ) = transform_with
 }

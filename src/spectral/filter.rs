@@ -3,11 +3,13 @@
 use ndarray::{ArrayView2, ArrayViewMut2, Zip};
 
 use super::band::Sum;
-use super::spectrum::LANES;
 use super::tent::Motion;
-use crate::base::error::{Error, finite};
+use crate::base::error::{Error, finite, named};
 use crate::base::normal::{least, most};
 use crate::base::simd::multiply_add;
+
+/// Places that a loop advances by: one AVX-512 register of float64.
+pub const LANES: usize = 8;
 
 /// A rate of half a cycle per frame has no direction, so it counts as aliased; the margin keeps
 /// rounding from deciding for waves that lie exactly on it.
@@ -25,21 +27,14 @@ pub enum Alias {
 }
 
 impl Alias {
-    /// The option of that name.
     pub fn named(name: &str) -> Result<Self, Error> {
-        match name {
-            "keep" => Ok(Self::Keep),
-            "cut" => Ok(Self::Cut),
-            "soft" => Ok(Self::Soft),
-            _ => Err(Error::invalid("alias", format!("must be keep, cut or soft, got {name:?}"))),
-        }
+        named("alias", name, &[("keep", Self::Keep), ("cut", Self::Cut), ("soft", Self::Soft)])
     }
 }
 
 /// The gain of a wave as a function of its rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TemporalFilter {
-    /// Law at the temporal Nyquist limit.
     pub alias: Alias,
     /// Where the soft law starts, cycles per frame.
     pub soft_from: f64,
@@ -48,7 +43,6 @@ pub struct TemporalFilter {
 }
 
 impl TemporalFilter {
-    /// Refuses values outside their ranges.
     pub fn checked(self) -> Result<Self, Error> {
         finite("soft_from", self.soft_from)?;
         finite("shutter", self.shutter)?;
@@ -91,7 +85,6 @@ impl TemporalFilter {
         if angle.abs() < 1e-4 { 1.0 - angle * angle / 6.0 } else { libm::sin(angle) / angle }
     }
 
-    /// Both factors.
     #[inline]
     pub fn gain(&self, rate: f64) -> f64 {
         let kept = self.alias_gain(rate);
@@ -101,7 +94,7 @@ impl TemporalFilter {
 
 /// Rates to the factors of the filter, in place: [`TemporalFilter::gain`] on lanes.
 #[inline(always)]
-pub(super) fn fill_gains<const LEVEL: u8>(filter: TemporalFilter, values: &mut [f64]) {
+pub fn fill_gains<const LEVEL: u8>(filter: TemporalFilter, values: &mut [f64]) {
     // Polynomials cover what a usual shutter sees; beyond that each wave takes the exact way.
     let reach = reach(values);
     if filter.shutter * if filter.alias == Alias::Keep { reach } else { 0.5 } > 0.5 {
@@ -203,27 +196,4 @@ pub fn temporal_filter(
         *out *= restored * filter.shutter_gain(velocity.step_at(row, col, shape));
     });
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::base::simd::PORTABLE;
-
-    #[test]
-    fn gains_on_lanes_are_those_of_each_rate() {
-        for alias in [Alias::Keep, Alias::Cut, Alias::Soft] {
-            for shutter in [0.0, 0.5, 1.0, 3.0] {
-                let filter = TemporalFilter { alias, soft_from: 0.3, shutter };
-                for reach in [0.2, 0.9] {
-                    let rates: Vec<f64> = (-50..=50).map(|i| f64::from(i) / 50.0 * reach).collect();
-                    let mut gains = rates.clone();
-                    fill_gains::<PORTABLE>(filter, &mut gains);
-                    for (rate, gain) in rates.into_iter().zip(gains) {
-                        assert!((gain - filter.gain(rate)).abs() < 2e-15, "{filter:?} {rate}");
-                    }
-                }
-            }
-        }
-    }
 }

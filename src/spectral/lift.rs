@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use super::opacity::Opacity;
+use super::opacity::{Lifted, Opacity};
 use super::spectrum::Power;
 use crate::base::error::{Error, collected, zeroed};
 use crate::base::real::Real;
@@ -19,33 +19,17 @@ pub struct Lift<T> {
     /// Whether a line has any that is not 0.
     lost: Vec<bool>,
     origin: usize,
-    /// The values of a block.
     block: Vec<T>,
     /// The last tile's power and what it lost: the next one's are often the same.
     known: (Power, f64),
 }
 
-dispatch! {
-    /// Adds a row of tiles' values with their share.
-    fn add_share<T: Real>(out: &mut [T], line: &[T], share: T) = add_share_with
-}
-
-#[inline(always)]
-fn add_share_with<T: Real, const LEVEL: u8>(out: &mut [T], line: &[T], share: T) {
+/// Adds a row of tiles' values with their share.
+#[dispatch]
+fn add_share<const LEVEL: u8, T: Real>(out: &mut [T], line: &[T], share: T) {
     for (out, &value) in out.iter_mut().zip(line) {
         *out += share * value;
     }
-}
-
-/// What is added to a block.
-#[derive(Debug, Clone, Copy)]
-pub enum Lifted<'l, T> {
-    /// Nothing.
-    None,
-    /// The same everywhere.
-    All(T),
-    /// A value for each pixel of the block, row by row.
-    Each(&'l [T]),
 }
 
 impl<T: Real> Lift<T> {

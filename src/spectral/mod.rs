@@ -7,22 +7,20 @@
 //! [`field`] makes a whole frame; the other modules are its steps, for experiments and as judges.
 
 pub mod band;
-mod carry;
-mod cosines;
+pub mod carry;
+pub mod cosines;
 pub mod dense;
 pub mod field;
 pub mod filter;
-pub(crate) mod flakes;
+pub mod flakes;
 pub mod grid;
-mod lift;
+pub mod lift;
 pub mod opacity;
-mod parts;
-pub mod phase;
 pub mod spectrum;
 pub mod stripes;
 pub mod tent;
 pub mod tile;
 pub mod tiles;
 pub mod transform;
-pub(crate) mod volume;
+pub mod volume;
 pub mod waves;

@@ -3,7 +3,7 @@
 //! Waves stand in rows of one ky, so that loops without branches do them all on vector lanes; places
 //! of the rows that the band leaves out have amplitude 0.
 
-use super::filter::{TemporalFilter, fill_gains};
+use super::filter::{LANES, TemporalFilter, fill_gains};
 use super::tent::Motion;
 use super::waves::{Draw, Waves};
 use crate::base::aligned::Aligned;
@@ -11,9 +11,6 @@ use crate::base::error::{Error, collected, zeroed};
 use crate::base::random::mix64;
 use crate::base::real::Real;
 use crate::base::simd::dispatch;
-
-/// Places that a loop advances by: one AVX-512 register of float64.
-pub const LANES: usize = 8;
 
 /// Places in a row for so many columns: whole lanes.
 pub const fn columns_padded(columns: usize) -> usize {
@@ -29,7 +26,6 @@ pub struct Columns {
     ky: Vec<i64>,
     row_frequency: Vec<f64>,
     row_offset: Vec<f64>,
-    /// The same across.
     kx: Vec<i64>,
     column_frequency: Vec<f64>,
     column_offset: Vec<f64>,
@@ -39,7 +35,6 @@ pub struct Columns {
     amplitude: Aligned<f64>,
     wavelength: Aligned<f64>,
     ring: Vec<u32>,
-    /// Power of all waves.
     power: f64,
 }
 
@@ -47,7 +42,6 @@ pub struct Columns {
 pub struct Values<T> {
     /// Real part of each leader's bin, and of the mirrors in the column of kx = 0.
     pub re: Aligned<T>,
-    /// Imaginary part.
     pub im: Aligned<T>,
     phase: Aligned<f64>,
     gain: Aligned<f64>,
@@ -73,7 +67,6 @@ pub struct TileMotion<'a> {
     pub lap: Option<(&'a [Motion], f64)>,
     /// Displacements per frame.
     pub rate: &'a [Motion],
-    /// What sampling in time does.
     pub filter: TemporalFilter,
     /// Waves up to this wavelength are left out (a depth limit); 0 leaves out none.
     pub shortest: f64,
@@ -126,7 +119,6 @@ impl Columns {
         Ok(columns)
     }
 
-    /// How many places there are.
     pub const fn len(&self) -> usize {
         2 * self.half * self.stride
     }
@@ -136,7 +128,6 @@ impl Columns {
         (self.half, self.stride)
     }
 
-    /// Where a wave stands.
     pub const fn place(&self, ky: i64, kx: i64) -> usize {
         let row = ky.unsigned_abs() as usize + if ky < 0 { self.half } else { 0 };
         row * self.stride + kx as usize
@@ -151,7 +142,6 @@ impl Columns {
         }
     }
 
-    /// Buffers for these waves.
     pub fn values<T: Real>(&self) -> Result<Values<T>, Error> {
         let n = self.len();
         Ok(Values {
@@ -305,13 +295,8 @@ impl Columns {
     }
 }
 
-#[inline(always)]
-fn tent_steps_with<const LEVEL: u8>(
-    drift: [f64; 2],
-    tent_y: &[f64],
-    tent_x: &[f64],
-    out: &mut [f64],
-) {
+#[dispatch]
+fn tent_steps<const LEVEL: u8>(drift: [f64; 2], tent_y: &[f64], tent_x: &[f64], out: &mut [f64]) {
     let motion = Motion { drift, shift: [0.0; 2] };
     for ((out, &ty), &tx) in out.iter_mut().zip(tent_y).zip(tent_x) {
         *out = motion.step((ty, tx), (0.0, 0.0));
@@ -319,8 +304,8 @@ fn tent_steps_with<const LEVEL: u8>(
 }
 
 /// Rates to amplitudes, in place; sums run over lanes, in one order for every level.
-#[inline(always)]
-fn gain_lanes_with<const LEVEL: u8>(
+#[dispatch]
+fn gain_lanes<const LEVEL: u8>(
     filter: TemporalFilter,
     shortest: f64,
     amplitude: &[f64],
@@ -353,8 +338,8 @@ fn gain_lanes_with<const LEVEL: u8>(
 
 /// Bins from phases: hash, add, reduce in float64; then turn and scale in the pixels' precision, on
 /// twice the lanes if that is float32.
-#[inline(always)]
-fn bins_with<T: Real, const LEVEL: u8>(kx: &[i64], values: &mut Values<T>) {
+#[dispatch]
+fn bins<const LEVEL: u8, T: Real>(kx: &[i64], values: &mut Values<T>) {
     let stride = kx.len();
     let rows = values.re.chunks_exact_mut(stride).zip(values.phase.chunks_exact(stride));
     let by_row = values.hash.iter().zip(&values.row_phase);
@@ -377,23 +362,4 @@ fn bins_with<T: Real, const LEVEL: u8>(kx: &[i64], values: &mut Values<T>) {
         re[i] = turn.re * gain[i];
         im[i] = turn.im * gain[i];
     }
-}
-
-dispatch! {
-    fn tent_steps(drift: [f64; 2], tent_y: &[f64], tent_x: &[f64], out: &mut [f64])
-        = tent_steps_with
-}
-
-dispatch! {
-    fn gain_lanes(
-        filter: TemporalFilter,
-        shortest: f64,
-        amplitude: &[f64],
-        wavelength: &[f64],
-        values: &mut [f64],
-    ) -> Power = gain_lanes_with
-}
-
-dispatch! {
-    fn bins<T: Real>(kx: &[i64], values: &mut Values<T>) = bins_with
 }

@@ -8,29 +8,27 @@ use ndarray::{ArrayViewMut2, Axis};
 
 use super::carry::Carry;
 use super::field::{Ready, Window};
-use super::lift::{Lift, Lifted};
-use super::opacity::{Block, Opacity};
+use super::lift::Lift;
+use super::opacity::{Block, Lifted, Opacity};
 use super::spectrum::TileMotion;
 use super::tent::Motion;
 use super::tile::Scratch;
 use super::tiles::{Blend, Row};
 use super::waves::Draw;
 use crate::base::aligned::Aligned;
-use crate::base::error::{Cancel, Error};
+use crate::base::error::{Cancel, Error, layout};
 use crate::base::pool;
 use crate::base::real::Real;
 
-/// How the field becomes an opacity.
 #[derive(Debug, Clone, Copy)]
 pub struct Mapped {
-    /// The map.
     pub map: Opacity,
     /// Whether the mean opacity that blur takes is given back.
     pub preserve_mean: bool,
 }
 
 /// What one worker makes tiles with.
-pub(super) trait Maker<T> {
+pub trait Maker<T> {
     /// Makes the tile (row, column).
     fn make(&mut self, at: (usize, usize), pixels: &mut [T]) -> Result<(), Error>;
 
@@ -46,10 +44,10 @@ pub(super) trait Maker<T> {
 }
 
 /// The tiles of a picture, and their weights down and across.
-pub(super) struct Tiles<'a, T> {
-    pub(super) down: Row,
-    pub(super) across: Row,
-    pub(super) weights: &'a (Vec<T>, Vec<T>),
+pub struct Tiles<'a, T> {
+    pub down: Row,
+    pub across: Row,
+    pub weights: &'a (Vec<T>, Vec<T>),
 }
 
 impl<T: Real> Tiles<'_, T> {
@@ -58,7 +56,7 @@ impl<T: Real> Tiles<'_, T> {
     /// Each adds the tiles that touch its rows in row-major order, so that the bits of a pixel depend
     /// neither on the threads nor on the window. Tiles across a border between workers are made by
     /// both: fewer than one row of tiles for each worker.
-    pub(super) fn render<M: Maker<T>>(
+    pub fn render<M: Maker<T>>(
         &self,
         window: &Window,
         mut out: ArrayViewMut2<'_, T>,
@@ -82,7 +80,6 @@ impl<T: Real> Tiles<'_, T> {
             }
         }
         pool::for_each(tasks, |(rows, part)| {
-            let layout = || Error::Internal("rows are not contiguous".into());
             let out = part.into_slice().ok_or_else(layout)?;
             let made = &mut maker(&rows)?;
             self.strip(rows, &window.cols, out, made, cancel)
@@ -143,7 +140,7 @@ impl<T: Real> Tiles<'_, T> {
     }
 }
 
-impl<T: Real> Ready<'_, '_, T> {
+impl<T: Real> Ready<'_, T> {
     /// Renders the window's field, or its opacity.
     pub fn render(
         &self,
@@ -169,8 +166,8 @@ impl<T: Real> Ready<'_, '_, T> {
 }
 
 /// One worker's buffers, and the way from a tile's place to its pixels.
-struct Worker<'r, 'f, 'a, T: Real> {
-    ready: &'r Ready<'f, 'a, T>,
+struct Worker<'r, 'f, T: Real> {
+    ready: &'r Ready<'f, T>,
     mapped: Option<Mapped>,
     lift: Option<Lift<T>>,
     /// The first row and column of tiles.
@@ -181,9 +178,9 @@ struct Worker<'r, 'f, 'a, T: Real> {
     scratch: Scratch<T>,
 }
 
-impl<'r, 'f, 'a, T: Real> Worker<'r, 'f, 'a, T> {
+impl<'r, 'f, T: Real> Worker<'r, 'f, T> {
     fn new(
-        ready: &'r Ready<'f, 'a, T>,
+        ready: &'r Ready<'f, T>,
         rows: &Range<usize>,
         cols: &Range<usize>,
         mapped: Option<Mapped>,
@@ -210,17 +207,17 @@ impl<'r, 'f, 'a, T: Real> Worker<'r, 'f, 'a, T> {
     }
 }
 
-impl<T: Real> Maker<T> for Worker<'_, '_, '_, T> {
+impl<T: Real> Maker<T> for Worker<'_, '_, T> {
     fn make(&mut self, at: (usize, usize), pixels: &mut [T]) -> Result<(), Error> {
         let Ready { field, across, parts, transformed, .. } = self.ready;
-        field.motions(field.drift, field.shift, at, &mut self.place);
-        field.motions(field.velocity, field.shift_rate, at, &mut self.rate);
-        if let Some(lap) = field.lap {
-            field.motions(lap.drift, lap.shift, at, &mut self.whole);
+        field.motions(&field.drift, &field.shift, at, &mut self.place);
+        field.motions(&field.velocity, &field.shift_rate, at, &mut self.rate);
+        if let Some(lap) = &field.lap {
+            field.motions(&lap.drift, &lap.shift, at, &mut self.whole);
         }
         let motion = TileMotion {
             place: &self.place,
-            lap: field.lap.map(|lap| (&self.whole[..], lap.part)),
+            lap: field.lap.as_ref().map(|lap| (&self.whole[..], lap.part)),
             rate: &self.rate,
             filter: field.filter,
             shortest: field.shortest.as_ref().map_or(0.0, |map| map[at]),

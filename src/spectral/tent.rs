@@ -6,8 +6,7 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2, Zip};
 
-use super::grid::{direction, odd_frequency, signed};
-use super::phase::reduce;
+use super::grid::{direction, odd_frequency, reduce, signed};
 
 /// Motion of a tile: a drift on the tent and a shift of all waves alike.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -19,7 +19,7 @@ const DENSE_ADVANTAGE: f64 = 1.5;
 
 /// Floating-point operations of the FFT's way: complex along y for the columns of the band, then every
 /// row to real pixels.
-pub fn fft_operations(waves: &Waves) -> f64 {
+fn fft_operations(waves: &Waves) -> f64 {
     let (height, width) = waves.tile;
     let log2 = |n: usize| (n as f64).log2().max(1.0);
     5.0 * (waves.columns * height) as f64 * log2(height)
@@ -56,16 +56,14 @@ pub struct Scratch<T> {
 }
 
 impl<T: Real> Plan<T> {
-    /// Plans the transform for a set of waves, `plain` for the same bits on every processor: `dense`
-    /// two dense products, or FFTs of the columns in the band and then of every row, or what the
-    /// operation count says; both give the same field within rounding.
-    pub fn new(waves: &Waves, dense: Option<bool>, plain: bool) -> Result<Self, Error> {
+    /// Plans the transform for a set of waves, `plain` for the same bits on every processor: two dense products, or
+    /// FFTs of the columns in the band and then of every row, as the operation count says; both give the same
+    /// field within rounding.
+    pub fn new(waves: &Waves, plain: bool) -> Result<Self, Error> {
         let (height, width) = waves.tile;
-        let take_dense =
-            dense.unwrap_or_else(|| operations(waves) < DENSE_ADVANTAGE * fft_operations(waves));
         let longest = waves.list.iter().map(|wave| wave.wavelength).fold(0.0, f64::max);
         let tile = waves.tile;
-        if take_dense {
+        if operations(waves) < DENSE_ADVANTAGE * fft_operations(waves) {
             let columns = Columns::new(waves, Dense::<T>::half_pixel)?;
             return Ok(Self { columns, tile, longest, way: Way::Dense(Dense::new(waves)?) });
         }
@@ -82,7 +80,6 @@ impl<T: Real> Plan<T> {
         })
     }
 
-    /// Buffers for this plan.
     pub fn scratch(&self) -> Result<Scratch<T>, Error> {
         let (height, width) = self.tile;
         let mut scratch = Scratch {
@@ -94,9 +91,7 @@ impl<T: Real> Plan<T> {
             work_x: Vec::new(),
         };
         match &self.way {
-            Way::Dense(dense) => {
-                scratch.work = Some(dense.work()?);
-            }
+            Way::Dense(dense) => scratch.work = Some(dense.work()?),
             Way::Fft { columns, along_y, along_x } => {
                 scratch.spectrum = zeroed(columns * height)?;
                 scratch.line = zeroed(TOGETHER * (width / 2 + 1))?;
@@ -186,46 +181,5 @@ impl<T: Real> Plan<T> {
             }
         }
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::spectral::band::Band;
-    use crate::spectral::filter::{Alias, TemporalFilter};
-    use crate::spectral::tent::Motion;
-
-    fn worst<T: Real>(tile: (usize, usize)) -> f64 {
-        let band = Band { shortest: 3.0, longest: 16.0, exponent: 0.75 };
-        let waves = Waves::new(tile, band, &[]).unwrap();
-        let motion = [Motion { drift: [3.3, -1.7], shift: [0.25, 2.0] }];
-        let asked = TileMotion {
-            place: &motion,
-            lap: None,
-            rate: &motion,
-            filter: TemporalFilter { alias: Alias::Keep, soft_from: 0.4, shutter: 0.3 },
-            shortest: 4.0,
-        };
-        let tiles = [true, false].map(|dense| {
-            let plan = Plan::<T>::new(&waves, Some(dense), false).unwrap();
-            let mut scratch = plan.scratch().unwrap();
-            // Twice, so that the second tile finds the buffers dirty.
-            let mut pixels = vec![T::nan(); tile.0 * tile.1];
-            plan.render(Draw::new(1, (0, 0), true), asked, &mut scratch, &mut pixels).unwrap();
-            let draw = Draw::new(1, (3, 4), false);
-            plan.render(draw, asked, &mut scratch, &mut pixels).unwrap();
-            pixels
-        });
-        let differences = tiles[0].iter().zip(&tiles[1]).map(|(a, b)| (a.wide() - b.wide()).abs());
-        differences.fold(0.0, f64::max)
-    }
-
-    #[test]
-    fn both_ways_give_the_same_tile() {
-        for tile in [(16, 16), (17, 31), (64, 64), (9, 48), (128, 96)] {
-            assert!(worst::<f64>(tile) < 1e-13, "{tile:?}: {:e}", worst::<f64>(tile));
-            assert!(worst::<f32>(tile) < 3e-6, "{tile:?}: {:e}", worst::<f32>(tile));
-        }
     }
 }

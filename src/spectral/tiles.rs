@@ -2,7 +2,7 @@
 
 use ndarray::{ArrayView4, ArrayViewMut2, s};
 
-use crate::base::error::{Error, collected, zeroed};
+use crate::base::error::{Error, collected, named, zeroed};
 use crate::base::real::Real;
 
 /// How overlapping tiles are mixed.
@@ -15,22 +15,14 @@ pub enum Blend {
 }
 
 impl Blend {
-    /// The option of that name.
     pub fn named(name: &str) -> Result<Self, Error> {
-        match name {
-            "power" => Ok(Self::Power),
-            "linear" => Ok(Self::Linear),
-            _ => Err(Error::invalid("blend", format!("must be power or linear, got {name:?}"))),
-        }
+        named("blend", name, &[("power", Self::Power), ("linear", Self::Linear)])
     }
 }
 
-/// The tiles along one axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Row {
-    /// Pixels to cover.
     pub length: usize,
-    /// Size of a tile.
     pub tile: usize,
     /// Pixels shared by neighbours.
     pub overlap: usize,
@@ -64,7 +56,6 @@ impl Row {
         }
     }
 
-    /// First pixel of a tile.
     pub const fn start(&self, index: usize) -> usize {
         index * self.step()
     }
@@ -160,24 +151,4 @@ pub fn blend_tiles<T: Real>(
         }
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn touching_is_what_a_search_finds() {
-        for (length, tile, overlap) in [(100, 16, 5), (100, 16, 15), (10, 16, 3), (64, 8, 0)] {
-            let row = Row { length, tile, overlap };
-            for from in 0..length {
-                for to in from + 1..=length {
-                    let found: Vec<usize> = (0..row.count())
-                        .filter(|&i| row.start(i) < to && row.start(i) + tile > from)
-                        .collect();
-                    assert_eq!(row.touching(from, to).collect::<Vec<_>>(), found);
-                }
-            }
-        }
-    }
 }

@@ -1,11 +1,11 @@
 //! From amplitudes and phases of all bins to the real field, through half of the spectrum.
 
 use flurries_fft::ComplexToReal;
-use ndarray::{ArrayView2, ArrayViewMut2, Axis};
+use ndarray::{ArrayView2, ArrayViewMut2};
 use num_complex::Complex;
 
 use super::grid::{position, signed};
-use crate::base::error::{Cancel, Error, spare, zeroed};
+use crate::base::error::{Cancel, Error, layout, spare, zeroed};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::{PORTABLE, reproducible};
@@ -21,7 +21,7 @@ pub fn room_for_plans<T>((height, width): (usize, usize)) -> Result<(), Error> {
 /// Tables need not be symmetric: the sum of cosines is the transform of the Hermitian part
 /// (S(k) + conj S(-k)) / 2, which is what is formed here. Columns of zeros are not transformed.
 pub fn inverse_transform<T: Real>(
-    mut out: ArrayViewMut2<'_, T>,
+    out: ArrayViewMut2<'_, T>,
     amplitude: ArrayView2<'_, f64>,
     phase: ArrayView2<'_, f64>,
     cancel: &Cancel,
@@ -39,7 +39,7 @@ pub fn inverse_transform<T: Real>(
     room_for_plans::<T>((height, width))?;
     let rows = T::inverse(height, plain);
     let bin = |row: usize, col: usize| {
-        T::turn::<PORTABLE>(T::of(super::phase::reduce(phase[(row, col)])))
+        T::turn::<PORTABLE>(T::of(super::grid::reduce(phase[(row, col)])))
             .scale(T::of(amplitude[(row, col)]))
     };
     let tasks = columns.chunks_mut(height).zip(&used);
@@ -56,13 +56,7 @@ pub fn inverse_transform<T: Real>(
     })?;
 
     let to_real = T::to_real(width, plain);
-    let runs = pool::split(height, pool::threads());
-    let mut tasks = Vec::with_capacity(runs.len());
-    for run in runs {
-        let (part, rest) = out.split_at(Axis(0), run.len());
-        tasks.push((run, part));
-        out = rest;
-    }
+    let tasks = pool::rows(out, pool::threads());
     pool::for_each(tasks, |(run, part)| {
         real_rows(part, run.start, &columns, &used, to_real.as_ref(), cancel)
     })
@@ -70,7 +64,7 @@ pub fn inverse_transform<T: Real>(
 
 /// Fills `out` with rows of pixels from row `first` on, from the transforms along y of the columns
 /// `used`, one after the other.
-pub(super) fn real_rows<T: Real>(
+pub fn real_rows<T: Real>(
     mut out: ArrayViewMut2<'_, T>,
     first: usize,
     columns: &[Complex<T>],
@@ -93,7 +87,7 @@ pub(super) fn real_rows<T: Real>(
         if width.is_multiple_of(2) {
             line[width / 2].im = T::zero();
         }
-        let pixels = pixels.as_slice_mut().ok_or_else(|| Error::Internal("layout".into()))?;
+        let pixels = pixels.as_slice_mut().ok_or_else(layout)?;
         to_real
             .process_with_scratch(&mut line, pixels, &mut scratch)
             .map_err(|error| Error::Internal(error.to_string()))?;

@@ -5,19 +5,16 @@
 //! (k, n) on the tent. Few of the M x M x T cells are not zero: the transform along t is their plain
 //! sum, exact at any t, and only columns that hold a cell are transformed along y.
 
-use std::ops::Range;
-
 use ndarray::{ArrayViewMut2, Axis};
 use num_complex::Complex;
 
 use super::band::{Band, Sum};
 use super::filter::TemporalFilter;
-use super::grid::position;
-use super::phase::{leader_phase, reduce, tile_hash};
+use super::grid::{leader_phase, position, reduce, tile_hash};
 use super::tent::Motion;
 use super::transform::{real_rows, room_for_plans};
 use super::waves::{Draw, Waves};
-use crate::base::error::{Cancel, Error, pushed, zeroed};
+use crate::base::error::{Cancel, Error, named, pushed, zeroed};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::{PORTABLE, reproducible};
@@ -40,11 +37,7 @@ pub enum Cells {
 
 impl Cells {
     pub fn named(name: &str) -> Result<Self, Error> {
-        match name {
-            "one" => Ok(Self::One),
-            "overlap" => Ok(Self::Overlap),
-            _ => Err(Error::invalid("cells", format!("must be one or overlap, got {name:?}"))),
-        }
+        named("cells", name, &[("one", Self::One), ("overlap", Self::Overlap)])
     }
 }
 
@@ -73,7 +66,6 @@ struct Cell {
     amplitude: f64,
 }
 
-/// The cells of a film, sorted by column.
 pub struct Spectrum {
     shape: (usize, usize),
     frames: f64,
@@ -190,15 +182,9 @@ impl Spectrum {
         if out.dim() != (times.len() * height, width) {
             return Err(Error::Internal("a film of another shape".into()));
         }
-        let mut tasks = Vec::new();
-        for run in pool::split(times.len(), pool::threads()) {
-            let (part, rest) = out.split_at(Axis(0), run.len() * height);
-            tasks.push((run, part));
-            out = rest;
-        }
-        pool::for_each(tasks, |(run, part): (Range<usize>, ArrayViewMut2<'_, T>)| {
-            self.run(part, &times[run], cancel)
-        })
+        let each = times.len().div_ceil(pool::threads()).max(1);
+        let parts = out.axis_chunks_iter_mut(Axis(0), each * height).zip(times.chunks(each));
+        pool::for_each(parts, |(part, times)| self.run(part, times, cancel))
     }
 
     fn run<T: Real>(

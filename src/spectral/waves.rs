@@ -1,15 +1,13 @@
 //! The waves of a tile that take part: the leaders of the band, with what each needs for its phase.
 
 use super::band::{Band, Sum};
-use super::grid::{Role, direction, magnitude, odd_frequency, role};
-use super::phase::tile_hash;
+use super::grid::{Role, direction, magnitude, odd_frequency, role, tile_hash};
 use crate::base::error::{Error, pushed};
 use crate::base::random::Hash;
 
 /// One pair of bins (k, -k), by its leader.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wave {
-    /// Signed index along y.
     pub ky: i64,
     /// Signed index along x; never negative here, since the band holds no Nyquist bin.
     pub kx: i64,
@@ -30,7 +28,6 @@ pub struct Wave {
 pub struct Waves {
     /// Tile size (rows, cols).
     pub tile: (usize, usize),
-    /// The leaders.
     pub list: Vec<Wave>,
     /// Columns kx = 0 .. columns hold all of them.
     pub columns: usize,

@@ -165,7 +165,8 @@ def layers(
         course = (integer("repeats", repeats, low=1, high=MOST_REPEATS), length, top)
         steps = footprints_of(whole.shape, given, course)
         tables = _tables(texture, steps, sheets)
-        _core.cone_moving(whole, steps, given, course, sheets, texture._levels, tables)
+        view = given, course
+        _core.cone_stack(whole, None, view, steps, sheets, texture._levels, tables)
     else:
         if mapping is None:
             mapping = Mapping(
@@ -233,9 +234,8 @@ def _stacked(
         shown = None if mapping._shown is None else mapping._shown[lines]
         if shown is not None and not mapping._together:
             shown = (shown > index).astype(np.uint8)
-        _core.cone_stack(
-            whole, across, along, fade, state, steps, drawn, texture._levels, tables, shown,
-        )  # fmt: skip
+        chart = across, along, fade, state, shown
+        _core.cone_stack(whole, chart, None, steps, drawn, texture._levels, tables)
         if not mapping._together:
             clear = 1.0 - whole if clear is None else clear * (1.0 - whole)
     if clear is not None:

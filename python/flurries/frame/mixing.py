@@ -205,7 +205,7 @@ def lit(layer: Layer) -> Layer:
     """Return a layer of a shade with the color of each pixel."""
     assert layer.shade is not None
     rgb = np.empty((*layer.alpha.shape, 3), np.float32)
-    _core.shade_light(rgb, layer.alpha, layer.shade.given(), layer.glow)
+    _core.shade_over(rgb, np.zeros_like(rgb), layer.alpha, layer.shade.given(), layer.glow)
     return replace(layer, rgb=rgb, shade=None, glow=None)
 
 

@@ -2,7 +2,9 @@
 
 use super::spread::Tap;
 
-/// A lens with a finite opening.
+/// Of a disc of diameter c the variance along an axis is c^2 / 16.
+pub const VARIANCE_OF_DISC: f64 = 1.0 / 16.0;
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Blur {
     /// The circle of confusion of a depth z is `strength * |1/focus - 1/z|` px wide; px times world units.

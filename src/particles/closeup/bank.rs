@@ -12,7 +12,6 @@ use std::sync::OnceLock;
 
 use crate::base::random::Hash;
 
-/// Aggregates.
 pub const SHAPES: usize = 8;
 /// Views of each around a turn.
 pub const VIEWS: usize = 16;
@@ -29,7 +28,6 @@ const FILLED: f64 = 0.86;
 const THICKNESS: f64 = 0.5;
 const BLOT: f64 = 1.1;
 
-/// A silhouette at several sizes.
 struct View {
     /// From the largest level down, row by row.
     levels: [Vec<f32>; LEVELS],
@@ -37,7 +35,6 @@ struct View {
     side: f64,
 }
 
-/// All silhouettes.
 pub struct Bank {
     views: Vec<View>,
 }

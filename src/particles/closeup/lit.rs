@@ -4,25 +4,21 @@
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, s};
 
 use super::patch::{Line, Patch};
-use crate::base::error::{Cancel, Error};
+use crate::base::error::{Cancel, Error, layout};
 use crate::base::lamps::{Lamps, light};
 use crate::base::pool;
 use crate::base::simd::dispatch;
-use crate::particles::bins::{TILE, touches};
-use crate::particles::canvas::{Canvas, rows};
-use crate::particles::draw::{PIXELS, one};
+use crate::particles::bins::{PIXELS, TILE, touches};
+use crate::particles::canvas::{Canvas, LANES, rows};
+use crate::particles::draw::one;
 use crate::particles::sorted::{Part, Sorted};
 use crate::particles::sprite::{Lens, Sprite};
 
-/// A frame's flakes and their lamps.
 pub struct Scene<'a> {
-    /// Sprites.
     pub sorted: &'a Sorted,
-    /// Pictures.
     pub patches: &'a [Patch],
     /// By which sprites are found in space.
     pub lens: Lens,
-    /// The lamps.
     pub lamps: &'a Lamps,
 }
 
@@ -92,11 +88,6 @@ impl Scene<'_> {
     }
 }
 
-fn layout() -> Error {
-    Error::Internal("rows are not contiguous".into())
-}
-
-/// A tile of the frame.
 struct Tile<'a> {
     row: usize,
     column: usize,
@@ -136,26 +127,15 @@ impl Canvas for Lit {
     fn next(&mut self, _: i32) {}
 
     #[inline(always)]
-    fn take<const N: usize, const LEVEL: u8>(
-        &mut self,
-        at: usize,
-        weight: f64,
-        profile: &[f64; N],
-    ) {
-        rows::<LEVEL>(&mut self.through[at..at + N], weight, profile);
-        let alphas: [f32; N] = std::array::from_fn(|k| (weight * profile[k]) as f32);
+    fn take<const LEVEL: u8>(&mut self, at: usize, weight: f64, profile: &[f64; LANES]) {
+        rows::<LEVEL>(&mut self.through[at..at + LANES], weight, profile);
+        let alphas: [f32; LANES] = std::array::from_fn(|k| (weight * profile[k]) as f32);
         self.add(at, &alphas);
     }
 }
 
-dispatch! {
-    /// Draws a tile's sprites.
-    fn sprites(scene: &Scene<'_>, tile: &Tile<'_>, lit: &mut Lit, cancel: &Cancel)
-        -> Result<(), Error> = sprites_with
-}
-
-#[inline(always)]
-fn sprites_with<const LEVEL: u8>(
+#[dispatch]
+fn sprites<const LEVEL: u8>(
     scene: &Scene<'_>,
     tile: &Tile<'_>,
     lit: &mut Lit,
@@ -178,13 +158,9 @@ fn sprites_with<const LEVEL: u8>(
     Ok(())
 }
 
-dispatch! {
-    /// Draws the pictures of flakes, of these colors, as far as they reach into a tile.
-    fn pictures(scene: &Scene<'_>, colors: &[[f32; 4]], tile: &Tile<'_>, lit: &mut Lit) = pictures_with
-}
-
-#[inline(always)]
-fn pictures_with<const LEVEL: u8>(
+/// Draws the pictures of flakes, of these colors, as far as they reach into a tile.
+#[dispatch]
+fn pictures<const LEVEL: u8>(
     scene: &Scene<'_>,
     colors: &[[f32; 4]],
     tile: &Tile<'_>,
@@ -193,8 +169,8 @@ fn pictures_with<const LEVEL: u8>(
     let (top, left) = (tile.row * TILE, tile.column * TILE);
     let (mut room, mut seen) = (Line::default(), [0.0; TILE]);
     for (patch, &color) in scene.patches.iter().zip(colors) {
-        let (upper, lower) = patch.bounds(1, usize::MAX >> 1);
-        let (first, end) = patch.bounds(0, usize::MAX >> 1);
+        let (upper, lower) = patch.bounds(1);
+        let (first, end) = patch.bounds(0);
         if end <= left || first >= left + TILE || lower <= top || upper >= top + TILE {
             continue;
         }
@@ -217,23 +193,17 @@ fn pictures_with<const LEVEL: u8>(
     }
 }
 
-dispatch! {
-    /// Writes opacity and premultiplied light of a tile's pixels from (row, column) on.
-    fn store(
-        out: ArrayViewMut2<'_, f32>,
-        glow: ArrayViewMut3<'_, f32>,
-        lit: &Lit,
-        from: (usize, usize),
-    ) -> Option<()> = store_with
-}
-
-#[inline(always)]
-fn store_with<const LEVEL: u8>(
-    mut out: ArrayViewMut2<'_, f32>,
-    mut glow: ArrayViewMut3<'_, f32>,
+/// Writes opacity and premultiplied light of a tile's pixels from (row, column) on.
+#[dispatch]
+fn store<const LEVEL: u8>(
+    out: ArrayViewMut2<'_, f32>,
+    glow: ArrayViewMut3<'_, f32>,
     lit: &Lit,
-    (row, column): (usize, usize),
+    from: (usize, usize),
 ) -> Option<()> {
+    let mut out = out;
+    let mut glow = glow;
+    let (row, column) = from;
     let [red, green, blue, whole] = &lit.sums;
     for (y, (mut out, mut glow)) in out.outer_iter_mut().zip(glow.outer_iter_mut()).enumerate() {
         let out = out.as_slice_mut()?;

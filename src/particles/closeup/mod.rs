@@ -1,9 +1,8 @@
 //! Flakes and drops near the camera, which have a shape, and those out of focus, which have a disc.
 //!
-//! Flakes are sorted by [`Split`] while they are projected: what is small and sharp stays a sprite, what
-//! is large or out of focus becomes a [`patch::Patch`], a small picture of its opacity. Between the two
-//! a flake is part one and part the other, and its energy (opacity summed over pixels) is always that
-//! of its sprite.
+//! What is small and sharp stays a sprite, what is large or out of focus becomes a [`patch::Patch`], a small picture of
+//! its opacity. Between the two a flake is part one and part the other, and its energy (opacity summed over pixels)
+//! is always that of its sprite.
 
 pub mod aperture;
 pub mod bank;

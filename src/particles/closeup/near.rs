@@ -3,8 +3,9 @@
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
 use super::aperture::Blur;
-use super::patch::{Kind, Line, Patch, Tumble};
-use crate::base::error::{Cancel, Error};
+use super::patch::{Line, Patch};
+use super::shape::{Kind, Tumble};
+use crate::base::error::{Cancel, Error, layout};
 use crate::base::pool;
 use crate::base::simd::dispatch;
 use crate::particles::sorted::Part;
@@ -18,17 +19,12 @@ pub struct Closeup {
     pub switch: (f64, f64),
     /// The lens, if it has an opening.
     pub blur: Option<Blur>,
-    /// How they tumble.
     pub tumble: Tumble,
 }
 
 /// Circles of confusion in px between which a blurred sprite gives way to a disc.
 pub const DISC: (f64, f64) = (6.0, 9.0);
 
-/// Of a disc of diameter c the variance along an axis is c^2 / 16.
-pub const VARIANCE_OF_DISC: f64 = 1.0 / 16.0;
-
-/// Rows of one item of work.
 const BAND: usize = 32;
 
 /// Joins the pictures with the opacity in a part of the frame; `depth`, of the whole frame, hides.
@@ -50,12 +46,10 @@ pub fn draw(
         let end = first + band.nrows();
         let mut room = Line::default();
         for patch in patches {
-            let (upper, lower) = patch.bounds(1, usize::MAX >> 1);
+            let (upper, lower) = patch.bounds(1);
             for y in upper.max(first)..lower.min(end) {
                 let mut line = band.row_mut(y - first);
-                let line = line
-                    .as_slice_mut()
-                    .ok_or_else(|| Error::Internal("rows are not contiguous".into()))?;
+                let line = line.as_slice_mut().ok_or_else(layout)?;
                 let (x, alphas) = patch.row(y, left..right, &mut room);
                 let line = &mut line[x - left..][..alphas.len()];
                 let Some(map) = depth else {
@@ -88,7 +82,7 @@ pub fn number(
     let mut room = Line::default();
     for patch in patches {
         cancel.check()?;
-        let (upper, lower) = patch.bounds(1, usize::MAX >> 1);
+        let (upper, lower) = patch.bounds(1);
         for y in upper.max(top)..lower.min(bottom) {
             let (x, alphas) = patch.row(y, left..right, &mut room);
             for (x, &alpha) in (x..).zip(alphas) {
@@ -104,14 +98,10 @@ pub fn number(
     Ok(())
 }
 
-#[inline(always)]
-fn join_with<const LEVEL: u8>(out: &mut [f32], alphas: &[f32]) {
+/// Joins opacities with those that are there.
+#[dispatch]
+fn join<const LEVEL: u8>(out: &mut [f32], alphas: &[f32]) {
     for (out, alpha) in out.iter_mut().zip(alphas) {
         *out += alpha * (1.0 - *out);
     }
-}
-
-dispatch! {
-    /// Joins opacities with those that are there.
-    fn join(out: &mut [f32], alphas: &[f32]) = join_with
 }

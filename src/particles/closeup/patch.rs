@@ -2,45 +2,11 @@
 
 use std::ops::Range;
 
-use super::aperture::Blur;
-use super::near::VARIANCE_OF_DISC;
-use super::shape::{DOT, Place, ball, silhouette};
+use super::aperture::VARIANCE_OF_DISC;
+use super::shape::{DOT, Kind, Look, Place, ball, silhouette};
 use super::spread::{along, spread};
 use crate::base::simd::dispatch;
 use crate::particles::sprite::{Flake, Lens, RIM_SHARE, Sprite};
-
-/// What a flake looks like from near.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// An aggregate of crystals.
-    Aggregate,
-    /// A drop of water.
-    Drop,
-    /// A round dot, out of focus.
-    Dot,
-}
-
-/// How flakes tumble.
-#[derive(Debug, Clone, Copy)]
-pub struct Tumble {
-    /// Of the random numbers.
-    pub seed: i64,
-    /// Seconds since frame 0.
-    pub seconds: f64,
-}
-
-/// What is made of a flake.
-#[derive(Debug, Clone, Copy)]
-pub struct Look {
-    /// Its shape.
-    pub kind: Kind,
-    /// How much of it has that shape and a sharp disc; the rest is the image of a sprite.
-    pub share: f64,
-    /// The lens, if it has an opening.
-    pub blur: Option<Blur>,
-    /// How it tumbles.
-    pub tumble: Tumble,
-}
 
 /// The picture of one flake's opacity.
 pub struct Patch {
@@ -52,7 +18,6 @@ pub struct Patch {
     pub origin: [i64; 2],
     /// Texels (across, down).
     pub size: [usize; 2],
-    /// Row by row.
     pub alpha: Vec<f32>,
     /// World units.
     pub depth: f64,
@@ -75,13 +40,9 @@ const MARGIN: f64 = 2.0;
 /// A way in texels that is shorter moves nothing.
 const SHORT: f64 = 0.25;
 
-dispatch! {
-    /// Makes the sum of a picture `energy`.
-    fn normalize(alpha: &mut [f32], energy: f64) = normalize_with
-}
-
-#[inline(always)]
-fn normalize_with<const LEVEL: u8>(alpha: &mut [f32], energy: f64) {
+/// Makes the sum of a picture `energy`.
+#[dispatch]
+fn normalize<const LEVEL: u8>(alpha: &mut [f32], energy: f64) {
     // Sixteen sums, which do not wait for each other.
     let mut sums = [0.0_f64; 16];
     let (runs, rest) = alpha.as_chunks::<16>();
@@ -169,12 +130,11 @@ impl Patch {
         })
     }
 
-    /// Pixels that it reaches: (first, one behind the last), clipped to a picture; x and y.
-    pub fn bounds(&self, axis: usize, limit: usize) -> (usize, usize) {
-        let scale = self.scale as i64;
+    /// Pixels of an axis that it reaches, from 0 on: the first, and one behind the last.
+    pub fn bounds(&self, axis: usize) -> (usize, usize) {
         let first = self.origin[axis];
-        let end = first + self.size[axis] as i64 * scale;
-        (first.clamp(0, limit as i64) as usize, end.clamp(0, limit as i64) as usize)
+        let end = first + (self.size[axis] * self.scale) as i64;
+        (first.max(0) as usize, end.max(0) as usize)
     }
 
     /// The first column of a row of the frame that it reaches, and the opacities from there on.
@@ -185,7 +145,7 @@ impl Patch {
         line: &'a mut Line,
     ) -> (usize, &'a [f32]) {
         let [across, down] = self.size;
-        let (first, end) = self.bounds(0, usize::MAX >> 1);
+        let (first, end) = self.bounds(0);
         let (first, end) = (columns.start.max(first), columns.end.min(end));
         let offset = y as i64 - self.origin[1];
         if offset < 0 || offset >= (down * self.scale) as i64 || first >= end {
@@ -224,7 +184,6 @@ impl Patch {
     }
 }
 
-/// Room for a row of a patch.
 #[derive(Default)]
 pub struct Line {
     texels: Vec<f32>,

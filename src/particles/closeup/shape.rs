@@ -1,11 +1,37 @@
 //! A flake at rest and in focus, as texels: an aggregate that tumbles, a drop, or a dot.
 
+use super::aperture::Blur;
 use super::bank::{Bank, SHAPES, Silhouette};
-use super::patch::{Kind, Look};
+use crate::base::pixel::sampled;
 use crate::base::random::Hash;
-use crate::base::sampling::sampled;
 use crate::base::simd::dispatch;
 use crate::particles::sprite::Flake;
+
+/// What a flake looks like from near.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    Aggregate,
+    Drop,
+    /// A round dot, out of focus.
+    Dot,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub struct Tumble {
+    pub seed: i64,
+    /// Seconds since frame 0.
+    pub seconds: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub struct Look {
+    pub kind: Kind,
+    /// How much of it has that shape and a sharp disc; the rest is the image of a sprite.
+    pub share: f64,
+    /// The lens, if it has an opening.
+    pub blur: Option<Blur>,
+    pub tumble: Tumble,
+}
 
 /// A dot ends here, in sigma.
 pub const DOT: f64 = 4.0;
@@ -19,9 +45,7 @@ const TURNS: (f64, f64) = (0.1, 0.6);
 /// Where texels lie: (across, down), and the flake's middle among them.
 #[derive(Debug, Clone, Copy)]
 pub struct Place {
-    /// Texels across and down.
     pub size: [usize; 2],
-    /// The middle, x and y.
     pub middle: [f64; 2],
 }
 
@@ -131,7 +155,6 @@ impl Shape for Ball {
     }
 }
 
-/// A ball of a diameter in texels.
 pub fn ball(place: &Place, diameter: f64) -> Vec<f32> {
     if diameter < LEAST {
         return dot(place, diameter / 8.0_f64.sqrt());
@@ -185,19 +208,9 @@ fn filled(place: &Place, diameter: f64, reach: f64, shape: &impl Shape) -> Vec<f
     alpha
 }
 
-dispatch! {
-    /// Paints a line of a shape from so many texels right of its middle on, `y` and a texel in diameters.
-    fn paint<S: Shape>(line: &mut [f32], start: f32, y: f32, texel: f32, shape: &S) = paint_with
-}
-
-#[inline(always)]
-fn paint_with<S: Shape, const LEVEL: u8>(
-    line: &mut [f32],
-    start: f32,
-    y: f32,
-    texel: f32,
-    shape: &S,
-) {
+/// Paints a line of a shape from so many texels right of its middle on, `y` and a texel in diameters.
+#[dispatch]
+fn paint<const LEVEL: u8, S: Shape>(line: &mut [f32], start: f32, y: f32, texel: f32, shape: &S) {
     for (column, out) in line.iter_mut().enumerate() {
         *out = shape.at((column as f32 + start) * texel, y);
     }

@@ -5,11 +5,8 @@ use crate::base::simd::dispatch;
 /// A copy: moved by (x, y) texels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tap {
-    /// To the right.
     pub x: isize,
-    /// Down.
     pub y: isize,
-    /// The weight.
     pub weight: f32,
 }
 
@@ -99,7 +96,6 @@ struct Step {
     weight: f32,
 }
 
-/// What is summed.
 struct Work<'a> {
     /// Rows of `stride` texels.
     source: &'a [f32],
@@ -113,13 +109,8 @@ struct Work<'a> {
     steps: &'a [Step],
 }
 
-dispatch! {
-    /// Sums the copies, block by block.
-    fn sum(out: &mut [f32], columns: usize, work: &Work<'_>) = sum_with
-}
-
-#[inline(always)]
-fn sum_with<const LEVEL: u8>(out: &mut [f32], columns: usize, work: &Work<'_>) {
+#[dispatch]
+fn sum<const LEVEL: u8>(out: &mut [f32], columns: usize, work: &Work<'_>) {
     let &Work { source, stride, rows: [top, bottom], first, blocks, steps } = work;
     for (y, line) in out.chunks_exact_mut(columns).enumerate() {
         let y = y as isize;

@@ -3,7 +3,6 @@
 //! u = a across + b down, so that the sine of the whole is made of those of the parts, and a tile needs
 //! tables of these only. The waves b and -b share a division.
 
-use super::product::turns;
 use crate::base::aligned::Aligned;
 use crate::base::error::Error;
 use crate::base::real::Real;
@@ -15,7 +14,23 @@ const NEAR: f64 = 0.0625;
 /// Streaks beyond it, in tiles, leave nothing; products of two stay finite.
 const MOST: f64 = 1e12;
 
-/// Tables of one worker.
+/// Cycles, whole ones taken off.
+#[inline(always)]
+fn reduced(cycles: f64) -> f64 {
+    cycles - cycles.round_ties_even()
+}
+
+/// Writes exp(2 pi i k cycles) * gain for k = 0, 1, ..
+#[inline(always)]
+pub fn turns<T: Real, const LEVEL: u8>(cos: &mut [T], sin: &mut [T], cycles: f64, gain: T) {
+    let cycles = reduced(cycles);
+    for (k, (cos, sin)) in cos.iter_mut().zip(sin).enumerate() {
+        let turn = T::turn::<LEVEL>(T::of(reduced(k as f64 * cycles)));
+        *cos = gain * turn.re;
+        *sin = gain * turn.im;
+    }
+}
+
 pub struct Blur<T> {
     /// 0, 1, 2, ..
     index: Aligned<T>,
@@ -45,7 +60,6 @@ impl<T: Real> Blur<T> {
         })
     }
 
-    /// Makes the tables of the i-th term.
     #[inline(always)]
     pub fn begin<const LEVEL: u8>(
         &mut self,
@@ -63,7 +77,6 @@ impl<T: Real> Blur<T> {
         turns::<T, LEVEL>(cos, sin, 0.5 * steps[1], T::one());
     }
 
-    /// Fills `rows` for b.
     #[inline(always)]
     pub fn row<const LEVEL: u8>(&mut self, b: usize, terms: usize, (stride, half): (usize, usize)) {
         let index = &self.index[..stride];

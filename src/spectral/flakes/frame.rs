@@ -36,7 +36,6 @@ pub struct Layers<'a> {
     pub mean: f64,
 }
 
-/// A frame whose tiles are known.
 pub struct Frame<'a, T> {
     patterns: &'a Prepared<T>,
     layers: Layers<'a>,
@@ -125,7 +124,6 @@ pub fn choice(
     ((upto(0, patterns) as usize).min(patterns - 1), [upto(1, tile), upto(2, tile)])
 }
 
-/// One worker.
 struct Worker<'f, 'a, T> {
     frame: &'f Frame<'a, T>,
     scratch: Scratch<T>,
@@ -155,16 +153,12 @@ impl<T: Real> Maker<T> for Worker<'_, '_, T> {
 }
 
 /// Adds the mean; what is below 0 is 0.
-#[inline(always)]
-fn finish_with<T: Real, const LEVEL: u8>(block: Block<'_, '_, T>, mean: T) {
+#[dispatch]
+fn finished<const LEVEL: u8, T: Real>(block: Block<'_, '_, T>, mean: T) {
     let (field, out) = (block.field.0.chunks(block.field.1), block.out.0.chunks_mut(block.out.1));
     for (field, out) in field.zip(out).take(block.rows) {
         for (out, &field) in out[..block.cols].iter_mut().zip(&field[..block.cols]) {
             *out = most(field + mean, T::zero());
         }
     }
-}
-
-dispatch! {
-    fn finished<T: Real>(block: Block<'_, '_, T>, mean: T) = finish_with
 }

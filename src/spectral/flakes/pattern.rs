@@ -11,11 +11,11 @@ use flurries_fft::Fft;
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut4, Axis};
 use num_complex::Complex;
 
-use crate::base::error::{Cancel, Error, collected, spare, zeroed};
+use crate::base::error::{Cancel, Error, collected, layout, spare, zeroed};
+use crate::base::pixel::LEAST_SIGMA;
 use crate::base::pool;
 use crate::base::random::Hash;
 use crate::base::real::Real;
-use crate::base::sampling::LEAST_SIGMA;
 use crate::base::simd::reproducible;
 
 /// What the numbers of a seed are for.
@@ -38,7 +38,6 @@ pub struct Law {
     pub seed: i64,
 }
 
-/// One layer of a population.
 #[derive(Debug, Clone, Copy)]
 pub struct Layer {
     /// Its number, for the hash.
@@ -82,7 +81,6 @@ fn golden(n: usize) -> usize {
     (near.max(1)..n).find(|&step| !shares(step, n)).unwrap_or(1)
 }
 
-/// The rows and columns of one sprite.
 #[derive(Default)]
 struct Profile {
     values: Vec<f64>,
@@ -248,9 +246,8 @@ pub fn patterns<T: Real>(
     if (rows, cols) != (law.tile, law.tile / 2 + 1) {
         return Err(Error::Internal("patterns have another shape".into()));
     }
-    let mut planes = out
-        .into_shape_with_order((layers * number, rows, cols))
-        .map_err(|_| Error::Internal("patterns are not contiguous".into()))?;
+    let mut planes =
+        out.into_shape_with_order((layers * number, rows, cols)).map_err(|_| layout())?;
     let mut tasks = collected(planes.axis_iter_mut(Axis(0)).enumerate())?;
     // Runs of tasks share their buffers; what a pattern holds does not depend on the split.
     let each = tasks.len().div_ceil(4 * pool::threads()).max(1);

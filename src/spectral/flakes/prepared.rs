@@ -10,7 +10,7 @@ use ndarray::{ArrayView3, Axis};
 use num_complex::Complex;
 
 use crate::base::aligned::Aligned;
-use crate::base::error::{Error, collected};
+use crate::base::error::{Error, collected, layout};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::dispatch;
@@ -19,7 +19,6 @@ use crate::spectral::dense::Dense;
 /// Numbers of a wave: two complex sums.
 pub const PARTS: usize = 4;
 
-/// Some patterns of a tile.
 pub struct Prepared<T> {
     /// M, pixels.
     pub tile: usize,
@@ -27,7 +26,6 @@ pub struct Prepared<T> {
     pub shear: f64,
     /// Indices a and b of waves are below it.
     pub half: usize,
-    /// The two passes.
     pub dense: Dense<T>,
     /// For each row of pixels the cosines and sines of all columns that the shear turns by.
     pub turns: Aligned<T>,
@@ -55,7 +53,7 @@ impl<T: Real> Prepared<T> {
         let tasks = values.chunks_exact_mut(size).zip(spectra.axis_iter(Axis(0)));
         pool::for_each(tasks, |(values, spectrum)| {
             let spectrum = spectrum.to_slice();
-            let spectrum = spectrum.ok_or_else(|| Error::Internal("patterns have gaps".into()))?;
+            let spectrum = spectrum.ok_or_else(layout)?;
             let numbers = parts(spectrum);
             let trace = match T::own(numbers) {
                 Some(numbers) => fold(values, numbers, (tile, half, stride)),
@@ -72,17 +70,14 @@ impl<T: Real> Prepared<T> {
         Ok(Self { tile, shear, half, dense, turns, values })
     }
 
-    /// How many there are.
     pub fn count(&self) -> usize {
         self.values.len() / self.size()
     }
 
-    /// Numbers of a pattern.
     fn size(&self) -> usize {
         PARTS * self.dense.stride() * self.half
     }
 
-    /// The folded waves of a pattern.
     pub fn pattern(&self, index: usize) -> &[T] {
         &self.values[index * self.size()..(index + 1) * self.size()]
     }
@@ -95,8 +90,8 @@ const fn parts<S>(spectrum: &[Complex<S>]) -> &[S] {
 }
 
 /// For each row y of pixels cosines and sines of 2 pi shear a y / M.
-#[inline(always)]
-fn shear_turns_with<T: Real, const LEVEL: u8>(turns: &mut [T], shear: f64, tile: usize) {
+#[dispatch]
+fn shear_turns<const LEVEL: u8, T: Real>(turns: &mut [T], shear: f64, tile: usize) {
     let stride = turns.len() / (2 * tile);
     for (y, row) in turns.chunks_exact_mut(2 * stride).enumerate() {
         let (cosines, sines) = row.split_at_mut(stride);
@@ -110,18 +105,15 @@ fn shear_turns_with<T: Real, const LEVEL: u8>(turns: &mut [T], shear: f64, tile:
     }
 }
 
-dispatch! {
-    fn shear_turns<T: Real>(turns: &mut [T], shear: f64, tile: usize) = shear_turns_with
-}
-
 /// Folds one spectrum, real and imaginary parts in turn, into `values`. The result is 0 if all numbers
 /// are finite: infinity and NaN times 0 are not.
-#[inline(always)]
-fn fold_with<T: Real, const LEVEL: u8>(
+#[dispatch]
+fn fold<const LEVEL: u8, T: Real>(
     values: &mut [T],
     spectrum: &[T],
-    (tile, half, stride): (usize, usize, usize),
+    sizes: (usize, usize, usize),
 ) -> T {
+    let (tile, half, stride) = sizes;
     let columns = 2 * (tile / 2 + 1);
     let row = |b: usize| &spectrum[b * columns..][..2 * half];
     // One for each lane: a single sum would be a chain.
@@ -160,12 +152,4 @@ fn fold_with<T: Real, const LEVEL: u8>(
     first[0] = T::zero();
     first[stride] = T::zero();
     traces.iter().fold(T::zero(), |sum, &trace| sum + trace)
-}
-
-dispatch! {
-    fn fold<T: Real>(
-        values: &mut [T],
-        spectrum: &[T],
-        sizes: (usize, usize, usize),
-    ) -> T = fold_with
 }

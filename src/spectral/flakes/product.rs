@@ -9,7 +9,7 @@
 
 #![expect(unsafe_code, reason = "products of waves by `Lanes`")]
 
-use super::blur::Blur;
+use super::blur::{Blur, turns};
 use super::prepared::{PARTS, Prepared};
 use crate::base::aligned::Aligned;
 use crate::base::error::Error;
@@ -18,12 +18,9 @@ use crate::base::real::Real;
 use crate::base::simd::{AVX2, AVX512, dispatch};
 use crate::spectral::dense::{Work, passes_on};
 
-/// One pattern in a tile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Term {
-    /// Its number.
     pub pattern: usize,
-    /// Factor.
     pub gain: f64,
     /// Pixels (x, y) that it is moved by.
     pub shift: [f64; 2],
@@ -31,7 +28,6 @@ pub struct Term {
     pub streak: [f64; 2],
 }
 
-/// Buffers of one worker.
 pub struct Scratch<T> {
     /// Of each term: the turns of a, cosines and sines apart, times the gain.
     across: Aligned<T>,
@@ -42,7 +38,6 @@ pub struct Scratch<T> {
 }
 
 impl<T: Real> Scratch<T> {
-    /// For tiles of at most so many terms.
     pub fn new(patterns: &Prepared<T>, terms: usize, blurred: bool) -> Result<Self, Error> {
         let (stride, half) = (patterns.dense.stride(), patterns.half);
         Ok(Self {
@@ -54,26 +49,9 @@ impl<T: Real> Scratch<T> {
     }
 }
 
-/// Cycles, whole ones taken off.
-#[inline(always)]
-fn reduced(cycles: f64) -> f64 {
-    cycles - cycles.round_ties_even()
-}
-
-/// Writes exp(2 pi i k cycles) * gain for k = 0, 1, ..
-#[inline(always)]
-pub(super) fn turns<T: Real, const LEVEL: u8>(cos: &mut [T], sin: &mut [T], cycles: f64, gain: T) {
-    let cycles = reduced(cycles);
-    for (k, (cos, sin)) in cos.iter_mut().zip(sin).enumerate() {
-        let turn = T::turn::<LEVEL>(T::of(reduced(k as f64 * cycles)));
-        *cos = gain * turn.re;
-        *sin = gain * turn.im;
-    }
-}
-
 /// Fills `pixels` with the tile of some terms, without their mean.
-#[inline(always)]
-fn render_with<T: Real, const LEVEL: u8>(
+#[dispatch]
+pub fn render<const LEVEL: u8, T: Real>(
     patterns: &Prepared<T>,
     terms: &[Term],
     scratch: &mut Scratch<T>,
@@ -111,7 +89,6 @@ struct Pair<V> {
     difference: [V; 2],
 }
 
-/// The folded spectrum of a tile.
 #[inline(always)]
 fn sum<T: Real, V: Lanes<T>, const LEVEL: u8>(
     patterns: &Prepared<T>,
@@ -195,7 +172,6 @@ impl<V> Pair<V> {
     }
 }
 
-/// A complex sum plus a product.
 #[inline(always)]
 unsafe fn plus<T: Real, V: Lanes<T>>(sum: [V; 2], a: [V; 2], b: [V; 2]) -> [V; 2] {
     // SAFETY: the caller has the instructions.
@@ -205,14 +181,4 @@ unsafe fn plus<T: Real, V: Lanes<T>>(sum: [V; 2], a: [V; 2], b: [V; 2]) -> [V; 2
             a[1].multiply_add(b[0], a[0].multiply_add(b[1], sum[1])),
         ]
     }
-}
-
-dispatch! {
-    /// [`render_with`] on the best instructions.
-    pub fn render<T: Real>(
-        patterns: &Prepared<T>,
-        terms: &[Term],
-            scratch: &mut Scratch<T>,
-        pixels: &mut [T],
-    ) = render_with
 }
