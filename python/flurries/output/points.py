@@ -89,8 +89,8 @@ def points_at(scene: Scene, names: dict[str, Any], number: float) -> dict[str, A
     found = {}
     for part in program.parts:
         frame = replace(program.frame(t), seed=part.seed)
-        then = frame.t + STEP
-        later = replace(frame, t=then, camera=program.camera(None, then))
+        moment = frame.t + STEP
+        later = replace(frame, t=moment, camera=program.camera(None, moment))
         now, then = drawn_of(part.effect, frame), drawn_of(part.effect, later)
         if now is not None and then is not None:
             found[effects[part.place]] = now, velocities(now, then, STEP / scene.fps)
