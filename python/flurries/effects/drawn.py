@@ -72,11 +72,11 @@ class DrawnFlakes:
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         """Return the opacity of the flakes over the window, (h, w) float32."""
-        return self.seen(frame, amount)[0] if frame.whole else self._drawn(frame, amount, None)
-
-    def _drawn(self, frame: Frame, amount: float, nearest: npt.NDArray[np.int32] | None) -> Array:
-        flakes, result = self._sorted(frame, amount), np.empty(_size(frame), np.float32)
-        _core.particle_draw(result, flakes, frame.window, frame.depth, nearest)
+        if frame.whole:
+            return self.seen(frame, amount)[0]
+        result = np.empty(_size(frame), np.float32)
+        flakes = self._sorted(frame, amount)
+        _core.particle_draw(result, flakes, frame.window, frame.depth, None)
         return result
 
     def lit(
@@ -108,23 +108,17 @@ class DrawnFlakes:
         """
 
         def make() -> tuple[Array, npt.NDArray[np.int32], Rows]:
-            nearest = np.empty(_size(frame), np.int32)
-            return self._drawn(frame, amount, nearest), nearest, self.rows(frame, amount)
+            flakes, size = self._sorted(frame, amount), _size(frame)
+            alpha, nearest = np.empty(size, np.float32), np.empty(size, np.int32)
+            _core.particle_draw(alpha, flakes, frame.window, frame.depth, nearest)
+            return alpha, nearest, _rows_of(flakes)
 
         # One frame is asked for twice where something stands in the air, with two depths.
         return frame.once_each(self, f"seen before {id(frame.depth)}", make)
 
     def rows(self, frame: Frame, amount: float) -> Rows:
         """Return the flakes that the frame's window may show."""
-
-        def make() -> Rows:
-            ids, rows, others = _core.flake_rows(self._sorted(frame, amount))
-            return Rows(
-                ids, rows[:, :3], rows[:, 3:5], *rows[:, 5:].T,
-                others.reshape(len(ids), -1 if len(ids) else len(STEPS), 2),
-            )  # fmt: skip
-
-        return frame.once_each(self, "rows", make)
+        return frame.once_each(self, "rows", lambda: _rows_of(self._sorted(frame, amount)))
 
     def passes(self, rows: Rows, numbers: npt.NDArray[np.int32]) -> tuple[list[Array], Array]:
         """Return motions to `STEPS` (n, 2) and depth (n,) of flakes by their rows."""
@@ -135,6 +129,14 @@ class DrawnFlakes:
             motion[:, one] = np.where(gone, -motion[:, other], motion[:, one])
         ways = np.nan_to_num(motion).astype(np.float32).swapaxes(0, 1)
         return list(np.ascontiguousarray(ways)), rows.depths[numbers].astype(np.float32)
+
+
+def _rows_of(flakes: SortedFlakes) -> Rows:
+    ids, rows, others = _core.flake_rows(flakes)
+    return Rows(
+        ids, rows[:, :3], rows[:, 3:5], *rows[:, 5:].T,
+        others.reshape(len(ids), -1 if len(ids) else len(STEPS), 2),
+    )  # fmt: skip
 
 
 def _size(frame: Frame) -> tuple[int, int]:

@@ -154,7 +154,7 @@ def _part_of(
         brightness=gain,
         optics=optics,
         motion=motion,
-        texture=FlakeTexture(weather, effect.depth_mode, isinstance(amount, Keys)),
+        texture=FlakeTexture(weather, isinstance(amount, Keys)),
         flakes=DrawnFlakes(weather),
         veil=Haze(weather, effect.haze),
     )

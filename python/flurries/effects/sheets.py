@@ -162,6 +162,11 @@ def depths_of(film: Film) -> Float64:
     return np.array([slab.depth for slab in slabs_in(film)])
 
 
+def covers_of(film: Film) -> Float64:
+    """Return what layers cover of a pixel."""
+    return np.array([slab.coverage for slab in slabs_in(film)])
+
+
 def power_of(film: Film) -> Float64:
     """Return the variances of layers: of the same mean they go with what one flake covers."""
     return np.array([slab.coverage * float(np.mean(slab.diameters**2)) for slab in slabs_in(film)])
