@@ -47,12 +47,9 @@ _SLANT = 0.1
 LONGEST = 120.0
 
 
-def read_bent(weather: Weather, frame: Frame, film: Film, amount: float, varies: bool) -> Array:
-    """Return the opacity of the far flakes over the window, (h, w) float32.
-
-    `varies` says whether the amount is keyed.
-    """
-    groups = frame.once_each(weather, "bent", lambda: _groups(weather, frame, film, amount, varies))
+def read_bent(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
+    """Return the opacity of the far flakes over the window, (h, w) float32."""
+    groups = frame.once_each(weather, "bent", lambda: _groups(weather, frame, film, amount))
     top, bottom, left, right = frame.window
     result = plane((bottom - top, right - left))
     depth = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
@@ -61,14 +58,14 @@ def read_bent(weather: Weather, frame: Frame, film: Film, amount: float, varies:
     return result
 
 
-def _groups(weather: Weather, frame: Frame, film: Film, amount: float, varies: bool) -> list[Any]:
+def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[Any]:
     """Return the sheets between two depths with their nodes, the pixels that flakes move by during
     the exposure, and the depths: near ones first.
     """
     eyes = eyes_of(weather, frame, film)
     half = 0.5 * value_at(weather.motion.shutter, frame.t)
     moved = _blown(weather, frame, film, eyes, (frame.t - half, frame.t + half))
-    rungs = _rungs(weather, frame, film, amount, varies, eyes)
+    rungs = _rungs(weather, frame, film, amount, eyes)
     slabs, depths, power, many = slabs_in(film), depths_of(film), power_of(film), many_of(film)
     circles = circles_of(frame.blur, depths)
     focals = np.array(frame.camera.focals) * (frame.path.longest_focal / frame.camera.focal)
@@ -194,10 +191,10 @@ def _blown(
 
 
 def _rungs(
-    weather: Weather, frame: Frame, film: Film, amount: float, varies: bool, eyes: Eyes
+    weather: Weather, frame: Frame, film: Film, amount: float, eyes: Eyes
 ) -> list[list[tuple[float, Float64]]]:
     """Return the amounts of each layer that sheets are read for, with their shares at the nodes."""
-    if not isinstance(weather.emission, Keys) and not varies:
+    if not isinstance(weather.emission, Keys) and not weather.keyed:
         return [[(amount * float(weather.emission), np.ones((1, 1)))]] * len(film.layers)
 
     def parts(share: Share, slab: Slab) -> list[tuple[float, Float64]]:

@@ -25,7 +25,6 @@ class FlakeTexture:
     """The texture."""
 
     weather: Weather
-    keyed_amount: bool = False  # Whether the amount changes.
 
     name = "texture"
 
@@ -43,7 +42,7 @@ class FlakeTexture:
         film = self.weather.film(frame)
         if film.rigid:
             return read_sheets(self.weather, frame, film, amount)
-        return read_bent(self.weather, frame, film, amount, self.keyed_amount)
+        return read_bent(self.weather, frame, film, amount)
 
     def lamp_shade(self, frame: Frame, optics: Optics) -> Shade:
         """Return the light of the frame's lamps on it, by places."""
