@@ -105,7 +105,7 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
         moves = [
             share * (u[1] - u[0]) / grown for share, (_, u, grown) in zip(shares, each, strict=True)
         ]
-        ways: Float64 = sum(moves) / sum(shares)  # type: ignore[assignment]
+        ways: Float64 = sum(moves) / sum(shares)
         seen = [pair for one, u, _ in each for pair in sheets(one, 0.5 * (u[0] + u[1]), ways)]
         groups.append((seen, np.clip(ways, -LONGEST, LONGEST).astype(np.float32), *ends))
     return groups

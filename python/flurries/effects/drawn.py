@@ -134,7 +134,7 @@ class DrawnFlakes:
 def _rows_of(flakes: SortedFlakes) -> Rows:
     ids, rows, others = _core.flake_rows(flakes)
     return Rows(
-        ids, rows[:, :3], rows[:, 3:5], *rows[:, 5:].T,
+        ids, rows[:, :3], rows[:, 3:5], rows[:, 5], rows[:, 6], rows[:, 7],
         others.reshape(len(ids), -1 if len(ids) else len(STEPS), 2),
     )  # fmt: skip
 

@@ -24,7 +24,7 @@ _ROWS = 32
 def passes_of(
     texture: Any, flakes: Any, frame: Frame, amount: float,
     planes: tuple[Array | None, Array | None], alpha: Array,
-) -> dict[str, Array]:  # fmt: skip
+) -> dict[str, Any]:  # fmt: skip
     """Return motion to both sides, depth, coverage and ids of the window; see `Layer`.
 
     `planes` are the opacities (h, w) of texture and flakes, as far as there are any; flakes are in

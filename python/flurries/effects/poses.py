@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -86,7 +86,7 @@ def eyes_of(weather: Weather, frame: Frame, film: Film) -> Eyes:
 def planes_of(frame: Frame, film: Film, eyes: Eyes) -> Iterator[Plane]:
     """Yield the planes that are seen: one of each layer, and those that give way or come."""
     path, camera, layers = frame.path, frame.camera, np.arange(len(film.layers))
-    phases = [(part * (layers + 1.0)) % 1.0 for part in _PHASES]
+    phases: list[Any] = [(part * (layers + 1.0)) % 1.0 for part in _PHASES]
     # Angles, and the zoom: numbers of the poses that planes are made for, and how far each has
     # given way to the next.
     poses: list[tuple[npt.NDArray[np.int64], Float64]] = []

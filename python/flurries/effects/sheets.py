@@ -56,7 +56,7 @@ _SIZES = 24
 
 _STREAM = 0x5368656574
 
-_kept: OrderedDict[Any, _core.FlakeSheet] = OrderedDict()
+_kept: OrderedDict[Any, Any] = OrderedDict()
 
 
 class Standing(NamedTuple):
@@ -103,7 +103,8 @@ def read_sheets(weather: Weather, frame: Frame, film: Film, amount: float) -> Ar
 def kept(key: Any) -> _core.FlakeSheet:
     """Return the sheet of some arguments, made where it is not yet."""
     # Out and in again: the order is that of use.
-    sheet = _kept[key] = _kept.pop(key, None) or _core.FlakeSheet(*key[1:])
+    sheet: _core.FlakeSheet = _kept.pop(key, None) or _core.FlakeSheet(*key[1:])
+    _kept[key] = sheet
     return sheet
 
 

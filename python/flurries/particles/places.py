@@ -151,7 +151,7 @@ def _single(value: object) -> bool:
     return getattr(value, "ndim", 0) == 0 and not isinstance(value, (list, tuple))
 
 
-def _box(box: npt.ArrayLike, center: npt.ArrayLike) -> tuple[list[float], list[float]]:
+def _box(box: npt.ArrayLike, center: npt.ArrayLike) -> tuple[Any, Any]:
     middle = vector("center", center, 3).tolist()
     if _single(box):
         return [real("box", box, above=0.0)] * 3, middle
