@@ -8,7 +8,6 @@ looks there.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -16,13 +15,13 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Float64
-from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur
 from flurries.effects.flakes import Flakes
 from flurries.effects.gusts import carried_by_profile, wave_weights
 from flurries.effects.weather import HEIGHTS, Share, Weather
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, value_at
+from flurries.motion.waves import Waves
 
 # Nothing nearer than this is drawn, metres; what `particles.splat` has for a default.
 NEAREST = 0.1
@@ -33,8 +32,6 @@ SWITCH = (2.5, 3.5)
 # Places along the view at which a wind of depth is looked up.
 _DEPTHS = 129
 
-_Triple = tuple[float, float, float]
-
 
 class Eye(NamedTuple):
     """An eye at one time."""
@@ -42,7 +39,7 @@ class Eye(NamedTuple):
     turn: Any  # (3, 3): rows turn house axes into the eye's.
     focal: tuple[float, float]  # (x, y): pixels.
     center: tuple[float, float]  # (x, y): the principal point, pixels.
-    offset: _Triple  # (3,): the eye in the camera's axes, metres.
+    offset: tuple[float, float, float]  # The eye in the camera's axes, metres.
 
 
 class Class(NamedTuple):
@@ -58,10 +55,9 @@ class Class(NamedTuple):
     heights: tuple[float, float]  # (low, high): below the camera, metres: the places of `amounts`.
     amounts: list[float]  # Shares of the density that are there.
     ranks: tuple[float, float]  # (first, last): of these shares the part that is shown.
-    at: list[_Triple]  # The camera in this class's air at each time, metres.
+    at: list[tuple[float, float, float]]  # The camera in this class's air at each time, metres.
     swung: list[float]  # Angles of the sway at each time, cycles.
-    # (m, 6 times) float64, optional: displacements by the waves of the wind, real parts first,
-    # metres.
+    # (m, 6 times): displacements by the waves of the wind, real parts first, metres.
     waves: Float64 | None
     # (near, far): along the house's z ahead of the camera, metres: the places of `profile`.
     depths: tuple[float, float]
@@ -89,7 +85,7 @@ class Air(NamedTuple):
     classes: list[Class]
     eyes: list[Eye]  # At each time.
     sway: float  # Metres.
-    waves: Float64 | None  # (m, 3) float64, optional: cycles per metre.
+    waves: Float64 | None  # (m, 3): cycles per metre.
     shape: tuple[int, int]  # (H, W): of the whole picture, pixels.
     window: tuple[int, int, int, int]  # (top, bottom, left, right): the pixels that are wanted.
     room: float  # Metres around the view in which blurred flakes may be seen.
@@ -102,19 +98,13 @@ def air_of(
 ) -> Air:
     """Return the flakes that are drawn before a frame's camera.
 
-    Parameters
-    ----------
-    amount : float
-        Share of the population, 0 to 1.
-    steps : tuple of float
-        Frames after this one at which places are asked for, besides those of the exposure.
+    `amount` is a share of the population, 0 to 1; `steps` are frames after this one at which places
+    are asked for, besides those of the exposure.
     """
     exposure, path = value_at(weather.motion.shutter, frame.t), frame.path
     after = (0.0, -0.5 * exposure, 0.5 * exposure, *steps)
-    if path.turns or path.zooms:
-        eyes = [_eye(frame.later(step).camera if step else frame.camera, frame) for step in after]
-    else:
-        eyes = [_eye(frame.camera, frame)] * len(after)
+    bends = path.turns or path.zooms
+    cameras = [frame.later(step).camera if bends and step else frame.camera for step in after]
     blur = None if frame.lens is None else frame.blur
     shares, wind = weather.shares(frame), weather.motion.varied
     room = 0.0
@@ -126,15 +116,18 @@ def air_of(
     closeup = None
     if weather.shape != "round" or blur is not None:
         closeup = Closeup(weather.shape, SWITCH, blur, frame.seed, frame.t / frame.fps)
-    opacity = weather.opacity_at(frame.t)
+    opacity, times = weather.opacity_at(frame.t), [frame.t + step for step in after]
     return Air(
         seed=frame.seed,
         opacity=opacity,
         images=images_of(opacity),
-        classes=_classes(weather, frame, [frame.t + step for step in after], shares, amount),
-        eyes=eyes,
+        classes=[_class(weather, frame, times, amount, *one) for one in enumerate(shares)],
+        eyes=[
+            Eye(one.matrix().T.tolist(), one.focals, one.principal(frame.shape), one.offset)
+            for one in cameras
+        ],
         sway=weather.sway[0],
-        waves=None if wind is None or wind.waves is None else _cycles(wind.waves),
+        waves=None if wind is None or wind.waves is None else cycles_of(wind.waves),
         shape=frame.shape,
         window=frame.window if frame.shared is None else frame.shared.window,
         room=room,
@@ -153,74 +146,46 @@ def _images(opacity: float, mode: bool) -> _core.BallImages:
     return _core.BallImages(opacity)
 
 
-def _eye(camera: Camera, frame: Frame) -> Eye:
-    turn = camera.matrix().T.tolist()
-    return Eye(turn, camera.focals, camera.principal(frame.shape), camera.offset)
-
-
-def _classes(
-    weather: Weather | Flakes, frame: Frame, times: list[float], shares: Sequence[Share],
-    amount: float,
-) -> list[Class]:  # fmt: skip
-    """Return the classes of size, with the camera's place in the air of each at the times."""
-    path, fps, wind, part = frame.path, frame.fps, weather.motion.varied, 0.0
+def _class(
+    weather: Weather | Flakes, frame: Frame, times: list[float], amount: float, number: int,
+    share: Share,
+) -> Class:  # fmt: skip
+    """Return a class of size, with the camera's place in its air at the times."""
+    path, fps, wind, end = frame.path, frame.fps, weather.motion.varied, share.end
+    part, waves, profile = 0.0, None, []
     if frame.lap is not None and weather.keyed:
         # The round that goes has lost those of low ranks, which the next one shows.
         part = min(frame.lap.part(frame.t), 1.0 - 1e-9)
-    turns, found = weather.sway[1] / (2.0 * math.pi * fps), []
-    lines = [share.motion.line(path, fps) for share in shares]
-    for number, (share, line) in enumerate(zip(shares, lines, strict=True)):
-        ways = (
-            [share.motion.place(path, fps, t) for t in times]
-            if line is None
-            else [[start + rate * t for start, rate in zip(*line, strict=True)] for t in times]
-        )
-        if isinstance(weather.emission, Keys):
-            heights = np.linspace(-share.end, share.end, HEIGHTS)
-            there: Any = weather.amounts(frame, share, amount, heights)
-        else:
-            there = amount * weather.emission
-        made = _settled(weather, share, number, frame.shape[1], frame.camera.focal)._replace(
-            amounts=np.atleast_1d(np.minimum(there / (1.0 - part), 1.0)).tolist(),
-            ranks=(part, 1.0),
-            at=[(x, y, z) for x, y, z in ways],
-            swung=[turns * t for t in times],
-        )
-        if wind is not None and wind.profile is not None:
-            ahead = np.linspace(0.0, share.end, _DEPTHS)
-            moved = [carried_by_profile(share.motion, path, fps, t, ahead).T for t in times]
-            made = made._replace(profile=[(one[0].tolist(), one[1].tolist()) for one in moved])
-        if wind is not None and wind.waves is not None:
-            weights = wave_weights(share.motion, fps, times, np.array(ways[0]))
-            made = made._replace(waves=weights)
-        found.append(made)
-    return found
-
-
-@lru_cache(maxsize=64)
-def _settled(
-    weather: Weather | Flakes, share: Share, number: int, width: int, focal: float
-) -> Class:
-    """Return what is the same of a class in all frames of a film."""
-    deepest = share.end
+    if isinstance(weather.emission, Keys):
+        there = weather.amounts(frame, share, amount, np.linspace(-end, end, HEIGHTS)).tolist()
+    else:
+        there = [amount * weather.emission]
+    at = share.motion.places(path, fps, times)
+    if wind is not None and wind.profile is not None:
+        ahead = np.linspace(0.0, end, _DEPTHS)
+        moved = [carried_by_profile(share.motion, path, fps, t, ahead).T for t in times]
+        profile = [(one[0].tolist(), one[1].tolist()) for one in moved]
+    if wind is not None and wind.waves is not None:
+        waves = wave_weights(share.motion, fps, times, np.array(at[0]))
     return Class(
         number=number,
         density=share.size.density,
         sizes=(share.size.smallest, share.size.largest),
         slope=weather.law.slope,
-        shown=weather.shown(share, width, focal),
+        shown=weather.shown(share, frame.shape[1], frame.camera.focal),
         by_size=isinstance(weather, Flakes),
-        heights=(-deepest, deepest),
-        amounts=[],
-        ranks=(0.0, 1.0),
-        at=[],
-        swung=[],
-        waves=None,
-        depths=(0.0, deepest),
-        profile=[],
+        heights=(-end, end),
+        amounts=[min(one / (1.0 - part), 1.0) for one in there],
+        ranks=(part, 1.0),
+        at=at,
+        swung=[weather.sway[1] / (2.0 * math.pi * fps) * t for t in times],
+        waves=waves,
+        depths=(0.0, end),
+        profile=profile,
     )
 
 
 @lru_cache(maxsize=32)
-def _cycles(waves: Any) -> Float64:
+def cycles_of(waves: Waves) -> Float64:
+    """Return the waves' vectors in cycles per metre, (m, 3)."""
     return np.ascontiguousarray(waves.k / (2.0 * np.pi))

@@ -1,9 +1,9 @@
-"""The near flakes of a population, drawn one by one; or all of them, where the method says so."""
+"""Flakes that are drawn one by one, the near ones or all of them, and the list of them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,19 +13,34 @@ from flurries._contract import Array, Float64
 from flurries._core import SortedFlakes
 from flurries.effects.air import air_of
 from flurries.effects.flakes import Flakes
-from flurries.effects.motion import Motion
 from flurries.effects.passes import STEPS
 from flurries.effects.weather import Weather
 from flurries.frame.layer import Shade
 from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
+from flurries.motion.keys import value_at
+
+# Frames over which a velocity is a difference of places, which are float64.
+STEP = 1.0 / 1024.0
+
+# What is known of a drawn flake; see :func:`flurries.flakes`.
+FLAKE = np.dtype(
+    [
+        ("id", np.uint64),
+        ("place", np.float64, 3),
+        ("pixel", np.float64, 2),
+        ("depth", np.float64),
+        ("diameter", np.float64),
+        ("opacity", np.float64),
+    ]
+)
 
 
 class Rows(NamedTuple):
     """The flakes of a frame."""
 
-    ids: npt.NDArray[np.uint64]  # (n,) uint64: the same in every frame, eye and window.
+    ids: npt.NDArray[np.uint64]  # (n,): the same in every frame, eye and window.
     points: Float64  # (n, 3): in the camera's axes, metres.
     pixels: Float64  # (n, 2): where they are seen, (x, y).
     depths: Float64  # (n,): from the eye, metres.
@@ -33,14 +48,6 @@ class Rows(NamedTuple):
     shares: Float64  # (n,): how much of each is there, 0 to 1.
     # (n, k, 2): where they are seen at `STEPS` frames from this one; NaN behind the eye.
     others: Float64
-
-
-class Seen(NamedTuple):
-    """What pixels show of the flakes: the row of the one that shows most in each, -1 for none."""
-
-    alpha: Array
-    nearest: npt.NDArray[np.int32]
-    rows: Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +61,8 @@ class DrawnFlakes:
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return their one step, or why there is none."""
         weather = self.weather
-        if self.number_in_view(frame) == 0.0 or weather.opacity_at(frame.t) == 0.0:
+        some = any(one.size.density * one.reach for one in weather.shares(frame))
+        if not some or weather.opacity_at(frame.t) == 0.0:
             return Needs((), (LeftOut("flakes", "there are none"),), most=0.0)
         still = frame.settled and weather.motion.still and 0.0 in weather.sway
         # Shapes tumble.
@@ -62,75 +70,55 @@ class DrawnFlakes:
         # However few there are, one that is there shows whole.
         return Needs((Step("flakes", once=still),), most=1.0)
 
-    def number_in_view(self, frame: Frame) -> float:
-        """Return the number of flakes that are drawn in view, on average."""
-        height, width = frame.shape
-        fx, fy = frame.camera.focals
-        view = width * height / (3.0 * fx * fy)
-        return view * sum(s.size.density * s.reach**3 for s in self.weather.shares(frame))
-
-    @property
-    def motion(self) -> Motion:
-        """The motion of a flake of the mean size."""
-        return self.weather.motion
-
     def alpha(self, frame: Frame, amount: float) -> Array:
         """Return the opacity of the flakes over the window, (h, w) float32."""
         if frame.whole:
-            return self.seen(frame, amount).alpha
-        top, bottom, left, right = frame.window
-        result = np.empty((bottom - top, right - left), np.float32)
-        _core.particle_draw(result, self.sort(frame, amount), frame.window, frame.depth, None)
+            return self.seen(frame, amount)[0]
+        result = np.empty(_size(frame), np.float32)
+        flakes = self._sorted(frame, amount)
+        _core.particle_draw(result, flakes, frame.window, frame.depth, None)
         return result
 
     def lit(
-        self,
-        frame: Frame,
-        amount: float,
-        optics: Optics,
-        behind: tuple[Array, Shade] | None,
+        self, frame: Frame, amount: float, optics: Optics, behind: tuple[Array, Shade] | None
     ) -> tuple[Array, Array]:
         """Return opacity and light of the flakes under the frame's lamps, (h, w) and (h, w, 3).
 
         The light of what lies behind them, an opacity and its colors, is added to theirs.
         """
-        top, bottom, left, right = frame.window
-        near = np.empty((bottom - top, right - left), np.float32)
-        glow = np.empty((*near.shape, 3), np.float32)
-        flakes = self.sort(frame, amount)
-        lamps = frame.lamps()
+        near, glow = (np.empty((*_size(frame), *more), np.float32) for more in ((), (3,)))
         under = None if behind is None else (behind[0], behind[1].given())
-        window, depth = frame.window, frame.depth
-        _core.particle_draw_lit(near, glow, flakes, window, lamps, optics, depth, under)
+        _core.particle_draw_lit(
+            near, glow, self._sorted(frame, amount), frame.window, frame.lamps(), optics,
+            frame.depth, under,
+        )  # fmt: skip
         return near, glow
 
-    def sort(self, frame: Frame, amount: float) -> SortedFlakes:
+    def _sorted(self, frame: Frame, amount: float) -> SortedFlakes:
         """Return the flakes, to be drawn in any band of the frame."""
+        steps = STEPS if frame.whole else ()
+        return frame.once_each(
+            self, "flakes", lambda: _core.fall(air_of(self.weather, frame, amount, steps=steps))
+        )
 
-        def make() -> SortedFlakes:
-            return _core.fall(
-                air_of(self.weather, frame, amount, steps=STEPS if frame.whole else ())
-            )
+    def seen(self, frame: Frame, amount: float) -> tuple[Array, npt.NDArray[np.int32], Rows]:
+        """Return what the window's pixels show: opacity, and the row of the flake that shows most.
 
-        return frame.once_each(self, "flakes", make)
+        -1 stands for none.
+        """
 
-    def seen(self, frame: Frame, amount: float) -> Seen:
-        """Return what the window's pixels show of the flakes."""
-
-        def make() -> Seen:
-            flakes = self.sort(frame, amount)
-            top, bottom, left, right = frame.window
-            result = np.empty((bottom - top, right - left), np.float32)
-            nearest = np.empty(result.shape, np.int32)
-            _core.particle_draw(result, flakes, frame.window, frame.depth, nearest)
-            return Seen(result, nearest, _rows_of(flakes))
+        def make() -> tuple[Array, npt.NDArray[np.int32], Rows]:
+            flakes, size = self._sorted(frame, amount), _size(frame)
+            alpha, nearest = np.empty(size, np.float32), np.empty(size, np.int32)
+            _core.particle_draw(alpha, flakes, frame.window, frame.depth, nearest)
+            return alpha, nearest, _rows_of(flakes)
 
         # One frame is asked for twice where something stands in the air, with two depths.
         return frame.once_each(self, f"seen before {id(frame.depth)}", make)
 
     def rows(self, frame: Frame, amount: float) -> Rows:
         """Return the flakes that the frame's window may show."""
-        return frame.once_each(self, "rows", lambda: _rows_of(self.sort(frame, amount)))
+        return frame.once_each(self, "rows", lambda: _rows_of(self._sorted(frame, amount)))
 
     def passes(self, rows: Rows, numbers: npt.NDArray[np.int32]) -> tuple[list[Array], Array]:
         """Return motions to `STEPS` (n, 2) and depth (n,) of flakes by their rows."""
@@ -139,9 +127,8 @@ class DrawnFlakes:
         for one, other in ((0, 1), (1, 0)):
             gone = np.isnan(motion[:, one])
             motion[:, one] = np.where(gone, -motion[:, other], motion[:, one])
-        motion = np.nan_to_num(motion)
-        ways = [np.ascontiguousarray(motion[:, i], np.float32) for i in range(len(STEPS))]
-        return ways, rows.depths[numbers].astype(np.float32)
+        ways = np.nan_to_num(motion).astype(np.float32).swapaxes(0, 1)
+        return list(np.ascontiguousarray(ways)), rows.depths[numbers].astype(np.float32)
 
 
 def _rows_of(flakes: SortedFlakes) -> Rows:
@@ -150,3 +137,44 @@ def _rows_of(flakes: SortedFlakes) -> Rows:
         ids, rows[:, :3], rows[:, 3:5], rows[:, 5], rows[:, 6], rows[:, 7],
         others.reshape(len(ids), -1 if len(ids) else len(STEPS), 2),
     )  # fmt: skip
+
+
+def _size(frame: Frame) -> tuple[int, int]:
+    top, bottom, left, right = frame.window
+    return bottom - top, right - left
+
+
+def drawn_of(effect: Any, frame: Frame) -> npt.NDArray[Any] | None:
+    """Return the flakes of an effect that are drawn one by one, of `FLAKE`; None if it draws none.
+
+    Of a film that repeats, the effect may show an earlier round.
+    """
+    if hasattr(effect, "then"):
+        effect, frame = effect.effect, effect.then(frame)
+    parts, found = getattr(effect, "parts", None), []
+    for part in getattr(parts, "parts", [parts]):
+        flakes = getattr(part, "front", None)
+        if not isinstance(flakes, DrawnFlakes):
+            continue
+        rows = flakes.rows(frame, float(value_at(part.amount, frame.t)))
+        made = np.empty(len(rows.ids), FLAKE)
+        # The camera may be beside its eyes.
+        origin = frame.path.place(frame.t, fps=frame.fps)
+        made["place"] = origin + rows.points @ frame.camera.matrix().T
+        made["id"], made["pixel"], made["depth"] = rows.ids, rows.pixels, rows.depths
+        made["diameter"] = rows.diameters
+        made["opacity"] = flakes.weather.opacity_at(frame.t) * rows.shares
+        found.append(made)
+    return np.concatenate(found) if found else None
+
+
+def velocities(now: npt.NDArray[Any], then: npt.NDArray[Any], seconds: float) -> Float64:
+    """Return how fast flakes of `FLAKE` move until a moment later, (n, 3) m/s."""
+    speed = np.zeros((len(now), 3))
+    _, here, there = np.intersect1d(now["id"], then["id"], return_indices=True)
+    speed[here] = (then["place"][there] - now["place"][here]) / seconds
+    # One that is gone a moment later moves as most of them do.
+    gone = np.setdiff1d(np.arange(len(now)), here)
+    if len(here):
+        speed[gone] = np.median(speed[here], axis=0)
+    return speed

@@ -12,8 +12,7 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.camera.path import CameraPath
-from flurries.camera.tiles import tile_middles
-from flurries.effects.flow import flow_of
+from flurries.camera.tiles import drift_at, shift_at, tile_middles
 from flurries.effects.gusts import wind_at
 from flurries.effects.layout import LARGEST_TILE, Layout, Tiling, streaks_tile
 from flurries.effects.motion import Motion, Way
@@ -34,21 +33,12 @@ _NONE = np.empty(0)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Field:
-    """Waves that move; the fields are those of `TentSnow` and `TentRain` but for these.
+    """Waves that move; the fields are those of `TentSnow` and `TentRain` but for these."""
 
-    Attributes
-    ----------
-    motion : Motion
-        What moves them.
-    tuned : (shortest, longest)
-        Wavelengths in pixels on a picture 1024 px wide, where `wavelengths` does not say.
-    streaks : bool
-        Whether tiles are as large as streaks need to move.
-    """
-
-    motion: Motion
+    motion: Motion  # What moves them.
     exponent: float
     wavelengths: tuple[float, float] | None
+    # (shortest, longest): pixels on a picture 1024 px wide, where `wavelengths` does not say.
     tuned: tuple[float, float]
     near_depth: float
     tile: int | None
@@ -56,7 +46,7 @@ class Field:
     blend: str
     alias: Aliasing
     jitter: bool
-    streaks: bool = False
+    streaks: bool = False  # Whether tiles are as large as streaks need to move.
 
     def band(self, shape: tuple[int, int]) -> tuple[float, float]:
         """Return the wavelengths in pixels on a picture of that shape."""
@@ -83,24 +73,14 @@ class Field:
         return _layout(self, frame.shape, frame.path, camera.rotation, camera.focal, frame.fps)
 
     def pixels(
-        self,
-        frame: Frame,
-        way: Way,
-        mapped: Map | None,
-        keep: bool = False,
-        *,
+        self, frame: Frame, way: Way, mapped: Map | None, keep: bool = False, *,
         shortest: Float64 | None = None,
-    ) -> Array:
-        """Return opacity over the window without regard to a depth, or the field, (h, w) float32.
+    ) -> Array:  # fmt: skip
+        """Return opacity over the window without regard to a depth, (h, w) float32.
 
-        Parameters
-        ----------
-        mapped : Map, optional
-            The map to opacity; if not given, the field.
-        keep : bool
-            Whether the mean opacity that blur takes is added again.
-        shortest : (rows, cols), optional
-            The wavelengths in pixels up to which waves of tiles are left out.
+        Without a map to opacity return the field. `keep` says whether the mean opacity that blur
+        takes is added again; `shortest` (rows, cols) are the wavelengths in pixels up to which
+        waves of tiles are left out.
         """
         top, bottom, left, right = frame.window
         result = plane((bottom - top, right - left))
@@ -108,18 +88,26 @@ class Field:
         current.get().count("tiles", made)
         return result
 
+    def shares(self, frame: Frame) -> tuple[tuple[Float64, Float64], tuple[Float64, Float64]]:
+        """Return shares of the tiles and the field's power along the frame's rows and columns."""
+        tile, overlap = self.layout(frame).tiling
+        down, across = (
+            power_shares(length, tile=one, overlap=overlap, blend=self.blend)
+            for length, one in zip(frame.shape, tile, strict=True)
+        )
+        return down, across
+
     def request(self, frame: Frame, way: Way, shortest: Float64 | None = None) -> Request:
         """Return the field of a frame as the kernel reads it."""
-        shape, camera = frame.shape, frame.camera
         layout = self.layout(frame)
-        (tile, overlap), band = layout.tiling, layout.band
-        x, y = tile_middles(shape, camera, tile, overlap)
-        now, rate = flow_of(frame, self.motion, way, x, y)
-        drift = now.along[:, :, None] / self.near_depth
-        velocity = rate.along[:, :, None] / self.near_depth
-        edges = _NONE if layout.edges is None else layout.edges
-        if layout.edges is not None:
-            extra = self._ring_drift(frame, x, y, layout.edges)
+        (tile, overlap), band, edges = layout.tiling, layout.band, layout.edges
+        x, y = tile_middles(frame.shape, frame.camera, tile, overlap)
+        (drift, shift), (velocity, shift_rate) = (
+            (along[:, :, None] / self.near_depth, alike[:, :, None])
+            for along, alike in _flow(frame, self.motion, way, x, y)
+        )
+        if edges is not None:
+            extra = self._ring_drift(frame, x, y, edges)
             drift, velocity = drift + extra[0], velocity + extra[1]
         if layout.needed:
             layout.warn_small()
@@ -129,7 +117,7 @@ class Field:
         if cycles > FAR:
             warn_far(cycles, stacklevel=4)
         return Request(
-            shape=shape,
+            shape=frame.shape,
             tile=tile,
             overlap=overlap,
             blend=self.blend,
@@ -137,12 +125,12 @@ class Field:
             exponent=self.exponent,
             seed=frame.seed,
             jitter=self.jitter,
-            ring_edges=edges,
+            ring_edges=_NONE if edges is None else edges,
             ring_gains=_NONE,
             drift=drift,
-            shift=now.shift[:, :, None],
+            shift=shift,
             velocity=velocity,
-            shift_rate=rate.shift[:, :, None],
+            shift_rate=shift_rate,
             alias=self.alias,
             soft_from=SOFT_FROM,
             shutter=way.shutter,
@@ -156,12 +144,8 @@ class Field:
         lap = frame.lap
         if lap is None:
             return None
-        begin, end = (
-            self.request(at, self.motion.way(at), shortest)
-            for at in (
-                replace(frame.later(time - frame.t), lap=None) for time in (lap.first, lap.end)
-            )
-        )
+        ends = [replace(frame.later(t - frame.t), lap=None) for t in (lap.first, lap.end)]
+        begin, end = (self.request(at, self.motion.way(at), shortest) for at in ends)
         drift = np.ascontiguousarray(end.drift - begin.drift)
         shift = np.ascontiguousarray(end.shift - begin.shift)
         return drift, shift, lap.part(frame.t)
@@ -198,24 +182,17 @@ class Field:
 
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
         """Return motions to other frames (h, w, 2) and depth (h, w), from those of the tiles."""
-        layout = self.layout(frame)
-        (tall, wide), overlap = layout.tiling
-        longest = layout.band[1]
-        shortest = None
+        layout, longest, shortest = self.layout(frame), self.band(frame.shape)[1], None
         if frame.depth is not None:
             with np.errstate(divide="ignore"):
                 ends = layout.farthest(frame.depth).astype(np.float64)
                 shortest = wave_depth(ends, near_depth=self.near_depth, longest=longest)
-        now, *later = (
-            self.request(at, self.motion.way(at), None if number else shortest)
-            for number, at in enumerate((frame, *others))
-        )
+        now = self.request(frame, self.motion.way(frame), shortest)
+        later = [self.request(at, self.motion.way(at)) for at in others]
         motions, length = tile_motions(now, later)
         depth = wave_depth(length, near_depth=self.near_depth, longest=longest)
         top, bottom, left, right = frame.window
-        height, width = frame.shape
-        down, _ = power_shares(height, tile=tall, overlap=overlap, blend=self.blend)
-        across, _ = power_shares(width, tile=wide, overlap=overlap, blend=self.blend)
+        (down, _), (across, _) = self.shares(frame)
         rows, columns = (
             np.ascontiguousarray(part, np.float32)
             for part in (down[top:bottom], across[left:right].T)
@@ -233,15 +210,39 @@ class Field:
         return moves, far
 
 
+def _flow(
+    frame: Frame, motion: Motion, way: Way, x: Float64, y: Float64
+) -> tuple[tuple[Float64, Float64], tuple[Float64, Float64]]:
+    """Return how the picture has moved since frame 0 at places from the principal point, and moves
+    per frame: pixels times metres, which are to be divided by a depth, and pixels at all depths
+    alike; (rows, cols, 2), or (1, 1, 2) where all places move alike.
+    """
+    path, camera = frame.path, frame.camera
+    moved = motion.travel(frame) if path.turns or path.zooms else way.moved
+    rate, shift = way.rate, np.array(camera.center_shift).reshape(1, 1, 2)
+    shift_rate = np.zeros((1, 1, 2))
+    if path.turns:
+        # An eye beside the axis is carried round it; its place in the air stays that of the camera
+        # plus the offset, so that two eyes keep their disparities.
+        rate = rate + np.cross(frame.spin(), camera.offset)
+        turned, turning = (
+            shift_at(x, y, angle, camera, np.empty((len(y), len(x), 2)))
+            for angle in (frame.rotation(), frame.spin())
+        )
+        shift, shift_rate = shift + turned, shift_rate + turning
+    if path.zooms:
+        grown, grows = path.zoom(frame.t)
+        places = np.stack(np.meshgrid(x, y), axis=-1)
+        shift, shift_rate = shift + grown * places, shift_rate + grows * places
+    gone = drift_at(x, y, moved + camera.offset, camera.focals)
+    return (gone, shift), (drift_at(x, y, rate, camera.focals), shift_rate)
+
+
 @lru_cache(maxsize=64)
 def _layout(
-    field: Field,
-    shape: tuple[int, int],
-    path: CameraPath,
-    rotation: tuple[float, float, float],
-    focal: float,
-    fps: float,
-) -> Layout:
+    field: Field, shape: tuple[int, int], path: CameraPath, rotation: tuple[float, float, float],
+    focal: float, fps: float,
+) -> Layout:  # fmt: skip
     """Return the tiles of a film, the same for all its frames and windows."""
     motion, band = field.motion, field.band(shape)
     spreads = motion.spreads(path, rotation)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from flurries._contract import Array
 from flurries.effects.bent import moved_by_wind, read_bent
-from flurries.effects.checks import DepthMode
 from flurries.effects.lighting import lamp_shade
 from flurries.effects.passes import plane_motion
-from flurries.effects.sheets import read_sheets
-from flurries.effects.weather import Film, Layer, Weather, times
+from flurries.effects.sheets import covers_of, depths_of, read_sheets
+from flurries.effects.weather import Weather, times
 from flurries.frame.layer import Shade
 from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
@@ -25,23 +25,16 @@ class FlakeTexture:
     """The texture."""
 
     weather: Weather
-    # Of the effect; sheets follow a scene's depth pixel by pixel in any case.
-    depth_mode: DepthMode = "pixel"
-    keyed_amount: bool = False  # Whether the amount changes.
 
     name = "texture"
 
-    def _layers(self, film: Film) -> tuple[Layer, ...]:
-        return () if self.weather.simulated else film.layers
-
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return its one step, or why there is none."""
-        film = self.weather.film(frame)
-        layers = self._layers(film)
-        if not layers:
+        weather = self.weather
+        if weather.simulated or not weather.film(frame).layers:
             why = "all flakes are drawn one by one"
             return Needs((), (LeftOut("texture", why),), most=0.0)
-        still = frame.settled and self.weather.motion.still and not has_keys(self.weather.emission)
+        still = frame.settled and weather.motion.still and not has_keys(weather.emission)
         return Needs((Step("texture", once=still),), most=1.0 - 1e-6)
 
     def alpha(self, frame: Frame, amount: float) -> Array:
@@ -49,14 +42,12 @@ class FlakeTexture:
         film = self.weather.film(frame)
         if film.rigid:
             return read_sheets(self.weather, frame, film, amount)
-        return read_bent(self.weather, frame, film, amount, self.keyed_amount)
+        return read_bent(self.weather, frame, film, amount)
 
     def lamp_shade(self, frame: Frame, optics: Optics) -> Shade:
         """Return the light of the frame's lamps on it, by places."""
-        layers = self.weather.film(frame).layers
-        depths = np.array([layer.slab.depth for layer in layers])
-        weights = np.array([layer.slab.coverage for layer in layers])
-        return lamp_shade(frame, depths, weights, optics)
+        film = self.weather.film(frame)
+        return lamp_shade(frame, depths_of(film), covers_of(film), optics)
 
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
         """Return motions to other frames (h, w, 2) and depth (h, w) of what the window shows.
@@ -64,26 +55,21 @@ class FlakeTexture:
         Depth is the mean over the layers, each weighed by what it covers; they move as flakes at
         the depth whose parallax is the mean one.
         """
-        layers, motion = self._layers(self.weather.film(frame)), self.weather.motion
-        weights = np.array([layer.slab.coverage for layer in layers])
-        depths = np.array([layer.slab.depth for layer in layers])
+        film, motion = self.weather.film(frame), self.weather.motion
+        weights, depths = covers_of(film), depths_of(film)
         nearness = weights / depths
         top, bottom, left, right = frame.window
         depth = np.full((bottom - top, right - left), weights.sum() / nearness.sum(), np.float32)
-        speeds = np.array([layer.share.size.fall for layer in layers])
-        fall = times(
-            motion.fall, float(nearness @ speeds / nearness.sum() / self.weather.mean_speed)
-        )
-        wind = motion.mean_wind
-        places = [
-            frame.path.relative(t, fps=frame.fps, fall=fall, wind=wind)[0]
-            for t in (frame.t, *(other.t for other in others))
+        speeds = np.array([layer.share.size.fall for layer in film.layers])
+        speed = float(nearness @ speeds / nearness.sum() / self.weather.mean_speed)
+        air: Any = {"fall": times(motion.fall, speed), "wind": motion.mean_wind}
+        here, *places = (at.displacement(**air) for at in (frame, *others))
+        moves = [
+            plane_motion(depth, frame, other, place - here)
+            for other, place in zip(others, places, strict=True)
         ]
-        moves, varied = [], motion.varied is not None
-        for other, place in zip(others, places[1:], strict=True):
-            move = plane_motion(depth, frame, other, place - places[0])
-            if varied:
+        if motion.varied is not None:
+            for move, other in zip(moves, others, strict=True):
                 move += moved_by_wind(self.weather, weights, frame, other)
-            moves.append(move)
         depth.fill(weights @ depths / weights.sum())
         return moves, depth

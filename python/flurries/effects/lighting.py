@@ -24,28 +24,24 @@ def local_shade(frame: Frame, optics: Optics) -> Shade:
     """Return the color that the plate's light gives to flakes, by places."""
     assert frame.plate is not None
     colors = _local(frame.plate, frame.camera.focal, optics)
-    return Shade(colors, frame.plate.cell, _first(frame))
+    return Shade(colors, frame.plate.cell, (frame.window[0], frame.window[2]))
 
 
 def even_shade(frame: Frame, color: tuple[float, float, float]) -> Shade:
     """Return one color, display values, for the whole frame."""
     light = srgb_to_linear(np.asarray(color, np.float64)).reshape(1, 1, 3)
-    return Shade(light.astype(np.float32), 1.0, _first(frame))
+    return Shade(light.astype(np.float32), 1.0, (frame.window[0], frame.window[2]))
 
 
 def veil_layer(name: str, frame: Frame, alpha: Array | float) -> Layer:
     """Return fog of an opacity that is as bright as what it hides, or brighter."""
-    top, bottom, left, right = frame.window
-    cover = (
-        np.full((bottom - top, right - left), alpha, np.float32) if np.ndim(alpha) == 0 else alpha
-    )
-    return Layer(name, np.ascontiguousarray(cover, np.float32), shade=veil_shade(frame))
-
-
-def veil_shade(frame: Frame) -> Shade:
-    """Return the color of fog that is as bright as what it hides, or brighter."""
     assert frame.plate is not None
-    return Shade(_veil(frame.plate, frame.camera.focal), frame.plate.cell, _first(frame))
+    top, bottom, left, right = frame.window
+    cover = np.broadcast_to(np.asarray(alpha, np.float32), (bottom - top, right - left))
+    colors = _veil(frame.plate, frame.camera.focal)
+    return Layer(
+        name, np.ascontiguousarray(cover), shade=Shade(colors, frame.plate.cell, (top, left))
+    )
 
 
 def whole(frame: Frame) -> Frame:
@@ -58,18 +54,10 @@ SUN = 2.0
 
 
 class Base(NamedTuple):
-    """The brightness of a gas, linear light.
+    """The brightness of a gas, linear light."""
 
-    Attributes
-    ----------
-    dim : (3,)
-        In the light from all sides.
-    sunny : (3,)
-        Where a white sun lights it in full.
-    """
-
-    dim: Float64
-    sunny: Float64
+    dim: Float64  # (3,): in the light from all sides.
+    sunny: Float64  # (3,): where a white sun lights it in full.
 
     @staticmethod
     def even(color: tuple[float, float, float]) -> Base:
@@ -82,10 +70,6 @@ class Base(NamedTuple):
         """Return the shades of white gas in a plate's light: as bright as its sky, one color."""
         grey = np.full(3, SUN * plate.sky.mean())
         return Base(plate.sky, grey)
-
-
-def _first(frame: Frame) -> tuple[int, int]:
-    return frame.window[0], frame.window[2]
 
 
 @lru_cache(maxsize=8)
@@ -109,20 +93,18 @@ def lamp_shade(
     height, width = frame.shape
     cell = float(max(math.ceil(max(height, width) / CELLS), 1))
     rows, columns = math.ceil(height / cell), math.ceil(width / cell)
-    cx, cy = frame.camera.principal(frame.shape)
-    fx, fy = frame.camera.focals
+    (cx, cy), (fx, fy) = frame.camera.principal(frame.shape), frame.camera.focals
     x = ((np.arange(columns) + 0.5) * cell - cx) / fx
     y = ((np.arange(rows) + 0.5) * cell - cy) / fy
-    eye = np.array(frame.camera.offset)
-    lamps = frame.lamps()
     across, down = np.meshgrid(x, y)
     ahead = np.stack([across, down, np.ones_like(across)], axis=-1).reshape(-1, 3)
+    eye = np.array(frame.camera.offset)
     points = np.asarray(depths).reshape(-1, 1, 1) * ahead + eye
-    found = radiance(points.reshape(-1, 3), lamps, optics, eye).reshape(points.shape)
+    found = radiance(points.reshape(-1, 3), frame.lamps(), optics, eye).reshape(points.shape)
     shares = np.asarray(weights) / np.sum(weights)
     total = (shares[:, None, None] * found).sum(axis=0)
     colors = total.reshape(rows, columns, 3).astype(np.float32)
-    return Shade(colors, cell, _first(frame))
+    return Shade(colors, cell, (frame.window[0], frame.window[2]))
 
 
 def add_light(glow: Array, alpha: Array, shade: Shade) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -56,12 +56,13 @@ class Motion:
         axes = frame.camera.matrix()
         return Way(moved @ axes, rate @ axes, shutter)
 
-    def place(self, path: CameraPath, fps: float, t: float) -> list[float]:
-        """Return the camera's place in the air that falls so, house axes, metres."""
-        found: list[float] = path.relative(t, fps=fps, fall=self.fall, wind=self.mean_wind)[
-            0
-        ].tolist()
-        return found
+    def places(self, path: CameraPath, fps: float, times: list[float]) -> list[Any]:
+        """Return the camera's places (3,) in the air that falls so, house axes, metres."""
+        if (line := self.line(path, fps)) is not None:
+            return [tuple(a + b * t for a, b in zip(*line, strict=True)) for t in times]
+        fall, wind = self.fall, self.mean_wind
+        ways = (path.relative(t, fps=fps, fall=fall, wind=wind)[0] for t in times)
+        return [tuple(way.tolist()) for way in ways]
 
     def line(self, path: CameraPath, fps: float) -> tuple[list[float], list[float]] | None:
         """Return that place at frame 0 and what it changes by per frame; None if that changes."""

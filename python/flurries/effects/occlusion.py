@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,6 @@ from flurries.frame.needs import standing
 from flurries.frame.view import Frame
 from flurries.spectral.contrast import kept_power, mean_opacity
 from flurries.spectral.tables import band_amplitude, wave_depth
-from flurries.spectral.tiles import power_shares
 
 # Pixels whose maps are made together, in float64.
 _HELD = 1 << 14
@@ -36,22 +36,27 @@ _FEW = 32
 def before_scene(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool, mode: str) -> Array:
     """Return the opacity of a field over the window, as far as the scene's depth leaves it.
 
-    Parameters
-    ----------
-    mapped : Map
-        From the field to opacity.
-    keep : bool
-        Whether the mean opacity that blur takes is added again.
-    mode : {"tile", "pixel"}
-        Whether the band ends with each tile's farthest depth, or with each pixel's.
+    `keep` says whether the mean opacity that blur takes is added again. In the mode "tile" the band
+    ends with each tile's farthest depth, in the mode "pixel" with each pixel's.
     """
     depth = frame.depth
     assert depth is not None
     if frame.once(field, "nearest", lambda: float(depth.min())) >= field.far_depth:
         return field.pixels(frame, way, mapped, keep)
-    if mode == "tile":
-        return _by_tile(field, frame, way, mapped, keep)
-    return _by_pixel(field, frame, way, mapped, keep)
+    waves, remap = (_by_tile if mode == "tile" else _by_pixel)(field, frame, way, mapped)
+    layout = field.layout(frame)
+    # The values that the map of a depth is made of, besides the depth.
+    key = mapped, _cycles(field, frame, way), way.shutter, layout.tiling, layout.band
+    scale, base, lost = standing(frame, field, "map", key, remap)
+    waves *= scale
+    waves += base
+    alpha = np.empty_like(waves)
+    _core.opacity(alpha, waves, (0.0, 0.5, mapped[2], 1.0))
+    if keep:
+        # As much as there is air.
+        alpha += lost
+    alpha *= np.float32(mapped[3])
+    return np.clip(alpha, 0.0, mapped[3], out=alpha)
 
 
 def share_before(depth: Array, near: float, far: float) -> Float64:
@@ -61,21 +66,20 @@ def share_before(depth: Array, near: float, far: float) -> Float64:
     return np.asarray(np.clip(share, 0.0, 1.0))
 
 
-def _by_tile(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> Array:
+def _by_tile(field: Field, frame: Frame, way: Way, mapped: Map) -> tuple[Array, Callable[[], Any]]:
     """Limit the band of each tile by its farthest depth."""
     assert frame.depth is not None
     layout, whole = field.layout(frame), frame.depth
     near, far, longest = field.near_depth, field.far_depth, layout.band[1]
     ends = frame.once(field, "ends", lambda: layout.farthest(whole).astype(np.float64))
     shortest = wave_depth(ends, near_depth=near, longest=longest)
-    waves = field.pixels(frame, way, None, shortest=shortest)
 
     def left(share: Float64) -> Float64:
         depth = near * (far / near) ** share
         return _power_longer(field, frame, wave_depth(depth, near_depth=near, longest=longest))
 
-    def remap() -> Remap:
-        (down, _), (across, _) = _axes(field, frame)
+    def remap() -> tuple[Array, Array, Array]:
+        (down, _), (across, _) = field.shares(frame)
         top, bottom, first, last = frame.window
         air, across = share_before(ends, near, far), across[first:last].T
         parts = [(down @ part)[top:bottom] for part in (air, _power_longer(field, frame, shortest))]
@@ -88,27 +92,27 @@ def _by_tile(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> A
         exact = tuple(some) if len(some) <= _FEW else ()
         return _remap(field, frame, way, mapped, there, exact, left)
 
-    key = _map_key(field, frame, way, mapped)
-    return _opacity(waves, standing(frame, field, "map", key, remap), mapped, keep)
+    return field.pixels(frame, way, None, shortest=shortest), remap
 
 
-def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> Array:
+def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map) -> tuple[Array, Callable[[], Any]]:
     """Weigh octaves of the texture by how much of their air is before the pixel."""
     assert frame.depth is not None
-    near, far = field.near_depth, field.far_depth
-    depth, longest = frame.crop(frame.depth), field.layout(frame).band[1]
+    near, far, layout = field.near_depth, field.far_depth, field.layout(frame)
+    depth, longest = frame.crop(frame.depth), layout.band[1]
     octaves = max(math.ceil(math.log2(far / near) - 1e-9), 1)
     edges = near * (far / near) ** (np.arange(octaves + 1) / octaves)
-    total, before = np.zeros(depth.shape, np.float32), None
-    for number in range(octaves):
-        nearer = _waves_before(field, frame, way, number, octaves, edges[number + 1])
+    ends = np.append(wave_depth(edges[1:-1], near_depth=near, longest=longest), 0.0)
+    total, before = np.zeros(depth.shape, np.float32), np.float32(0.0)
+    for number, (start, end) in enumerate(pairwise(edges.tolist())):
+        # The field of all waves that stand for depths up to the octave's end.
+        nearer = field.pixels(frame, way, None, shortest=np.full(layout.grid, ends[number]))
         # The root of the share of an octave's power; the same for both eyes.
-        root = partial(_root_share, depth, edges[number], edges[number + 1])
-        part = standing(frame, field, f"octave {number}", octaves, root)
-        total += part * (nearer if before is None else nearer - before)
+        root = partial(_root_share, depth, start, end)
+        total += standing(frame, field, f"octave {number}", octaves, root) * (nearer - before)
         before = nearer
-    ends = np.append(wave_depth(edges[:-1], near_depth=near, longest=longest), 0.0)
-    steps = np.diff(_power_longer(field, frame, ends))
+    first = wave_depth(edges[:1], near_depth=near, longest=longest)
+    steps = np.diff(_power_longer(field, frame, np.append(first, ends)))
 
     def left(share: Float64) -> Float64:
         parts = np.clip(share[..., None] * octaves - np.arange(octaves), 0.0, 1.0)
@@ -118,9 +122,11 @@ def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> 
         air = share_before(depth[rows], near, far)
         return air, left(air)
 
-    remap = partial(_remap, field, frame, way, mapped, there, (), left)
-    key = _map_key(field, frame, way, mapped)
-    return _opacity(total, standing(frame, field, "map", key, remap), mapped, keep)
+    return total, partial(_remap, field, frame, way, mapped, there, (), left)
+
+
+def _root_share(depth: Array, near: float, far: float) -> Array:
+    return np.sqrt(share_before(depth, near, far)).astype(np.float32)
 
 
 def _cycles(field: Field, frame: Frame, way: Way) -> float:
@@ -128,50 +134,22 @@ def _cycles(field: Field, frame: Frame, way: Way) -> float:
     return round(field.cycles(frame, way), 9)
 
 
-def _map_key(field: Field, frame: Frame, way: Way, mapped: Map) -> tuple[Any, ...]:
-    """Return the values that the map of a depth is made of, besides the depth."""
-    layout = field.layout(frame)
-    return mapped, _cycles(field, frame, way), way.shutter, layout.tiling, layout.band
-
-
-class Remap(NamedTuple):
-    """The map of each pixel, (h, w) float32 each.
-
-    Attributes
-    ----------
-    scale, base
-        Waves times the one plus the other are what is clipped to 0 and 1.
-    lost
-        What alias law and shutter take of the mean opacity.
-    """
-
-    scale: Array
-    base: Array
-    lost: Array
-
-
 def _remap(
-    field: Field,
-    frame: Frame,
-    way: Way,
-    mapped: Map,
-    there: Callable[[slice], tuple[Float64, Float64]],
-    exact: tuple[float, ...],
+    field: Field, frame: Frame, way: Way, mapped: Map,
+    there: Callable[[slice], tuple[Float64, Float64]], exact: tuple[float, ...],
     left: Callable[[Float64], Float64],
-) -> Remap:
-    """Return the map of each pixel of the window.
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    """Return the map of each pixel of the window, (h, w) float32 each: waves times the first plus
+    the second are what is clipped to 0 and 1; the third is what alias law and shutter take of the
+    mean opacity.
 
-    Parameters
-    ----------
-    there : callable
-        From rows of the window to the share of the air before the scene, and to the power of the
-        waves that are left, against that of all of them before the sky.
-    exact, left
-        See `wall_maps`.
+    `there` returns for rows of the window the share of the air before the scene, and the power of
+    the waves that are left, against that of all of them before the sky; `exact` and `left` are as
+    in `wall_maps`.
     """
     mean, spread, exponent, _ = mapped
     top, bottom, first, last = frame.window
-    (_, tall), (_, wide) = _axes(field, frame)
+    (_, tall), (_, wide) = field.shares(frame)
     seams = field.blend != "power"
     least = float(tall.min() * wide.min()) if seams else 1.0
     kept = kept_power(_cycles(field, frame, way), field.alias, shutter=way.shutter)
@@ -180,32 +158,19 @@ def _remap(
     full, blurred = (
         mean_opacity(part * maps.roots**2, mean, spread, exponent) for part in (1.0, kept)
     )
-    result = Remap(*np.empty((3, bottom - top, last - first), np.float32))
+    scales, base, lost = np.empty((3, bottom - top, last - first), np.float32)
     step = max(_HELD // (last - first), 1)
     for start in range(0, bottom - top, step):
         rows = slice(start, min(start + step, bottom - top))
         air, power = there(rows)
         root = np.sqrt(np.outer(tall[top:bottom][rows], wide[first:last])) if seams else None
-        result.base[rows], scale = maps.at(air, root)
+        base[rows], scale = maps.at(air, root)
         scale *= 0.5 / spread
         some = power > 0.0
-        result.scale[rows] = np.divide(scale, np.sqrt(power), out=np.zeros(air.shape), where=some)
-        lost = full - blurred
-        result.lost[rows] = air * (lost if root is None else np.interp(root, maps.roots, lost))
-    return result
-
-
-def _opacity(waves: Array, remap: Remap, mapped: Map, keep: bool) -> Array:
-    """Return the opacity of waves (h, w), which are overwritten."""
-    waves *= remap.scale
-    waves += remap.base
-    alpha = np.empty_like(waves)
-    _core.opacity(alpha, waves, (0.0, 0.5, mapped[2], 1.0))
-    if keep:
-        # As much as there is air.
-        alpha += remap.lost
-    alpha *= np.float32(mapped[3])
-    return np.clip(alpha, 0.0, mapped[3], out=alpha)
+        scales[rows] = np.divide(scale, np.sqrt(power), out=np.zeros(air.shape), where=some)
+        gone = full - blurred
+        lost[rows] = air * (gone if root is None else np.interp(root, maps.roots, gone))
+    return scales, base, lost
 
 
 def _power_longer(field: Field, frame: Frame, shortest: Float64) -> Float64:
@@ -228,28 +193,3 @@ def _lattice(
     order = np.argsort(squares, axis=None, kind="stable")
     total = np.concatenate([[0.0], np.cumsum(power.ravel()[order])])
     return squares.ravel()[order], np.minimum(total / total[-1], 1.0)
-
-
-def _axes(field: Field, frame: Frame) -> tuple[tuple[Float64, Float64], tuple[Float64, Float64]]:
-    """Return shares of the tiles and the field's power along the frame's rows and columns."""
-    (tall, wide), overlap = field.layout(frame).tiling
-    height, width = frame.shape
-    return (
-        power_shares(height, tile=tall, overlap=overlap, blend=field.blend),
-        power_shares(width, tile=wide, overlap=overlap, blend=field.blend),
-    )
-
-
-def _root_share(depth: Array, near: float, far: float) -> Array:
-    return np.sqrt(share_before(depth, near, far)).astype(np.float32)
-
-
-def _waves_before(
-    field: Field, frame: Frame, way: Way, number: int, octaves: int, edge: float
-) -> Array:
-    """Return the field of all waves that stand for depths up to the far edge of an octave."""
-    layout = field.layout(frame)
-    shortest = np.zeros(layout.grid)
-    if number + 1 < octaves:
-        shortest[:] = wave_depth([edge], near_depth=field.near_depth, longest=layout.band[1])
-    return field.pixels(frame, way, None, shortest=shortest)

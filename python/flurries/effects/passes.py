@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -21,48 +21,28 @@ NEAREST = 1e-3
 _ROWS = 32
 
 
-class Passes(NamedTuple):
-    """Depth, motion and ids of a layer's pixels; see `Layer`."""
-
-    motion: Array
-    backward: Array
-    depth: Array
-    coverage: Array
-    ids: Array
-
-
 def passes_of(
-    texture: Any,
-    flakes: Any,
-    frame: Frame,
-    amount: float,
-    planes: tuple[Array | None, Array | None],
-    alpha: Array,
-) -> Passes:
+    texture: Any, flakes: Any, frame: Frame, amount: float,
+    planes: tuple[Array | None, Array | None], alpha: Array,
+) -> dict[str, Any]:  # fmt: skip
     """Return motion to both sides, depth, coverage and ids of the window; see `Layer`.
 
-    Parameters
-    ----------
-    planes : (h, w), each optional
-        Opacities of texture and flakes, as far as there are any; flakes are in front.
-    alpha : (h, w)
-        Of the whole layer: where it is 0 nothing moves, and the depth is infinite.
+    `planes` are the opacities (h, w) of texture and flakes, as far as there are any; flakes are in
+    front. Where that of the whole layer, `alpha`, is 0 nothing moves, and the depth is infinite.
     """
-    top, bottom, left, right = frame.window
-    shape = (bottom - top, right - left)
     behind, front = planes
     with current.get().stage("passes"):
         others = [frame.later(step) for step in STEPS]
         if texture is not None and behind is not None:
-            (forward, backward), depth = texture.passes(frame, others)
+            (motion, backward), depth = texture.passes(frame, others)
         else:
-            forward, backward = (np.zeros((*shape, 2), np.float32) for _ in others)
-            depth = np.full(shape, np.inf, np.float32)
+            motion, backward = (np.zeros((*alpha.shape, 2), np.float32) for _ in others)
+            depth = np.full(alpha.shape, np.inf, np.float32)
         # What shows lies before the scene, wherever its layer's mean is.
         scene = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
         if front is None:
-            coverage, ids = np.zeros(shape, np.float32), np.full(shape, -1, np.int64)
-            _core.layer_finish(forward, backward, depth, alpha, scene)
+            coverage, ids = np.zeros_like(alpha), np.full(alpha.shape, -1, np.int64)
+            _core.layer_finish(motion, backward, depth, alpha, scene)
         else:
             coverage = np.ascontiguousarray(front)
             _, nearest, rows = flakes.seen(frame, amount)
@@ -70,9 +50,11 @@ def passes_of(
             numbers = _core.layer_seen(shown)
             ways, far = flakes.passes(rows, numbers)
             said = np.column_stack([*ways, far])
-            _core.layer_finish(forward, backward, depth, alpha, scene, (shown, numbers, said))
+            _core.layer_finish(motion, backward, depth, alpha, scene, (shown, numbers, said))
             ids = np.append(rows.ids.astype(np.int64), -1)[nearest]
-    return Passes(forward, backward, depth, coverage, ids)
+    return {
+        "motion": motion, "backward": backward, "depth": depth, "coverage": coverage, "ids": ids
+    }  # fmt: skip
 
 
 def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Array:

@@ -96,65 +96,43 @@ def parts_of(
 ) -> Precipitation[FlakeTexture] | Mixture:  # fmt: skip
     """Return the parts of snow or rain; of keyed sizes, a population for each.
 
-    Parameters
-    ----------
-    effect : Snow or Rain
-        What both have is read from its fields.
-    sizes : (smallest, mean, largest) or Keys
-        Diameters, metres.
-    speed : callable
-        From diameters to speeds of fall.
-    shape : {"aggregate", "drop", "round"}
-        Of what is near the camera.
+    `sizes` are diameters (smallest, mean, largest) in metres, from which `speed` makes speeds of
+    fall; `shape` is what is near the camera. What both effects have is read from the effect.
     """
+    wind, most = effect.wind, highest(effect.density)
+    if isinstance(wind, Wind) and wind.profile is not None and isinstance(effect.emission, Keys):
+        # Flakes are there or not by the heights that they fell through.
+        raise ValueError("emission: cannot be keyed in a wind with a profile over depth")
 
     def made(size: Any, amount: Number) -> Precipitation[FlakeTexture]:
-        laws = Sizes.with_mean(*size), speed
-        return _part_of(effect, laws, amount, sway, shape, gain, optics)
+        law = Sizes.with_mean(*size)
+        # The air holds as many as there ever are; fewer are shown where the density is less.
+        if isinstance(effect.density, Keys):
+            amount = product(amount, times(effect.density, 1.0 / most)) if most > 0.0 else 0.0
+        mean = float(speed(np.array([law.mean]))[0])
+        motion = Motion(mean if effect.fall is None else effect.fall, wind, effect.shutter)
+        weather = part_of(
+            Weather,
+            effect,
+            population=Population(most, law, effect.opacity, speed),
+            motion=motion,
+            sway=sway,
+            simulated=effect.method == "simulated",
+            shape=shape,
+            keyed=isinstance(amount, Keys),
+        )
+        return Precipitation(
+            name=effect.NAME,
+            amount=amount,
+            color=effect.color,
+            brightness=gain,
+            optics=optics,
+            motion=motion,
+            texture=FlakeTexture(weather),
+            flakes=DrawnFlakes(weather),
+            veil=Haze(weather, effect.haze),
+        )
 
     if not isinstance(sizes, Keys):
         return made(sizes, effect.amount)
     return Mixture([made(size, product(effect.amount, part)) for size, part in shares_of(sizes)])
-
-
-def _part_of(
-    effect: Any,
-    laws: tuple[Sizes, Callable[[Float64], Float64]],
-    amount: Number,
-    sway: tuple[float, float],
-    shape: str,
-    gain: Number,
-    optics: Optics,
-) -> Precipitation[FlakeTexture]:
-    """Return the parts of an effect, with sizes that are not keyed."""
-    wind, (sizes, speed) = effect.wind, laws
-    if isinstance(wind, Wind) and wind.profile is not None and isinstance(effect.emission, Keys):
-        # Flakes are there or not by the heights that they fell through.
-        raise ValueError("emission: cannot be keyed in a wind with a profile over depth")
-    # The air holds as many as there ever are; fewer are shown where the density is less.
-    most = highest(effect.density)
-    if isinstance(effect.density, Keys):
-        amount = product(amount, times(effect.density, 1.0 / most)) if most > 0.0 else 0.0
-    mean = float(speed(np.array([sizes.mean]))[0])
-    motion = Motion(mean if effect.fall is None else effect.fall, wind, effect.shutter)
-    weather = part_of(
-        Weather,
-        effect,
-        population=Population(most, sizes, effect.opacity, speed),
-        motion=motion,
-        sway=sway,
-        simulated=effect.method == "simulated",
-        shape=shape,
-        keyed=isinstance(amount, Keys),
-    )
-    return Precipitation(
-        name=effect.NAME,
-        amount=amount,
-        color=effect.color,
-        brightness=gain,
-        optics=optics,
-        motion=motion,
-        texture=FlakeTexture(weather, effect.depth_mode, isinstance(amount, Keys)),
-        flakes=DrawnFlakes(weather),
-        veil=Haze(weather, effect.haze),
-    )

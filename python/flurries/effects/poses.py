@@ -11,12 +11,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Float64
+from flurries.effects.sheets import depths_of, slabs_in
 from flurries.effects.weather import Film, Weather
 from flurries.frame.view import Frame
 from flurries.motion.keys import value_at
@@ -26,7 +27,8 @@ APART = 64
 
 # Radians that a camera turns, and by which logarithm a lens zooms, before other planes are seen. A
 # whole number of the first make a round.
-_TURN, _ZOOM = math.tau / 36.0, math.log(1.15)
+_ROUND = 36
+_TURN, _ZOOM = math.tau / _ROUND, math.log(1.15)
 
 # A plane gives way to the next within so many frames, or at most this part of its time.
 _CHANGE, _LONGEST_CHANGE = 3.0, 0.2
@@ -44,18 +46,17 @@ class Eyes(NamedTuple):
     rays: Float64  # (2, R, C, 3): of the nodes, house axes, with a depth of 1.
     eye: Float64  # (2, L, 3): places of the eye in the air of each layer, house axes, metres.
     rate: Float64  # (L, 3): metres per frame.
-    pixel: float  # Width of a pixel at a depth of 1.
 
 
-class Planes(NamedTuple):
-    """The planes that are seen of some layers."""
+class Plane(NamedTuple):
+    """A plane that is seen."""
 
-    layer: npt.NDArray[np.int64]  # (n,) int.
-    weight: Float64  # (n,): of its deviation.
-    axes: Float64  # (n, 3, 3): rows turn house axes into the plane's.
-    at: Float64  # (n,): along its axis in the air, metres.
-    focal: Float64  # (n,): that its sheet is made for, over the longest.
-    which: npt.NDArray[np.int64]  # (n, k) int: numbers of the plane among its like.
+    layer: int
+    weight: float  # Of its deviation.
+    axes: Float64  # (3, 3): rows turn house axes into the plane's.
+    at: float  # Along its axis in the air, metres.
+    focal: float  # That its sheet is made for, over the longest.
+    which: list[int]  # Its numbers among its like.
 
 
 def eyes_of(weather: Weather, frame: Frame, film: Film) -> Eyes:
@@ -67,10 +68,9 @@ def eyes_of(weather: Weather, frame: Frame, film: Film) -> Eyes:
     rays, each = np.ones((2, height, width, 3)), np.empty((2, len(film.shares), 3))
     rates = np.empty((len(film.shares), 3))
     for number, (t, camera) in enumerate(zip(times, cameras, strict=True)):
-        for axis, middle in enumerate(camera.principal(frame.shape)):
-            nodes = APART * np.arange(-1, (width, height)[axis] - 1)
-            at = (nodes - middle) / camera.focals[axis]
-            rays[number, ..., axis] = at if axis == 0 else at[:, None]
+        x, y = camera.principal(frame.shape)
+        rays[number, ..., 0] = (APART * np.arange(-1, width - 1) - x) / camera.focals[0]
+        rays[number, ..., 1] = ((APART * np.arange(-1, height - 1) - y) / camera.focals[1])[:, None]
         axes = camera.matrix()
         rays[number] = rays[number] @ axes.T
         offset = axes @ np.array(camera.offset)
@@ -80,65 +80,61 @@ def eyes_of(weather: Weather, frame: Frame, film: Film) -> Eyes:
             )
             each[number, index] = way + offset
     own = [film.shares.index(layer.share) for layer in film.layers]
-    return Eyes(rays, each[:, own], rates[own], 1.0 / frame.camera.focal)
+    return Eyes(rays, each[:, own], rates[own])
 
 
-def planes_of(frame: Frame, film: Film, eyes: Eyes) -> Iterator[Planes]:
+def planes_of(frame: Frame, film: Film, eyes: Eyes) -> Iterator[Plane]:
     """Yield the planes that are seen: one of each layer, and those that give way or come."""
-    path, camera, depths = frame.path, frame.camera, [layer.slab.depth for layer in film.layers]
-    layers = np.arange(len(depths))
-    # Angles, and the zoom: places of the camera among poses that planes are made for.
-    places: list[tuple[Float64, float, int]] = []
+    path, camera, layers = frame.path, frame.camera, np.arange(len(film.layers))
+    phases: list[Any] = [(part * (layers + 1.0)) % 1.0 for part in _PHASES]
+    # Angles, and the zoom: numbers of the poses that planes are made for, and how far each has
+    # given way to the next.
+    poses: list[tuple[npt.NDArray[np.int64], Float64]] = []
     if path.turns:
         before, after = (_angles(frame.later(step).camera.matrix()) for step in (-0.5, 0.5))
         for angle, rate in zip(_angles(camera.matrix()), after - before, strict=True):
             rate = (rate + math.pi) % math.tau - math.pi
-            places.append((np.full(len(layers), angle / _TURN), abs(rate) / _TURN, 36))
+            phase = phases[len(poses)]
+            poses.append(_place(angle / _TURN - phase, abs(rate) / _TURN))
     if path.zooms:
-        grown = math.log(camera.focal / path.longest_focal)
-        places.append((np.full(len(layers), grown / _ZOOM), abs(path.zoom(frame.t)[1]) / _ZOOM, 0))
-    phases = [(part * (layers + 1.0)) % 1.0 for part in _PHASES]
-    known = [_place(at - phase, pace) for (at, pace, _), phase in zip(places, phases, strict=False)]
-    for taken in itertools.product((0, 1), repeat=len(places)):
+        grown = math.log(camera.focal / path.longest_focal) / _ZOOM
+        pace = abs(path.zoom(frame.t)[1]) / _ZOOM
+        poses.append(_place(grown - phases[len(poses)], pace))
+    for taken in itertools.product((0, 1), repeat=len(poses)):
         weight, which, middles = np.ones(len(layers)), [], []
-        for one, (first, share), (_, _, round_), phase in zip(
-            taken, known, places, phases, strict=False
-        ):
-            number = first + one
+        for number, (one, (first, share)) in enumerate(zip(taken, poses, strict=True)):
             weight = weight * (np.sin if one else np.cos)(0.5 * math.pi * share)
-            which.append(number % round_ if round_ else number)
-            middles.append(number + 0.5 + phase)
+            round_ = path.turns and number < 3
+            which.append((first + one) % _ROUND if round_ else first + one)
+            middles.append(first + one + 0.5 + phases[number])
         axes = np.broadcast_to(camera.matrix().T, (len(layers), 3, 3))
         if path.turns:
             axes = np.stack([_axes(*(_TURN * angle[n] for angle in middles[:3])) for n in layers])
         focal = np.exp(_ZOOM * middles[-1]) if path.zooms else np.ones(len(layers))
-        yield from _ahead(film, eyes, layers, weight, axes, focal, which)
+        for at, own, numbers in _ahead(film, eyes, axes[:, 2], weight):
+            table = np.stack([numbers, *which], axis=1).tolist() if film.comes else [[0]] * len(own)
+            for n in np.flatnonzero(own > (_LEAST_SEEN if film.comes else -1.0)).tolist():
+                yield Plane(n, float(own[n]), axes[n], float(at[n]), float(focal[n]), table[n])
 
 
 def _ahead(
-    film: Film, eyes: Eyes, layers: npt.NDArray[np.int64], weight: Float64, axes: Float64,
-    focal: Float64, which: list[npt.NDArray[np.int64]],
-) -> Iterator[Planes]:  # fmt: skip
-    """Yield planes by where the camera is along their axes."""
-    depths = np.array([layer.slab.depth for layer in film.layers])
+    film: Film, eyes: Eyes, axis: Float64, weight: Float64
+) -> Iterator[tuple[Float64, Float64, npt.NDArray[np.int64]]]:
+    """Yield where planes are along their axes, their weights and their numbers."""
     eye = 0.5 * (eyes.eye[0] + eyes.eye[1])
-    along = np.einsum("la,la->l", axes[:, 2], eye)
+    along = np.einsum("la,la->l", axis, eye)
     if not film.comes:
-        yield Planes(layers, weight, axes, along + depths, focal, np.zeros((len(layers), 1), int))
+        yield along + depths_of(film), weight, np.zeros(len(weight), np.int64)
         return
-    ends = np.array([(layer.slab.near, layer.slab.far) for layer in film.layers])
-    thick = ends[:, 1] - ends[:, 0]
-    pace = np.abs(np.einsum("la,la->l", axes[:, 2], eyes.rate)) / thick
-    phase = (0.6180339887 * (layers + 1.0)) % 1.0
+    slabs = slabs_in(film)
+    far = np.array([slab.far for slab in slabs])
+    thick = far - np.array([slab.near for slab in slabs])
+    pace = np.abs(np.einsum("la,la->l", axis, eyes.rate)) / thick
+    phase = (_PHASES[0] * (np.arange(len(thick)) + 1.0)) % 1.0
     first, share = _place(along / thick - phase, pace)
-    for one in (0, 1):
-        own = weight * (np.sin if one else np.cos)(0.5 * math.pi * share)
-        seen = own > _LEAST_SEEN
-        number = first + one
-        at = ends[:, 1] + (number + phase) * thick
-        table = np.stack([number, *which], axis=1)
-        if seen.any():
-            yield Planes(layers[seen], own[seen], axes[seen], at[seen], focal[seen], table[seen])
+    for one, part in enumerate((np.cos, np.sin)):
+        own = weight * part(0.5 * math.pi * share)
+        yield far + (first + one + phase) * thick, own, first + one
 
 
 def _place(at: Float64, pace: Float64 | float) -> tuple[npt.NDArray[np.int64], Float64]:

@@ -165,7 +165,7 @@ class Precipitation(Generic[_Back]):
         if not frame.whole or (flakes is None and back is None) or not known:
             return (*far, layer) if far else layer
         passes = passes_of(back, flakes, frame, amount, (behind, front), alpha)
-        layer = replace(layer, **passes._asdict())
+        layer = replace(layer, **passes)
         return (*far, layer) if far else layer
 
     def _under(self, frame: Frame, behind: Array | None) -> tuple[Array, Shade] | None:

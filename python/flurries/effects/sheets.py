@@ -20,7 +20,6 @@ from flurries._contract import Array, Float64
 from flurries.camera.optics import Blur
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_matrix
-from flurries.effects.defocus import circles_of
 from flurries.effects.weather import Film, Weather
 from flurries.frame.view import Frame
 from flurries.motion.keys import value_at
@@ -49,12 +48,15 @@ SHEAR = 0.382
 # Flakes for each pixel of a sheet at most.
 _MOST_FLAKES = 12.0
 
+# Circles of confusion are told apart in steps of this, px; narrower ones than that blur nothing.
+_STEP, _LEAST_BLUR = 0.125, 0.25
+
 # Sizes of flakes in a sheet.
 _SIZES = 24
 
 _STREAM = 0x5368656574
 
-_kept: OrderedDict[Any, _core.FlakeSheet] = OrderedDict()
+_kept: OrderedDict[Any, Any] = OrderedDict()
 
 
 class Standing(NamedTuple):
@@ -65,7 +67,6 @@ class Standing(NamedTuple):
     start: Float64
     rate: Float64
     aside: Float64  # (L,): pixels by which layers move for a metre of the eye aside.
-    many: Float64  # (L,): flakes of a layer for each that its sheet has, or 1.
     places: Float64  # (L, 1): at which it is read along a pixel: 1, 2 or 4.
 
 
@@ -88,27 +89,23 @@ def read_sheets(weather: Weather, frame: Frame, film: Film, amount: float) -> Ar
     moved += (u - (left - x + u - column), v - (top - y + v - row))
     moved = np.round(moved * known.places) / known.places
     layers = []
-    for sheet, way, many, (_, slab) in zip(
-        kept(known.keys), moved.tolist(), known.many.tolist(), film.layers, strict=True
+    for key, way, many, slab in zip(
+        known.keys, moved.tolist(), many_of(film).tolist(), slabs_in(film), strict=True
     ):
-        root = math.sqrt(many)
-        gain = root, (many - root) * sheet.mean
-        layers.append((sheet, way, gain, slab.near, slab.far))
+        sheet, root = kept(key), math.sqrt(many)
+        layers.append((sheet, way, (root, (many - root) * sheet.mean), slab.near, slab.far))
     depth = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
     _core.sheet_read(result, (row, column), layers, depth, True)
     trim(len(layers))
     return result
 
 
-def kept(keys: list[Any]) -> list[_core.FlakeSheet]:
-    """Return the sheets of some arguments, made where they are not yet."""
-    found = []
-    for key in keys:
-        # Out and in again: the order is that of use.
-        sheet = _kept.pop(key, None) or _core.FlakeSheet(*key[1:])
-        _kept[key] = sheet
-        found.append(sheet)
-    return found
+def kept(key: Any) -> _core.FlakeSheet:
+    """Return the sheet of some arguments, made where it is not yet."""
+    # Out and in again: the order is that of use.
+    sheet: _core.FlakeSheet = _kept.pop(key, None) or _core.FlakeSheet(*key[1:])
+    _kept[key] = sheet
+    return sheet
 
 
 def trim(used: int) -> None:
@@ -124,10 +121,8 @@ def _standing(
     rotation: tuple[float, float, float], seed: int, amount: float, exposure: float,
     blur: Blur | None, mode: bool,
 ) -> Standing:  # fmt: skip
-    slabs = [layer.slab for layer in film.layers]
-    depths = np.array([slab.depth for slab in slabs])
-    circles = circles_of(blur, depths.tolist()) or (0.0,) * len(slabs)
-    start, rate = np.empty((len(slabs), 2)), np.empty((len(slabs), 2))
+    depths = depths_of(film)
+    start, rate = np.empty((2, len(depths), 2))
     axes = rotation_matrix(rotation)
     lines = {share: share.motion.line(path, fps) for share in film.shares}
     for number, (share, slab) in enumerate(film.layers):
@@ -136,29 +131,56 @@ def _standing(
             out[number] = -np.array(focals) * (np.array(way) @ axes)[:2] / slab.depth
     # Longer streaks are as faint as can be seen.
     streaks = np.clip(exposure * rate, -_LONGEST, _LONGEST).tolist()
-    many = many_of(film)
     areas = areas_of(film, focals)
     keys = [
-        key_of(weather, slab, seed, number, areas[number], many[number], streaks[number],
-               circles[number], amount, mode)
-        for number, slab in enumerate(slabs)
-    ]  # fmt: skip
+        key_of(weather, slab, seed, number, area, many, streak, circle, amount)
+        for number, (slab, area, many, streak, circle) in enumerate(
+            zip(
+                slabs_in(film), areas, many_of(film), streaks, circles_of(blur, depths), strict=True
+            )
+        )
+    ]
     pixels = np.array([rows * columns for rows, columns in areas])
     places = _places(np.hypot(*rate.T), pixels)
-    return Standing(keys, start, rate, focals[0] / depths, many, places[:, None])
+    return Standing(keys, start, rate, focals[0] / depths, places[:, None])
+
+
+def circles_of(blur: Blur | None, depths: Float64) -> list[float]:
+    """Return the circles of confusion at depths, px, in steps; 0 where all is sharp."""
+    if blur is None:
+        return [0.0] * len(depths)
+    found = [_STEP * round(blur.circle(depth) / _STEP) for depth in depths.tolist()]
+    return found if max(found) >= _LEAST_BLUR else [0.0] * len(depths)
+
+
+def slabs_in(film: Film) -> list[Slab]:
+    """Return the slabs of the layers, near ones first."""
+    return [layer.slab for layer in film.layers]
+
+
+def depths_of(film: Film) -> Float64:
+    """Return the depths that layers move as, metres."""
+    return np.array([slab.depth for slab in slabs_in(film)])
+
+
+def covers_of(film: Film) -> Float64:
+    """Return what layers cover of a pixel."""
+    return np.array([slab.coverage for slab in slabs_in(film)])
+
+
+def power_of(film: Film) -> Float64:
+    """Return the variances of layers: of the same mean they go with what one flake covers."""
+    return np.array([slab.coverage * float(np.mean(slab.diameters**2)) for slab in slabs_in(film)])
 
 
 def many_of(film: Film) -> Float64:
     """Return the flakes of each layer for each that its sheet has, or 1."""
-    return np.array([max(layer.slab.count / _MOST_FLAKES, 1.0) for layer in film.layers])
+    return np.array([max(slab.count / _MOST_FLAKES, 1.0) for slab in slabs_in(film)])
 
 
 def areas_of(film: Film, focals: tuple[float, float]) -> list[tuple[int, int]]:
     """Return rows and columns of each layer's sheet, for focal lengths in pixels."""
-    slabs = [layer.slab for layer in film.layers]
-    # Of the same mean the variance goes with what one flake covers.
-    power = np.array([slab.coverage * float(np.mean(slab.diameters**2)) for slab in slabs])
-    found = []
+    power, found = power_of(film), []
     for number, faint in enumerate((power < _FAINT * power.sum()).tolist()):
         own = (1.0 + 0.2 * ((0.618_034 * (number + 1)) % 1.0)) * (_SOONER if faint else 1.0)
         rows, columns = (
@@ -171,14 +193,14 @@ def areas_of(film: Film, focals: tuple[float, float]) -> list[tuple[int, int]]:
 
 def key_of(
     weather: Weather, slab: Slab, seed: int, number: int, area: tuple[int, int], many: float,
-    streak: list[float], circle: float, amount: float, mode: bool, scale: float = 1.0,
-    thin: float = 1.0,
+    streak: list[float], circle: float, amount: float, scale: float = 1.0, thin: float = 1.0,
 ) -> Any:  # fmt: skip
     """Return the arguments of a layer's sheet, for images larger by a scale."""
     diameters = tuple((scale * diameters_of(slab)).tolist())
     return (
-        mode, hash_of(seed, number), area, round(SHEAR * area[1]), slab.count / many / scale**2,
-        diameters, tuple(streak), circle, weather.population.opacity, (0.0, amount), thin,
+        _core.reproducible(), hash_of(seed, number), area, round(SHEAR * area[1]),
+        slab.count / many / scale**2, diameters, tuple(streak), circle, weather.population.opacity,
+        (0.0, amount), thin,
     )  # fmt: skip
 
 

@@ -20,48 +20,30 @@ from flurries.spectral.contrast import kept_power
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Texture:
-    """A field of waves as opacity; the fields are those of `TentSnow` and `TentRain` but for these.
+    """A field of waves as opacity; the other fields are those of `TentSnow` and `TentRain`."""
 
-    Attributes
-    ----------
-    field : Field
-        The waves.
-    opacity : Number
-        The largest, 0 to 1.
-    renormalise : bool
-        Whether the waves that are left get the contrast that all had.
-    """
-
-    field: Field
-    opacity: Number
+    field: Field  # The waves.
+    opacity: Number  # The largest, 0 to 1.
     mean: Number
     spread: Number
     power: Number
     depth_mode: str
-    renormalise: bool = False
+    renormalise: bool = False  # Whether the waves that are left get the contrast that all had.
 
     name = "texture"
 
     def needs(self, frame: Frame, amount: float) -> Needs:
-        """Return its one step, or why there is none."""
+        """Return its one step, or why there is none, and the tiles of which nothing is seen."""
         opacity = amount * value_at(self.opacity, frame.t)
         if opacity == 0.0:
             return Needs((), (LeftOut("texture", "its opacity is 0"),), most=0.0)
         still = frame.settled and self.field.motion.still and not has_keys(self)
-        return Needs(
-            (Step("texture", once=still),),
-            self._hidden(frame),
-            most=opacity,
-        )
-
-    def _hidden(self, frame: Frame) -> tuple[LeftOut, ...]:
-        """Return the tiles of which nothing can be seen, where the plan asks."""
-        visible = None if frame.run is None else frame.run.visible
-        if visible is None:
-            return ()
-        hidden = int((~visible.tiles(*self.field.layout(frame).tiling)).sum())
-        why = "they are behind what stands in front"
-        return (LeftOut(f"{hidden} tiles", why),) if hidden else ()
+        visible, out = None if frame.run is None else frame.run.visible, []
+        if visible is not None:
+            hidden = int((~visible.tiles(*self.field.layout(frame).tiling)).sum())
+            why = "they are behind what stands in front"
+            out = [LeftOut(f"{hidden} tiles", why)] if hidden else []
+        return Needs((Step("texture", once=still),), tuple(out), most=opacity)
 
     def map(self, frame: Frame, amount: float, way: Way) -> Map:
         """Return mean, spread, power and amount of the map to opacity at the picture's size."""

@@ -16,9 +16,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 from statistics import NormalDist
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,20 +36,12 @@ _NORMAL = NormalDist()
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
-@dataclass(frozen=True, eq=False)
-class WallMaps:
-    """Maps to opacity by the share of the air before a wall.
+class WallMaps(NamedTuple):
+    """Maps to opacity by the share of the air before a wall."""
 
-    Attributes
-    ----------
-    roots : (levels,)
-        Of the sky's power, that of a field whose tiles are blended linearly; (1,) else.
-    means, deviations : (levels, entries)
-        Of the maps; entries are even in the fourth root of the share. Deviations are in terms of
-        the sky's.
-    """
-
+    # (levels,): of the sky's power, that of a field whose tiles are blended linearly; (1,) else.
     roots: Float64
+    # (levels, entries), even in the fourth root of the share; deviations in terms of the sky's.
     means: Float64
     deviations: Float64
 
@@ -76,16 +68,9 @@ def wall_maps(
 ) -> WallMaps:
     """Return the maps of a texture.
 
-    Parameters
-    ----------
-    sky : (mean, deviation, power)
-        Of the map before the sky.
-    least : float
-        The least power of the field at a pixel: 1 unless tiles are blended linearly.
-    shares : tuple of float
-        Shares of the air that walls leave, to be met exactly.
-    left : callable
-        From shares of the air (n,) to the power of the waves that are left, 0 to 1.
+    `sky` is (mean, deviation, power) of the map before the sky; `least` the least power of the
+    field at a pixel, 1 unless tiles are blended linearly; `shares` of the air are met exactly; and
+    `left` goes from shares (n,) to the power of the waves that are left, 0 to 1.
     """
     grid = np.linspace(_FIRST**0.25, 1.0, _SHARES) ** 4
     nodes = np.unique(np.concatenate([grid, [s for s in shares if _FIRST < s < 1.0]]))
@@ -159,12 +144,13 @@ def _solve(guess: Float64, power: float, wanted: Float64) -> Float64:
         by_scale = (errors(guess + np.array([[0.0], [tiny]])) - now) / tiny
         det = by_mean[0] * by_scale[1] - by_mean[1] * by_scale[0]
         det = np.where(np.abs(det) < 1e-12, 1e-12, det)
-        step = np.stack(
-            [
-                (now[0] * by_scale[1] - now[1] * by_scale[0]) / det,
-                (now[1] * by_mean[0] - now[0] * by_mean[1]) / det,
-            ]
-        )
+        step = (
+            np.stack([
+                now[0] * by_scale[1] - now[1] * by_scale[0],
+                now[1] * by_mean[0] - now[0] * by_mean[1],
+            ])
+            / det
+        )  # fmt: skip
         step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=0), 1e-300))
         guess = guess - step * np.stack([scale, np.ones_like(scale)])
         now = errors(guess)

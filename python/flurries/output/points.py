@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from flurries._contract import Array
 from flurries.camera.importers.usd import require_usd
-from flurries.effects.points import STEP, drawn_of, step_after, velocities
+from flurries.effects.drawn import STEP, drawn_of, velocities
 from flurries.frame.mixing import free_name
 from flurries.io.atomic import replacing
 from flurries.output.manifest import Refused
@@ -90,7 +89,8 @@ def points_at(scene: Scene, names: dict[str, Any], number: float) -> dict[str, A
     found = {}
     for part in program.parts:
         frame = replace(program.frame(t), seed=part.seed)
-        later = step_after(frame, partial(program.camera, None))
+        moment = frame.t + STEP
+        later = replace(frame, t=moment, camera=program.camera(None, moment))
         now, then = drawn_of(part.effect, frame), drawn_of(part.effect, later)
         if now is not None and then is not None:
             found[effects[part.place]] = now, velocities(now, then, STEP / scene.fps)

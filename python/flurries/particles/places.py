@@ -25,10 +25,6 @@ from flurries._contract import (
     vector,
 )
 
-__all__ = ["edge_fade", "positions", "sway_offsets"]
-
-_Triple = tuple[float, float, float]
-
 
 def positions(
     count: int,
@@ -41,11 +37,10 @@ def positions(
     sway: tuple[float, float] | None = None,
     out: Float64 | None = None,
 ) -> Float64:
-    """Return the places of the flakes at a time: stateless, in a box that wraps around a centre.
+    """Return the places of flakes at a time, in a box that wraps around a centre.
 
     p = c + wrap(B u + v t - c), wrap(x) = x - B floor(x / B + 1/2), with u uniform in [0, 1)^3,
-    hashed from the seed and the flake's index. The density is the same everywhere in the box, at
-    every time, wherever the centre goes; flake i is the same whatever `count` is.
+    hashed from the seed and the flake's index: flake i is the same whatever `count` is.
 
     Parameters
     ----------
@@ -62,9 +57,7 @@ def positions(
     center : (3,), optional
         c, the middle of the box: as a rule where the camera is. World units.
     sway : (float, float), optional
-        ``(amplitude, angular_frequency)``, world units and radians per unit of time: adds
-        amplitude * (sin(w t + phi1), 0, sin(w t + phi2)) after the wrap, the phases hashed per
-        flake. See `sway_offsets`.
+        Of the offsets that are added after the wrap: see `sway_offsets`.
 
     Returns
     -------
@@ -79,11 +72,8 @@ def positions(
 
     Notes
     -----
-    velocity * time is reduced by whole boxes with the rounding error of the product carried along,
-    so at time 1e9 a position is as exact as at time 0: within 1e-15 B, for the velocity as given in
-    float64. A centre far away costs the last digits of its own coordinates and no more.
-
-    Source: Langer 2004, section 6.
+    velocity * time is reduced with the rounding error of the product carried along: at time 1e9 a
+    position is as exact as at time 0, within 1e-15 B. Source: Langer 2004, section 6.
     """
     number = integer("count", count, low=0, high=MOST_ELEMENTS // 3)
     sides, middle = _box(box, center)
@@ -103,30 +93,20 @@ def sway_offsets(
     sway: tuple[float, float],
     out: Float64 | None = None,
 ) -> Float64:
-    """Return the offsets that `positions` adds for the sway at a time.
-
-    The difference over an exposure, divided by it, is the sway's part of a flake's velocity:
-    ``(sway_offsets(n, time=t + s/2, ...) - sway_offsets(n, time=t - s/2, ...)) / s``.
+    """Return the offsets that `positions` adds for the sway at a time; exact at any time.
 
     Parameters
     ----------
-    count : int
-        How many flakes, 0 or more.
-    seed : int
+    count, seed, time
         As given to `positions`.
-    time : float
-        Any.
     sway : (float, float)
         ``(amplitude, angular_frequency)``, world units and radians per unit of time.
 
     Returns
     -------
     (count, 3) float64
-        Row i is amplitude * (sin(w t + phi1), 0, sin(w t + phi2)) of flake i, world units.
-
-    Notes
-    -----
-    The angle w t is reduced exactly, so it is as good at time 1e9 as at time 0.
+        Row i is amplitude * (sin(w t + phi1), 0, sin(w t + phi2)), world units, the phases hashed
+        for flake i. Their difference over an exposure, over it, is the sway's part of a velocity.
     """
     number = integer("count", count, low=0, high=MOST_ELEMENTS // 3)
     result = output(out, (number, 3), np.dtype(np.float64))
@@ -150,10 +130,8 @@ def edge_fade(
     ----------
     points : (n, 3)
         Absolute positions, as `positions` gives them, world units.
-    box : float or (3,) floats
-        B, the sides of the box, world units.
-    center : (3,), optional
-        c, the middle of the box, world units.
+    box, center
+        As given to `positions`.
 
     Returns
     -------
@@ -168,22 +146,16 @@ def edge_fade(
     return result
 
 
-def _triple(values: Float64) -> _Triple:
-    x, y, z = values.tolist()
-    return x, y, z
-
-
 def _single(value: object) -> bool:
     """Tell one number from an array; lists and tuples are arrays."""
     return getattr(value, "ndim", 0) == 0 and not isinstance(value, (list, tuple))
 
 
-def _box(box: npt.ArrayLike, center: npt.ArrayLike) -> tuple[_Triple, _Triple]:
-    middle = _triple(vector("center", center, 3))
+def _box(box: npt.ArrayLike, center: npt.ArrayLike) -> tuple[Any, Any]:
+    middle = vector("center", center, 3).tolist()
     if _single(box):
-        side = real("box", box, above=0.0)
-        return (side, side, side), middle
-    return _triple(vector("box", box, 3)), middle
+        return [real("box", box, above=0.0)] * 3, middle
+    return vector("box", box, 3).tolist(), middle
 
 
 def points_of(points: npt.ArrayLike) -> Float64:

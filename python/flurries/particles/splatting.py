@@ -8,18 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import (
-    Array,
-    float_dtype,
-    output,
-    pixels,
-    real,
-    shape_of,
-)
+from flurries._contract import Array, float_dtype, output, pixels, real, shape_of
 from flurries.camera.lens import Camera, expect_camera
 from flurries.particles.places import points_of, rows_of
-
-__all__ = ["ids", "splat"]
 
 
 def splat(
@@ -39,10 +30,9 @@ def splat(
     """Return the alpha of many flakes of one color.
 
     A flake of radius r at depth D is a Gaussian with sigma = f r / (3 D) px around
-    (cx + f x / z, cy + f y / z). It is drawn with sigma_e^2 = max(sigma^2 + 1/12, 0.38) and an
-    amplitude lowered by sigma^2 / sigma_e^2, which keeps its energy at every sub-pixel position.
-    One that moves during the exposure becomes the exact integral of that Gaussian along its path,
-    cut at the near plane before the perspective division.
+    (cx + f x / z, cy + f y / z), drawn with sigma_e^2 = max(sigma^2 + 1/12, 0.38) and an amplitude
+    lowered by sigma^2 / sigma_e^2, which keeps its energy. One that moves is the exact integral of
+    that Gaussian along its path, cut at the near plane before the perspective division.
 
     Parameters
     ----------
@@ -65,8 +55,8 @@ def splat(
         Nothing nearer than this depth is drawn, world units, more than 0. A flake that crosses it
         keeps the share of its opacity that the exposure had in front.
     depth : (H, W), optional
-        Depth of what stands in the picture, world units; infinity is the sky. Where it is nearer
-        than the flake (at the middle of its clipped path), the flake is hidden. NaN hides nothing.
+        Depth of what stands in the picture, world units; infinity is the sky. It hides a flake that
+        is farther, at the middle of its clipped path. NaN hides nothing.
 
     Returns
     -------
@@ -76,25 +66,14 @@ def splat(
 
     Notes
     -----
-    The order of the flakes does not matter beyond rounding, and the bits do not depend on the
-    thread count; other vector instructions may change the last ones, unless
-    :func:`flurries.set_reproducible` keeps them. Transmittance is accumulated in float64: 1e5
-    layers are right to 1e-6. float32 differs from float64 by less than 4e-6 where flakes overlap.
-
-    The footprint is the Gaussian (or its integral) inside 3 sigma_e and goes smoothly to 0 at
-    4 sigma_e, along and across the motion (along x and y if that is shorter than sigma_e). Its
-    amplitude carries a factor 1 + 4.8e-4 / sigma_e^2 that makes up for the end. A path is taken as
-    straight and evenly bright in the picture. Flakes whose image is farther out or wider than
-    1e30 px are left out. Time grows with the number of pixels that flakes cover.
-
-    Source: Langer 2004, sections 6 and 7.
+    The order of the flakes does not matter beyond rounding. float32 differs from float64 by less
+    than 4e-6 where flakes overlap. The footprint goes smoothly to 0 from 3 to 4 sigma_e, which a
+    factor 1 + 4.8e-4 / sigma_e^2 makes up for. Flakes whose image is farther out or wider than
+    1e30 px are left out. Source: Langer 2004, sections 6 and 7.
     """
     size = shape_of("shape", shape)
     kind = float_dtype(dtype)
-    flakes, inputs = settled(
-        size, points, radius, camera, opacity=opacity, velocity=velocity, shutter=shutter,
-        near=near, depth=depth,
-    )  # fmt: skip
+    flakes, inputs = _read(size, points, radius, camera, opacity, velocity, shutter, near, depth)
     result = output(out, size, kind, *inputs)
     _core.particle_splat(result, *flakes)
     return result
@@ -113,54 +92,34 @@ def ids(
     depth: npt.ArrayLike | None = None,
     out: npt.NDArray[np.int32] | None = None,
 ) -> npt.NDArray[np.int32]:
-    """Return the number of the flake that each pixel shows.
-
-    Parameters
-    ----------
-    shape, points, radius, camera, opacity, velocity, shutter, near, depth
-        As given to `splat`.
+    """Return the number of the flake that each pixel shows; parameters as in `splat`.
 
     Returns
     -------
     (H, W) int32
         The row in `points` of the flake whose own opacity at the pixel's centre is the greatest,
         the first of equals; -1 outside all footprints. A footprint ends where its opacity is 0.
-
-    Notes
-    -----
-    Time grows with the flakes' footprints, and is about that of `splat` in float64.
     """
     size = shape_of("shape", shape)
-    flakes, inputs = settled(
-        size, points, radius, camera, opacity=opacity, velocity=velocity, shutter=shutter,
-        near=near, depth=depth,
-    )  # fmt: skip
+    flakes, inputs = _read(size, points, radius, camera, opacity, velocity, shutter, near, depth)
     result = output(out, size, np.dtype(np.int32), *inputs)
     _core.particle_ids(result, *flakes)
     return result
 
 
-def settled(
-    shape: tuple[int, int],
-    points: npt.ArrayLike,
-    radius: npt.ArrayLike,
-    camera: Camera,
-    *,
-    opacity: npt.ArrayLike,
-    velocity: npt.ArrayLike | None,
-    shutter: float,
-    near: float,
+def _read(
+    shape: tuple[int, int], points: npt.ArrayLike, radius: npt.ArrayLike, camera: Camera,
+    opacity: npt.ArrayLike, velocity: npt.ArrayLike | None, shutter: float, near: float,
     depth: npt.ArrayLike | None,
-) -> tuple[tuple[Any, ...], list[npt.NDArray[Any]]]:
+) -> tuple[tuple[Any, ...], list[npt.NDArray[Any]]]:  # fmt: skip
     """Return flakes as the kernels read them, and the arrays that no output may overlap."""
     place = points_of(points)
     count = len(place)
     aspect = expect_camera(camera, stretched=True).aspect
     width = rows_of("radius", radius, count, (), "one number or (n,)")
     cover = rows_of("opacity", opacity, count, (), "one number or (n,)")
-    rate = rows_of(
-        "velocity", (0.0, 0.0, 0.0) if velocity is None else velocity, count, (3,), "(3,) or (n, 3)"
-    )
+    moved = (0.0, 0.0, 0.0) if velocity is None else velocity
+    rate = rows_of("velocity", moved, count, (3,), "(3,) or (n, 3)")
     exposure = real("shutter", shutter, low=0.0)
     closest = real("near", near, above=0.0)
     inputs = [place, width, cover, rate]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries.effects.points import FLAKE, drawn_of
+from flurries.effects.drawn import FLAKE, drawn_of
 from flurries.scene.scene import Scene, expect_scene
 
 
