@@ -36,7 +36,7 @@ def test_pixels_forget_snow_straight_down_as_drawn_flakes_do():
     assert np.abs(ours[1:] - drawn[1:]).max() < 0.02, (ours, drawn)
     shown = scene("hybrid")
     texture = shown.effects[0].parts.texture
-    film = [texture.alpha(shown.program.views(t)[0][1], 1.0, None) for t in range(0, 240, 4)]
+    film = [texture.alpha(shown.program.views(t)[0][1], 1.0) for t in range(0, 240, 4)]
     assert np.abs(memory(film, 40)[7:]).max() < 0.02
 
 
