@@ -15,6 +15,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Float64
+from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur
 from flurries.effects.flakes import Flakes
 from flurries.effects.gusts import carried_by_profile, wave_weights
@@ -22,6 +23,7 @@ from flurries.effects.weather import HEIGHTS, Share, Weather
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, value_at
 from flurries.motion.waves import Waves
+from flurries.motion.wind import Wind
 
 # Nothing nearer than this is drawn, metres; what `particles.splat` has for a default.
 NEAREST = 0.1
@@ -103,8 +105,9 @@ def air_of(
     """
     exposure, path = value_at(weather.motion.shutter, frame.t), frame.path
     after = (0.0, -0.5 * exposure, 0.5 * exposure, *steps)
-    bends = path.turns or path.zooms
-    cameras = [frame.later(step).camera if bends and step else frame.camera for step in after]
+    eyes = [_eye(frame.camera, frame)] * len(after)
+    if path.turns or path.zooms:
+        eyes[1:] = [_eye(frame.later(s).camera if s else frame.camera, frame) for s in after[1:]]
     blur = None if frame.lens is None else frame.blur
     shares, wind = weather.shares(frame), weather.motion.varied
     room = 0.0
@@ -117,15 +120,17 @@ def air_of(
     if weather.shape != "round" or blur is not None:
         closeup = Closeup(weather.shape, SWITCH, blur, frame.seed, frame.t / frame.fps)
     opacity, times = weather.opacity_at(frame.t), [frame.t + step for step in after]
+    # One after the other: a frame goes to the file of the motion once.
+    ways = [share.motion.places(path, frame.fps, times) for share in shares]
     return Air(
         seed=frame.seed,
         opacity=opacity,
         images=images_of(opacity),
-        classes=[_class(weather, frame, times, amount, *one) for one in enumerate(shares)],
-        eyes=[
-            Eye(one.matrix().T.tolist(), one.focals, one.principal(frame.shape), one.offset)
-            for one in cameras
+        classes=[
+            _class(weather, frame, times, amount, wind, number, share, at)
+            for number, (share, at) in enumerate(zip(shares, ways, strict=True))
         ],
+        eyes=eyes,
         sway=weather.sway[0],
         waves=None if wind is None or wind.waves is None else cycles_of(wind.waves),
         shape=frame.shape,
@@ -134,6 +139,11 @@ def air_of(
         near=NEAREST,
         closeup=closeup,
     )
+
+
+def _eye(camera: Camera, frame: Frame) -> Eye:
+    turn = camera.matrix().T.tolist()
+    return Eye(turn, camera.focals, camera.principal(frame.shape), camera.offset)
 
 
 def images_of(opacity: float) -> _core.BallImages:
@@ -147,41 +157,56 @@ def _images(opacity: float, mode: bool) -> _core.BallImages:
 
 
 def _class(
-    weather: Weather | Flakes, frame: Frame, times: list[float], amount: float, number: int,
-    share: Share,
+    weather: Weather | Flakes, frame: Frame, times: list[float], amount: float,
+    wind: Wind | None, number: int, share: Share, at: list[Any],
 ) -> Class:  # fmt: skip
     """Return a class of size, with the camera's place in its air at the times."""
-    path, fps, wind, end = frame.path, frame.fps, weather.motion.varied, share.end
+    path, fps = frame.path, frame.fps
+    made = _settled(weather, share, number, frame.shape[1], frame.camera.focal)
     part, waves, profile = 0.0, None, []
     if frame.lap is not None and weather.keyed:
         # The round that goes has lost those of low ranks, which the next one shows.
         part = min(frame.lap.part(frame.t), 1.0 - 1e-9)
     if isinstance(weather.emission, Keys):
-        there = weather.amounts(frame, share, amount, np.linspace(-end, end, HEIGHTS)).tolist()
+        there = weather.amounts(frame, share, amount, np.linspace(*made.heights, HEIGHTS)).tolist()
     else:
         there = [amount * weather.emission]
-    at = share.motion.places(path, fps, times)
     if wind is not None and wind.profile is not None:
-        ahead = np.linspace(0.0, end, _DEPTHS)
+        ahead = np.linspace(*made.depths, _DEPTHS)
         moved = [carried_by_profile(share.motion, path, fps, t, ahead).T for t in times]
         profile = [(one[0].tolist(), one[1].tolist()) for one in moved]
     if wind is not None and wind.waves is not None:
         waves = wave_weights(share.motion, fps, times, np.array(at[0]))
-    return Class(
-        number=number,
-        density=share.size.density,
-        sizes=(share.size.smallest, share.size.largest),
-        slope=weather.law.slope,
-        shown=weather.shown(share, frame.shape[1], frame.camera.focal),
-        by_size=isinstance(weather, Flakes),
-        heights=(-end, end),
+    return made._replace(
         amounts=[min(one / (1.0 - part), 1.0) for one in there],
         ranks=(part, 1.0),
         at=at,
         swung=[weather.sway[1] / (2.0 * math.pi * fps) * t for t in times],
         waves=waves,
-        depths=(0.0, end),
         profile=profile,
+    )
+
+
+@lru_cache(maxsize=64)
+def _settled(
+    weather: Weather | Flakes, share: Share, number: int, width: int, focal: float
+) -> Class:
+    """Return what is the same of a class in all frames of a film."""
+    return Class(
+        number=number,
+        density=share.size.density,
+        sizes=(share.size.smallest, share.size.largest),
+        slope=weather.law.slope,
+        shown=weather.shown(share, width, focal),
+        by_size=isinstance(weather, Flakes),
+        heights=(-share.end, share.end),
+        amounts=[],
+        ranks=(0.0, 1.0),
+        at=[],
+        swung=[],
+        waves=None,
+        depths=(0.0, share.end),
+        profile=[],
     )
 
 

@@ -56,14 +56,15 @@ class FlakeTexture:
         the depth whose parallax is the mean one.
         """
         film, motion = self.weather.film(frame), self.weather.motion
-        weights, depths = covers_of(film), depths_of(film)
+        weights = np.array([layer.slab.coverage for layer in film.layers])
+        depths = np.array([layer.slab.depth for layer in film.layers])
         nearness = weights / depths
         top, bottom, left, right = frame.window
         depth = np.full((bottom - top, right - left), weights.sum() / nearness.sum(), np.float32)
         speeds = np.array([layer.share.size.fall for layer in film.layers])
         speed = float(nearness @ speeds / nearness.sum() / self.weather.mean_speed)
-        air: Any = {"fall": times(motion.fall, speed), "wind": motion.mean_wind}
-        here, *places = (at.displacement(**air) for at in (frame, *others))
+        air: Any = {"fps": frame.fps, "fall": times(motion.fall, speed), "wind": motion.mean_wind}
+        here, *places = [frame.path.relative(at.t, **air)[0] for at in (frame, *others)]
         moves = [
             plane_motion(depth, frame, other, place - here)
             for other, place in zip(others, places, strict=True)

@@ -59,7 +59,8 @@ class Motion:
     def places(self, path: CameraPath, fps: float, times: list[float]) -> list[Any]:
         """Return the camera's places (3,) in the air that falls so, house axes, metres."""
         if (line := self.line(path, fps)) is not None:
-            return [tuple(a + b * t for a, b in zip(*line, strict=True)) for t in times]
+            (x, y, z), (u, v, w) = line
+            return [(x + u * t, y + v * t, z + w * t) for t in times]
         fall, wind = self.fall, self.mean_wind
         ways = (path.relative(t, fps=fps, fall=fall, wind=wind)[0] for t in times)
         return [tuple(way.tolist()) for way in ways]

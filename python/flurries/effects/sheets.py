@@ -67,6 +67,8 @@ class Standing(NamedTuple):
     start: Float64
     rate: Float64
     aside: Float64  # (L,): pixels by which layers move for a metre of the eye aside.
+    many: list[float]  # Flakes of each layer for each that its sheet has, or 1.
+    slabs: list[Slab]
     places: Float64  # (L, 1): at which it is read along a pixel: 1, 2 or 4.
 
 
@@ -90,7 +92,7 @@ def read_sheets(weather: Weather, frame: Frame, film: Film, amount: float) -> Ar
     moved = np.round(moved * known.places) / known.places
     layers = []
     for key, way, many, slab in zip(
-        known.keys, moved.tolist(), many_of(film).tolist(), slabs_in(film), strict=True
+        known.keys, moved.tolist(), known.many, known.slabs, strict=True
     ):
         sheet, root = kept(key), math.sqrt(many)
         layers.append((sheet, way, (root, (many - root) * sheet.mean), slab.near, slab.far))
@@ -131,18 +133,16 @@ def _standing(
             out[number] = -np.array(focals) * (np.array(way) @ axes)[:2] / slab.depth
     # Longer streaks are as faint as can be seen.
     streaks = np.clip(exposure * rate, -_LONGEST, _LONGEST).tolist()
-    areas = areas_of(film, focals)
+    areas, numbers, slabs = areas_of(film, focals), many_of(film).tolist(), slabs_in(film)
     keys = [
         key_of(weather, slab, seed, number, area, many, streak, circle, amount)
         for number, (slab, area, many, streak, circle) in enumerate(
-            zip(
-                slabs_in(film), areas, many_of(film), streaks, circles_of(blur, depths), strict=True
-            )
+            zip(slabs, areas, numbers, streaks, circles_of(blur, depths), strict=True)
         )
     ]
     pixels = np.array([rows * columns for rows, columns in areas])
     places = _places(np.hypot(*rate.T), pixels)
-    return Standing(keys, start, rate, focals[0] / depths, places[:, None])
+    return Standing(keys, start, rate, focals[0] / depths, numbers, slabs, places[:, None])
 
 
 def circles_of(blur: Blur | None, depths: Float64) -> list[float]:
