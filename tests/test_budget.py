@@ -10,10 +10,10 @@ ROOT = Path(__file__).parents[1]
 
 # The aims are 20,000, 24,500, 17,500 and 2,200: lower a limit whenever the count falls below it.
 LIMITS = {
-    ("src/**/*.rs", "crates/**/*.rs"): 25_700,
-    ("python/**/*.py",): 35_800,
-    ("tests/**/*.py",): 31_700,
-    ("benches/**/*.*",): 2_600,
+    ("src/**/*.rs", "crates/**/*.rs"): 19_600,
+    ("python/**/*.py",): 34_430,
+    ("tests/**/*.py",): 26_820,
+    ("benches/**/*.*",): 2_570,
 }
 
 

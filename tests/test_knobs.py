@@ -87,10 +87,14 @@ def test_a_density_is_the_same_behind_any_lens():
         covers.append(np.mean(alphas))
     # Flakes behind a pixel are as many whatever the lens; the nearest and largest ones fade.
     assert np.ptp(covers) < 0.15 * np.mean(covers)
-    wide = fl.Scene((256, 192), effects=[snow], camera=fl.Camera(100.0))
-    frame = wide.program.frame(0.0)
-    view = 2.56 * 1.92 * 12.0**3 / 3.0
-    assert snow.parts.front.number_in_view(frame) == pytest.approx(20.0 * view)
+    # As many lie in the pyramid of view, to the distance up to which they are drawn.
+    drawn = fl.Scene((256, 192), effects=[snow], camera=fl.Camera(100.0))
+    counts = []
+    for seed in range(6):
+        flakes = fl.flakes(drawn.replace(seed=seed), 0.0)
+        inside = (flakes["pixel"] > 0.0).all(axis=1) & (flakes["pixel"] < (256, 192)).all(axis=1)
+        counts.append((inside & (flakes["depth"] < 11.0)).sum())
+    assert np.mean(counts) == pytest.approx(20.0 * 2.56 * 1.92 * 11.0**3 / 3.0, rel=0.03)
 
 
 def test_visibility_in_metres_is_visibility():
