@@ -121,7 +121,7 @@ hard-cases: $(VENV)/.tools
 
 # Error against time of every approximation: docs/internals/accuracy.md and its plots, about a minute.
 accuracy: $(VENV)/.tools
-	$(BIN)/python benches/accuracy.py -o docs/images/accuracy --page docs/internals/accuracy.md
+	$(BIN)/python benches/accuracy.py --write
 
 # Changes at random places of the package, each seen by a test: COUNT of them, drawn with SEED.
 COUNT ?= 60
@@ -153,7 +153,7 @@ lint: $(VENV)/.tools
 
 # Ratios, sizes, whole frames, and what is around the kernels.
 performance: $(VENV)/.tools
-	$(BIN)/python benches/performance.py --page docs/internals/performance.md
+	$(BIN)/python benches/speed.py --page docs/internals/performance.md
 
 bench: $(VENV)/.tools
 	$(BIN)/python benches/speed.py

@@ -1,7 +1,7 @@
 """Error against time of every approximation: ``python benches/accuracy.py [AXIS...]``.
 
 References are slow and independent: sums in extended precision, brute force, closed forms.
-``--page FILE`` writes the page in Markdown, with plots in the folder of ``--output``.
+``--write`` makes docs/internals/accuracy.md with its plots.
 """
 
 from __future__ import annotations
@@ -9,8 +9,6 @@ from __future__ import annotations
 import argparse
 import os
 import platform
-import statistics
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +16,7 @@ from typing import Any, NamedTuple
 import accuracy_axes
 import matplotlib
 from accuracy_axes import Axis, Way
+from timing import timed
 
 import flurries as fl
 
@@ -25,15 +24,10 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
 # In the order of the page.
-AXES: dict[str, Axis] = {
-    axis.name: axis
-    for axis in (
-        accuracy_axes.precision, accuracy_axes.shutter, accuracy_axes.octaves,
-        accuracy_axes.flakes, accuracy_axes.composite, accuracy_axes.footprint,
-    )
-}  # fmt: skip
+AXES = {found.name: found for found in vars(accuracy_axes).values() if isinstance(found, Axis)}
 
 RUNS = 20
+DOCS = Path(__file__).parents[1] / "docs"
 
 
 class Point(NamedTuple):
@@ -52,18 +46,12 @@ Study = tuple[Axis, list[Point]]
 
 def measure(ways: Sequence[Way], runs: int) -> list[Point]:
     """Return the error and the times of ways, called in turn: a busy moment meets all of them."""
-    # The first call of each is not timed: it plans, allocates and warms up.
     errors = [way.error(way.make()) for way in ways]
-    times: list[list[float]] = [[] for _ in ways]
-    for _ in range(runs):
-        for way, spent in zip(ways, times, strict=True):
-            began = time.perf_counter()
-            way.make()
-            spent.append(1e3 * (time.perf_counter() - began) / way.per)
-    best = unbeaten([(error, min(spent)) for error, spent in zip(errors, times, strict=True)])
+    times = list(timed({way.setting: way.make for way in ways}, runs, warm=0).values())
+    best = unbeaten([(e, least) for e, (least, _) in zip(errors, times, strict=True)])
     return [
-        Point(way.setting, error, statistics.median(spent), min(spent), front)
-        for way, error, spent, front in zip(ways, errors, times, best, strict=True)
+        Point(way.setting, error, median, least, front)
+        for way, error, (least, median), front in zip(ways, errors, times, best, strict=True)
     ]
 
 
@@ -82,7 +70,7 @@ an independent reference, and the time of a frame. Times belong to that machine 
 them as ratios within a table. On the orange line lies what nothing else beats in both.
 `python benches/accuracy.py` measures yours, `flurries plan --accuracy` the snow of a scene.
 
-![Error against time]({plots}/accuracy.png)
+![Error against time](../images/accuracy/accuracy.png)
 """
 
 _AXIS = """
@@ -106,15 +94,6 @@ def table(points: Sequence[Point], runs: int) -> str:
     )
 
 
-def markdown(studies: Sequence[Study], plots: str, runs: int) -> str:
-    """Return the page; `plots` is the way from it to the folder of the plots."""
-    machine = f"{platform.machine()}, {os.cpu_count()} cores"
-    parts = [_HEAD.format(machine=machine, threads=fl.threads(), plots=plots)]
-    for axis, points in studies:
-        parts += [_AXIS.format(axis=axis), table(points, runs)]
-    return "".join(parts)
-
-
 INK, QUIET, FRONT = "#1d2b3a", "#8fa3b5", "#d2691e"
 
 # An error of 0 has no logarithm.
@@ -123,12 +102,8 @@ LEAST = 1e-17
 
 def plot(studies: Sequence[Study], file: Path) -> None:
     """Write plots side by side, two in a row."""
-    columns = min(2, len(studies))
-    rows = -(-len(studies) // columns)
-    size = (8.0 * columns, 3.6 * rows)
-    figure, grid = plt.subplots(rows, columns, figsize=size, dpi=90, squeeze=False)
-    for ax in grid.flat[len(studies) :]:
-        ax.set_visible(False)
+    rows = -(-len(studies) // 2)
+    figure, grid = plt.subplots(rows, 2, figsize=(16.0, 3.6 * rows), dpi=90, squeeze=False)
     for ax, (axis, points) in zip(grid.flat, studies, strict=False):
         draw(ax, axis, points)
     figure.tight_layout()
@@ -162,25 +137,22 @@ def draw(ax: Any, axis: Axis, points: Sequence[Point]) -> None:
 
 
 def main() -> None:
-    """Measure axes, print their tables, and write plots and a page where that is asked for."""
+    """Measure axes, print their tables, and write the page with its plots if that is asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("axes", nargs="*", metavar="AXIS", help=f"of {', '.join(AXES)}")
-    parser.add_argument("-o", "--output", type=Path, help="folder of the plots")
-    parser.add_argument("--page", type=Path, help="a page in Markdown, with the plots")
+    parser.add_argument("--write", action="store_true", help="make the page of all axes")
     parser.add_argument("--runs", type=int, default=RUNS)
     given = parser.parse_args()
-    if given.page is not None and given.output is None:
-        parser.error("--page wants --output")
     studies = []
-    for name in given.axes or AXES:
-        studies.append((AXES[name], measure(list(AXES[name].ways()), given.runs)))
-        print(f"\n{AXES[name].title}: error {AXES[name].unit}{table(studies[-1][1], given.runs)}")
-    if given.output is not None:
-        given.output.mkdir(parents=True, exist_ok=True)
-        plot(studies, given.output / "accuracy.png")
-    if given.page is not None:
-        way = Path(os.path.relpath(given.output, given.page.parent)).as_posix()
-        given.page.write_text(markdown(studies, way, given.runs), encoding="utf-8")
+    machine = f"{platform.machine()}, {os.cpu_count()} cores"
+    parts = [_HEAD.format(machine=machine, threads=fl.threads())]
+    for axis in (AXES[name] for name in given.axes or AXES):
+        studies.append((axis, measure(list(axis.ways()), given.runs)))
+        parts += [_AXIS.format(axis=axis), table(studies[-1][1], given.runs)]
+        print("".join(parts[-2:]))
+    if given.write:
+        plot(studies, DOCS / "images/accuracy/accuracy.png")
+        (DOCS / "internals/accuracy.md").write_text("".join(parts), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -9,47 +9,41 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from flurries import Camera, gas, particles, reproducible, set_reproducible, spectral
+from flurries import Camera, gas, particles, set_reproducible, spectral
 from flurries import composite as mixing
 
 Array = npt.NDArray[Any]
 
 
 class Way(NamedTuple):
-    """One way: its name, what is timed, the error of what that makes, and frames of one call."""
+    """One way: its name, what is timed, and the error of what that makes."""
 
     setting: str
     make: Callable[[], Any]
     error: Callable[[Any], float]
-    per: int = 1
 
 
-@dataclass(frozen=True)
-class Axis:
+class Axis(NamedTuple):
     """One thing that can be made in several ways: what varies, the error's unit, its reference."""
 
     name: str
     title: str
     unit: str
     reference: str
-    ways: Callable[[], Iterator[Way]] = field(repr=False)
+    ways: Callable[[], Iterator[Way]]
 
 
 def axis(unit: str, reference: str) -> Callable[[Callable[[], Iterator[Way]]], Axis]:
     """Make an axis of a function that yields ways; its docstring is the title."""
-
-    def made(ways: Callable[[], Iterator[Way]]) -> Axis:
-        title = (ways.__doc__ or ways.__name__).removesuffix(".")
-        return Axis(ways.__name__, title, unit, reference, ways)
-
-    return made
+    return lambda ways: Axis(
+        ways.__name__, (ways.__doc__ or "").removesuffix("."), unit, reference, ways
+    )
 
 
 def largest(reference: Array) -> Callable[[Any], float]:
@@ -110,12 +104,10 @@ def precision() -> Iterator[Way]:
 
 
 def _reproducible(make: Any, dtype: Any) -> Any:
-    before = reproducible()
     set_reproducible(True)
-    try:
-        return make(dtype=dtype)
-    finally:
-        set_reproducible(before)
+    made = make(dtype=dtype)
+    set_reproducible(False)
+    return made
 
 
 def _steps(dtype: Any) -> Array:
@@ -277,15 +269,11 @@ def composite() -> Iterator[Way]:
 GAS, LENS = (240, 320), Camera(280.0)
 
 
-def _cloud(count: int) -> Array:
-    box = np.random.default_rng(2).uniform(-2.5, 2.5, (count, 3))
-    return np.asarray(box + np.array([0.0, 0.0, 5.5]))
-
-
 @axis("of opacity, mean", "the line integral through every particle at every pixel, float64")
 def footprint() -> Iterator[Way]:
     """Footprints of gas, 300 particles, 320 x 240."""
-    centers = _cloud(300)
+    centers = np.random.default_rng(2).uniform(-2.5, 2.5, (300, 3))
+    centers[:, 2] += 5.5
     centers = centers[centers[:, 2] > 3.2]
     exact = _line_integrals(centers, 0.45, 0.4)
     models = ("viewplane", "viewplane_c", "viewpoint", "volume", "table")
@@ -300,7 +288,7 @@ def footprint() -> Iterator[Way]:
 
 def _line_integrals(centers: Array, radius: float, density: float) -> Array:
     """alpha = 1 - prod (1 - rho g(q)), q = 3 |C x d| / r for the ray d of each pixel."""
-    rays, rim = _rays(GAS, LENS.focal, 0.5, 0.5), np.exp(-4.5)
+    rays, rim = _rays(GAS, LENS.focal), np.exp(-4.5)
     through = np.ones(GAS)
     for center in centers:
         along = rays @ center
@@ -310,16 +298,8 @@ def _line_integrals(centers: Array, radius: float, density: float) -> Array:
     return 1.0 - through
 
 
-def _rays(shape: tuple[int, int], focal: float, down: float, right: float) -> Array:
-    """Return the unit ray through a point of each pixel."""
-    y, x = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
-    x, y = (x + right - shape[1] / 2) / focal, (y + down - shape[0] / 2) / focal
-    rays = np.stack([x, y, np.ones(shape)], -1)
+def _rays(shape: tuple[int, int], focal: float) -> Array:
+    """Return the unit ray through the middle of each pixel."""
+    y, x = np.mgrid[: shape[0], : shape[1]] + 0.5
+    rays = np.stack([(x - shape[1] / 2) / focal, (y - shape[0] / 2) / focal, np.ones(shape)], -1)
     return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
-
-
-CONE = (180, 240)
-# Some seven texels to a pixel: what a filter is for.
-DRUM: dict[str, Any] = {
-    "axis": (0.3, 1.0, 0.4), "phase": 0.37, "slope": 0.2, "repeats": 16
-}  # fmt: skip

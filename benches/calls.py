@@ -19,25 +19,20 @@ import flurries as fl
 FOLDER = str(Path(fl.__file__).parent)
 
 
-def counts(call: Any, *, files: bool = False) -> dict[str, int]:
+def counts(call: Any) -> dict[str, int]:
     """Return what a call does inside the package: calls, files, changes of file, checks."""
     way: list[str] = []
-    names: list[tuple[str, str]] = []
 
     def look(frame: FrameType, event: str, _: Any) -> None:
         file = frame.f_code.co_filename
         if event == "call" and file.startswith(FOLDER):
             way.append(file)
-            names.append((file, frame.f_code.co_name))
 
     sys.setprofile(look)
     try:
         call()
     finally:
         sys.setprofile(None)
-    if files:
-        for place, name in names:
-            print(place[len(FOLDER) + 1 :], name)
     return {
         "calls": len(way),
         "files": len(set(way)),
@@ -60,7 +55,7 @@ def main() -> None:
     print(f"{'':24}" + "".join(f"{name:>18}" for name in names))
     for name, call in cases.items():
         call()
-        found = counts(call, files="--way" in sys.argv)
+        found = counts(call)
         print(f"{name:24}" + "".join(f"{found[key]:>18}" for key in names))
 
 

@@ -77,12 +77,7 @@ def inside(runs: int) -> None:
     print(", ".join(f"{name} {found[name][0] / one:.2f}" for name in found if name != "one eye"))
 
 
-def main() -> None:
-    """Print both."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=15)
     inside(parser.parse_args().runs)
-
-
-if __name__ == "__main__":
-    main()

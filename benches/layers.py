@@ -79,13 +79,7 @@ def table(rounds: int) -> list[str]:
     return lines
 
 
-def main() -> None:
-    """Print the table."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=12)
-    options = parser.parse_args()
-    print("\n".join(table(options.rounds)))
-
-
-if __name__ == "__main__":
-    main()
+    print("\n".join(table(parser.parse_args().rounds)))

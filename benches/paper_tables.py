@@ -1,6 +1,6 @@
 """The tables of Langer 2004 again, with our pictures in place of Magritte's.
 
-    python benches/paper_tables.py [--runs N] [--threads N] [--images FOLDER]
+    python benches/paper_tables.py [--runs N] [--images FOLDER]
 
 Table 1 gives particle counts and texture sizes; each scene is drawn to a window of 800 x 600 as
 uint8. Columns as in Table 2: the scene without weather (here: a copy of its picture), few
@@ -30,6 +30,8 @@ FOCAL = 960.0
 SNOW = {"mean": 0.05, "spread": 2.0}
 # Five percent of the power are left of rain as fast as this; the map's spread makes up for it.
 RAIN = {"mean": 0.2, "spread": 0.5, "amount": 0.6}
+SNOW_BAND = {"wavelengths": (3.0, 24.0), "exponent": 0.9}
+RAIN_BAND = {"wavelengths": (2.0, 16.0), "alias": "cut"}
 WHITE = 250 / 255
 FRAMES = 30
 
@@ -70,38 +72,27 @@ class Scenery:
         self.picture = io.fit(row.picture(), WINDOW[::-1])
         self.camera = fl.Camera(FOCAL)
         self.motion = FALL - (FLIGHT if row.flying else 0.0)
+        self.velocity = np.array((8.0, 114.0) if row.rain else (0.6, 2.4))
+        self.band = RAIN_BAND if row.rain else SNOW_BAND
         # A still camera's texture repeats in the window, as in the paper; a flying one's does not.
-        self.loop = [] if row.flying else self.textures()
         if row.flying:
             self.loop = [self.alpha(float(t)) for t in range(FRAMES)]
-
-    def textures(self) -> list[np.ndarray]:
-        size = (self.row.texture, self.row.texture)
-        field = fl.spectral.loop(FRAMES, size, self.velocity(), seed=1, **self.band())
-        look = RAIN if self.row.rain else SNOW
-        return list(fl.spectral.opacity(field, **look))
-
-    def velocity(self) -> tuple[float, float]:
-        return (8.0, 114.0) if self.row.rain else (0.6, 2.4)
-
-    def band(self) -> dict[str, object]:
-        if self.row.rain:
-            return {"wavelengths": (2.0, 16.0), "alias": "cut"}
-        return {"wavelengths": (3.0, 24.0), "exponent": 0.9}
+            return
+        size = (row.texture, row.texture)
+        field = fl.spectral.loop(FRAMES, size, self.velocity, seed=1, **self.band)
+        self.loop = list(fl.spectral.opacity(field, **(RAIN if row.rain else SNOW)))
 
     def alpha(self, t: float) -> np.ndarray:
         """Make the texture of a frame."""
-        size, band = (self.row.texture, self.row.texture), self.band()
+        size, band = (self.row.texture, self.row.texture), self.band
         if self.row.flying:
             drift = fl.camera.tile_drift(size, -self.motion * t, self.camera, near_depth=20.0)
             return fl.spectral.alpha(size, drift=drift, seed=1, **band, **SNOW)
-        velocity = np.array(self.velocity())
+        drift = t * self.velocity
         if not self.row.rain:
-            return fl.spectral.alpha(WINDOW, drift=t * velocity, seed=1, **band, **SNOW)
-        return fl.spectral.alpha(
-            size, drift=t * velocity, velocity=velocity, seed=1, tile=size, overlap=0,
-            **band, **RAIN,
-        )  # fmt: skip
+            return fl.spectral.alpha(WINDOW, drift=drift, seed=1, **band, **SNOW)
+        torus = {"velocity": self.velocity, "tile": size, "overlap": 0}
+        return fl.spectral.alpha(size, drift=drift, seed=1, **torus, **band, **RAIN)
 
     def windowed(self, texture: np.ndarray) -> np.ndarray:
         """Repeat a torus over the window, or show the middle of one that is larger."""
@@ -191,8 +182,8 @@ def stills(scenes: list[Scenery], folder: Path) -> None:
     """Save few, many, spectral, and few with spectral of every scene, one row each."""
     rows = []
     for scene in scenes:
-        found = [scene.draw(column, 20) for column in COLUMNS[1:5]]
-        shown = [scene.picture if image is None else image for image in found]
+        drawn = (scene.draw(column, 20) for column in COLUMNS[1:5])
+        shown = [scene.picture if image is None else image for image in drawn]
         rows.append(np.hstack([io.fit(image, (400, 300)) for image in shown]))
     io.write_picture(folder / "paper_tables.jpg", np.vstack(rows), quality=85)
 
@@ -201,10 +192,9 @@ def main() -> None:
     """Print both tables and the ratios."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=15)
-    parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--images", type=Path)
     options = parser.parse_args()
-    fl.set_threads(options.threads)
+    fl.set_threads(1)
     scenes = [Scenery(row) for row in ROWS]
     print_tables(measured(scenes, options.runs))
     if options.images is not None:

@@ -1,20 +1,21 @@
-"""The speeds in the README: ratios within one run, 1024 x 1024 unless a row says otherwise.
+"""The speeds in the README and on the page of speeds: ratios within one run.
 
-    python benches/speed.py [--runs N]
+    python benches/speed.py [--runs N] [--page docs/internals/performance.md]
 
-Variants take turns, so that a busy moment of the machine meets all of them. A row says the minimum
-and the median in milliseconds, and the minimum against that of copying the alpha (4 MiB) in the
-same run. Each instruction set of the machine runs in a process of its own.
+Variants of 1024 x 1024 float32 take turns, so that a busy moment of the machine meets all of them.
+Each instruction set of the machine runs in a process of its own.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import layers
 import numpy as np
 import rivals
 from timing import Calls, Times, alone, timed
@@ -24,7 +25,9 @@ import flurries as fl
 Call = Callable[[], object]
 SIZE = 1024
 SHAPE = (SIZE, SIZE)
-COPY = "copy of the alpha"
+COPY, TEXTURE, DISCS = "copy of the alpha", "texture", "150,000 discs of 1-4 px"
+ONE_TILE = "texture of one tile, 512 x 512"
+LARGER = {"1920 x 1080": (1080, 1920), "3840 x 2160": (2160, 3840)}
 
 
 def texture(shape: tuple[int, int], dtype: Any = np.float32) -> Call:
@@ -37,40 +40,22 @@ def texture(shape: tuple[int, int], dtype: Any = np.float32) -> Call:
 
 
 def scenes() -> Calls:
-    """Return frames of whole scenes over a uint8 photograph."""
+    """Return frames of whole scenes over a uint8 photograph, each at the next time."""
     picture = np.random.default_rng(0).integers(0, 256, (*SHAPE, 3), np.uint8)
-    sheet = fl.TentSnow.preset("heavy", flakes=0)
-    forward = fl.CameraPath(fl.Camera(1.2 * SIZE), velocity=(0.0, 0.0, 3.0))
-    plain = fl.TentSnow(flakes=0, alias="keep", shutter=0.0)
-    found = {
-        "scene: plain texture, uint8 RGB": fl.Scene(None, picture, effects=[plain]),
-        "scene: heavy snow, texture alone": fl.Scene(None, picture, effects=[sheet]),
-        "scene: heavy snow, texture, flying forward": fl.Scene(
-            None, picture, camera=forward, effects=[sheet]
-        ),
-        "scene: heavy snow, 20,000 flakes and texture": fl.Scene(
-            None, picture, effects=[fl.TentSnow.preset("heavy")]
-        ),
-        "scene: heavy snow, 64 x 64": fl.Scene((64, 64), picture[:64, :64], effects=[sheet]),
+    forward = fl.CameraPath(fl.Camera(1.2 * SIZE), velocity=(0.0, 0.0, 1.0))
+    effects = {
+        "light snow": fl.Snow.preset("light"),
+        "heavy snow": fl.Snow.preset("heavy"),
+        "rain": fl.Rain(),
+        "the paper's heavy snow": fl.TentSnow.preset("heavy"),
     }
-    return {name: lambda scene=scene: scene.render(17) for name, scene in found.items()}
-
-
-def hybrid() -> Call:
-    """Return a call for 30,000 discs of 1-4 px and a texture over a uint8 picture, as arrays."""
-    picture = np.random.default_rng(0).integers(0, 256, (*SHAPE, 3), np.uint8)
-    points, radius = rivals.cloud(30_000, SIZE, 1000.0)
-    camera = fl.Camera(1000.0)
-    discs, both, out = np.empty(SHAPE, np.float32), np.empty(SHAPE, np.float32), picture.copy()
-    back = texture(SHAPE)
-
-    def frame() -> object:
-        sheet = back()
-        fl.particles.splat(SHAPE, points, radius, camera, opacity=0.5, out=discs)
-        fl.composite.join([sheet, discs], out=both)
-        return fl.composite.snow(picture, both, out=out)
-
-    return frame
+    found: Calls = {}
+    for name, effect in effects.items():
+        for about, camera in (("still", None), ("flying", forward)):
+            scene = fl.Scene(None, picture, camera=camera, effects=[effect])
+            frame = iter(range(1_000_000))
+            found[f"scene: {name}, {about}"] = lambda s=scene, f=frame: s.render(next(f))
+    return found
 
 
 def variants() -> Calls:
@@ -83,15 +68,11 @@ def variants() -> Calls:
     wheel = {"tile": 512, "overlap": 0, "drift": (3.0, 9.0), "seed": 1, "out": torus}
     return {
         COPY: lambda: np.copyto(target, source),
-        "texture": texture(SHAPE),
+        TEXTURE: texture(SHAPE),
         "texture, float64": texture(SHAPE, np.float64),
-        "texture, 1920 x 1080": texture((1080, 1920)),
-        "texture, 3840 x 2160": texture((2160, 3840)),
-        "texture, 512 x 512, one tile": lambda: fl.spectral.alpha((512, 512), **wheel),
-        "150,000 discs of 1-4 px": lambda: fl.particles.splat(
-            SHAPE, points, radius, camera, opacity=0.5, out=discs
-        ),
-        "30,000 discs, texture and uint8 composite": hybrid(),
+        **{f"texture, {name}": texture(shape) for name, shape in LARGER.items()},
+        ONE_TILE: lambda: fl.spectral.alpha((512, 512), **wheel),
+        DISCS: lambda: fl.particles.splat(SHAPE, points, radius, camera, opacity=0.5, out=discs),
         **scenes(),
     }
 
@@ -102,7 +83,7 @@ def rivals_of() -> Calls:
     return {
         "texture, plain NumPy": rivals.straightforward,
         "texture, tuned SciPy, 2 workers": rivals.Tuned(),
-        "texture, 512 x 512, one tile, NumPy": rivals.torus,
+        f"{ONE_TILE}, NumPy": rivals.torus,
         "150,000 discs, np.bincount": lambda: rivals.bincount(points, radius, SIZE, 1000.0),
     }
 
@@ -127,20 +108,86 @@ def levels() -> list[str]:
     return ["avx512", "avx2"] if "avx512dq" in flags else ["avx2"]
 
 
+def table(level: str, runs: int) -> list[str]:
+    """Return the lines of one instruction set: least and median ms, over a copy, and threads."""
+    single, double = (measured(level, threads, runs) for threads in (1, 2))
+    lines = [
+        f"### {level}\n",
+        "| what | least, ms | median, ms | over a copy | one thread over two |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for name, (least, median) in single.items():
+        gain = f"{least / double[name][0]:.2f}" if name in double else ""
+        copies = least / single[COPY][0]
+        lines.append(f"| {name} | {least:.2f} | {median:.2f} | {copies:.1f} | {gain} |")
+    return lines
+
+
+def imports(runs: int = 12) -> float:
+    """Return the least time of importing flurries over that of importing NumPy, in turns."""
+    clock = "time.perf_counter()"
+    times: dict[str, list[float]] = {"flurries": [], "numpy": []}
+    for _ in range(runs):
+        for name, values in times.items():
+            code = f"import time; t = {clock}; import {name}; print({clock} - t)"
+            values.append(float(alone(code)))
+    return min(times["flurries"]) / min(times["numpy"])
+
+
+MEMORY = """
+import numpy as np, flurries as fl
+def status(name):
+    return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith(name))
+fl.set_threads(1)
+picture = np.zeros((1024, 1024, 3), np.uint8)
+scene = fl.Scene(None, picture, effects=[fl.Snow.preset("heavy")])
+scene.render(1)
+open("/proc/self/clear_refs", "w").write("5")
+before = status("VmRSS")
+frame = scene.render(2)
+print((status("VmHWM") - before) / 1024 - frame.nbytes / 2**20)
+"""
+
+PAGE = """# Speed
+
+Made by `python benches/speed.py --page docs/internals/performance.md` on a machine of {cores}
+cores, load {load:.1f} at the start. Times are the least of {runs} runs in turns; read ratios.
+[history.md](history.md) says what was tried.
+
+## Ratios
+1024 x 1024 float32 on one thread unless a row says otherwise, tiles of 64 px that share
+10, every tile with its own drift, outputs reused. The copy is warm, out of the caches.
+
+{ratios}
+
+`import flurries` takes {imports:.2f} of `import numpy`. A second frame of heavy snow takes
+{memory:.1f} MiB over its array.
+
+## Whole frames
+1024 x 768 over uint8, one thread, processor time: a frame in milliseconds, and over it
+the same with layers, before a depth, and for both eyes (`python benches/layers.py`).
+
+{frames}
+"""
+
+
 def main() -> None:
-    """Print the tables."""
+    """Print the tables, or write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=25)
+    parser.add_argument("--page", type=Path)
     options = parser.parse_args()
-    for level in levels():
-        for threads in (1, 2):
-            times = measured(level, threads, options.runs)
-            floor = times[COPY][0]
-            print(f"{level}, {threads} thread{'s' if threads > 1 else ''}, {options.runs} runs")
-            print(f"{'':<46}{'min ms':>9}{'median':>9}{'/ copy':>9}")
-            for name, (least, middle) in times.items():
-                print(f"{name:<46}{least:>9.2f}{middle:>9.2f}{least / floor:>9.1f}")
-            print()
+    load = os.getloadavg()[0]
+    ratios = "\n\n".join("\n".join(table(level, options.runs)) for level in levels())
+    if not options.page:
+        print(ratios)
+        return
+    text = PAGE.format(
+        cores=os.cpu_count(), load=load, runs=options.runs, ratios=ratios,
+        imports=imports(), memory=float(alone(MEMORY)),
+        frames="\n".join(layers.table(max(options.runs // 3, 3))),
+    )  # fmt: skip
+    options.page.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -76,8 +76,7 @@ def test_there_is_something_to_run_in_order():
         run_blocks(page.format(2))
 
 
-PAGES = [*README.parent.glob("*.md"), *sorted((README.parent / "docs").rglob("*.md")),
-         README.parent / "benches" / "history.md"]  # fmt: skip
+PAGES = [*README.parent.glob("*.md"), *sorted((README.parent / "docs").rglob("*.md"))]
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 FILE = re.compile(r"`((?:python|flurries|src|docs|tests|benches)/[\w./-]+\.\w+)`")
 # Where files that a page names may stand; "flurries/" is short for "python/flurries/".

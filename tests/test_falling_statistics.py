@@ -20,8 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "benches"))
 import falling_statistics
 from falling_cases import Case
 from falling_contracts import identities
-from falling_page import Figure, page, table
-from falling_statistics import QUOTIENTS, judged
+from falling_statistics import QUOTIENTS, Figure, judged, page, table
 
 
 def picture(method: str, seed: int) -> np.ndarray:

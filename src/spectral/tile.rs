@@ -14,7 +14,7 @@ use crate::base::real::Real;
 
 /// How many multiply-adds of the dense passes cost as much as one floating-point operation of an FFT:
 /// they run on full vectors from the first cache. Measured between 1.2 and 3.8
-/// (benches/history.md), high where the size is no power of two.
+/// (docs/internals/history.md), high where the size is no power of two.
 const DENSE_ADVANTAGE: f64 = 1.5;
 
 /// Floating-point operations of the FFT's way: complex along y for the columns of the band, then every

@@ -17,7 +17,7 @@ _MOST_THREADS = 16
 
 # Over snow x264's searches find little: "fast" takes a third of the time of "slow", loses .1 dB for
 # 3 in 100 more bytes, and cannot be told from it at 1:1; "veryfast" loses 1.6 dB, and small flakes
-# with it (benches/history.md).
+# with it (docs/internals/history.md).
 _X264 = {
     "high": {"preset": "fast", "crf": "16"},
     "medium": {"preset": "fast", "crf": "21"},
