@@ -79,40 +79,6 @@ def test_both_eyes_see_the_same_flakes():
     assert np.abs(apart - 0.06 * 260.0 / here["depth"]).max() < 1e-6
 
 
-MOVING = {
-    "still": fl.CameraPath(CAMERA),
-    "forward": fl.CameraPath(CAMERA, velocity=(0.0, 0.0, 6.0)),
-    "zoom": fl.CameraPath(CAMERA, focal=fl.Keys([(0, 260.0), (30, 340.0)])),
-    "turning": fl.CameraPath(
-        CAMERA, orientation=fl.Keys([(0, (0.0, 0.0, 0.0)), (40, (0.1, 0.5, 0.2))])
-    ),
-}
-GUSTS = fl.Wind((1.0, 0.0, 0.2), gusts=0.8, swirl=0.4)
-
-
-@pytest.mark.parametrize("wind", [(1.0, 0.0, 0.0), GUSTS], ids=["even", "gusts"])
-@pytest.mark.parametrize("camera", MOVING)
-def test_motion_is_where_flakes_will_be(camera: str, wind: object):
-    # All drawn, so that no texture has a share in what a pixel shows.
-    snow = fl.Snow(density=12.0, wind=wind, seed=5, near=1.5, far=8.0, method="simulated")
-    shown = scene(snow, camera=MOVING[camera])
-    t = 12.0
-    seen = shown.render(t, layers=True)
-    now = fl.flakes(shown, t)
-    ids = seen.ids["snow"]
-    alone = (ids >= 0) & (seen.alpha > 0.05)
-    assert alone.sum() > 500
-    for step, motion in ((1.0, seen.motions["snow"]), (-1.0, seen.backwards["snow"])):
-        other = fl.flakes(shown, t + step)
-        here, there = both(now, other)
-        way = dict(zip(here["id"].tolist(), (there["pixel"] - here["pixel"]).tolist(), strict=True))
-        known = np.array([int(i) in way for i in ids[alone]])
-        assert known.mean() > 0.7
-        want = np.array([way[int(i)] for i in ids[alone][known]])
-        off = np.abs(motion[alone][known] - want).max(axis=1)
-        assert off.max() < 1e-3
-
-
 def test_a_loop_ends_where_it_began_and_gives_way_one_by_one():
     shown = scene().loop(24)
     first, last = shown.render(0), shown.render(24)

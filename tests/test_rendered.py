@@ -93,40 +93,6 @@ def test_the_texture_moves_as_the_mean_of_its_gradients():
     assert np.abs(got.depths["snow"] / (effect.near_depth * high / length) - 1.0).max() < 0.03
 
 
-def test_a_flake_keeps_its_number_and_goes_where_it_says():
-    effect = fl.TentSnow(
-        fall=0.8, wind=(0.3, 0, 0), texture=0.0, haze=0.0, flakes=150, sway=(0.0, 1.0)
-    )
-    scene = fl.Scene((1024, 768), camera=fl.Camera(1200.0), effects=effect)
-    now, later = (scene.render(t, layers=True) for t in (40, 41))
-    ids, alpha = now.ids["snow"], now.coverages["snow"]
-    followed = 0
-    for number in set(np.unique(ids)) - {-1}:
-        here, there = ids == number, later.ids["snow"] == number
-        if alpha[here].max() < 0.2 or not there.any() or here.sum() < 9:
-            continue
-        rows, cols = np.nonzero(here)
-        if min(rows.min(), cols.min()) < 6 or rows.max() > 761 or cols.max() > 1017:
-            continue
-        weight = alpha[here] / alpha[here].sum()
-        start = np.array([cols @ weight, rows @ weight])
-        share = later.coverages["snow"][there]
-        ends = np.nonzero(there)
-        end = np.array([ends[1] @ share, ends[0] @ share]) / share.sum()
-        said = now.motions["snow"][here]
-        assert np.ptp(said, axis=0).max() == 0.0, "one flake, one vector"
-        assert np.abs(end - start - said[0]).max() < 0.35, number
-        depth = np.unique(now.depths["snow"][here])
-        assert len(depth) == 1
-        # 0.8 m/s at that depth is so many pixels a frame.
-        assert said[0, 1] == pytest.approx(1200.0 * 0.8 / scene.fps / depth[0], rel=1e-3)
-        followed += 1
-    assert followed >= 8
-    assert (ids == -1).any() and np.isinf(now.depths["snow"][ids == -1]).all()
-    assert (now.motions["snow"][ids == -1] == 0.0).all()
-    assert ((ids >= 0) | (alpha == 0.0)).all()
-
-
 def test_ids_are_the_strongest_flake():
     rng = np.random.default_rng(1)
     points = np.c_[rng.uniform(-1, 1, (40, 2)), rng.uniform(1, 3, 40)]
