@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.effects.keyed import product
+from flurries.effects.population import product
 from measure import cover
 
 

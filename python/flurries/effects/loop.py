@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 from flurries.effects.cone import ConeSnow
-from flurries.effects.keyed import product
+from flurries.effects.population import product
 from flurries.effects.rain import Rain
 from flurries.effects.snow import Snow
 from flurries.effects.tent_rain import TentRain
@@ -89,8 +89,7 @@ def looped(effect: Any, lap: Lap, seed: int) -> tuple[Any, ...]:
     coming = Keys([(first - lap.frames, 0.0), (first, 1.0)])
     effect = replace(effect, seed=seed)
     drawn = replace(effect, **alone)
-    there = any(getattr(effect, name) for name in without)
-    if not there:
+    if not any(getattr(effect, name) for name in without):
         return (effect,)
     rounds = (
         replace(drawn, amount=product(effect.amount, going)),
