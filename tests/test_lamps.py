@@ -139,21 +139,15 @@ def test_scene_files_have_lamps_and_a_lens(tmp_path: Any):
     assert np.array_equal(again.render(3), scene.render(3))
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({}, "needs a place, a direction"),
-        ({"place": (0, 0, 1), "direction": (0, 0, 1)}, "a spot has a place"),
-        ({"direction": (0, 0, 0)}, "direction must not be"),
-    ],
-)
-def test_a_lamp_refuses(given: dict[str, Any], message: str):
-    with pytest.raises(ValueError, match=message):
-        fl.Lamp(**given)
-
-
-def test_a_scene_refuses_other_lights():
-    with pytest.raises(TypeError, match="lights must be"):
-        fl.Scene((8, 8), lights=[3])  # type: ignore[list-item]
-    with pytest.raises(TypeError, match="lens must be"):
-        fl.Scene((8, 8), lens=2.8)  # type: ignore[arg-type]
+def test_what_is_no_lamp_is_refused():
+    bad: dict[str, dict[str, Any]] = {
+        "needs a place, a direction": {},
+        "a spot has a place": {"place": (0, 0, 1), "direction": (0, 0, 1)},
+        "direction must not be": {"direction": (0, 0, 0)},
+    }
+    for message, given in bad.items():
+        with pytest.raises(ValueError, match=message):
+            fl.Lamp(**given)
+    for message, scene in {"lights": {"lights": [3]}, "lens": {"lens": 2.8}}.items():
+        with pytest.raises(TypeError, match=f"{message} must be"):
+            fl.Scene((8, 8), **scene)  # type: ignore[arg-type]

@@ -81,14 +81,6 @@ def test_a_flake_is_lit_by_what_is_behind_it_and_by_half_a_sky_and_half_a_ground
         assert np.abs(found[row] / wanted - 1.0).max() < 1e-3
 
 
-def test_flakes_glow_before_a_lamp():
-    plate = np.full((H, W, 3), 0.01, np.float32)
-    plate[100:108, 100:108] = 40.0
-    found = plate_light(plate, "linear").local(400.0, asymmetry=0.76, albedo=0.9)
-    cell = plate_light(plate, "linear").cell
-    assert found[104 // cell, 104 // cell, 0] > 5.0 * found[30 // cell, 280 // cell, 0]
-
-
 def test_fog_is_never_darker_than_what_is_behind_it():
     plate = srgb_to_linear(picture()).astype(np.float32)
     for level in (0.3, 0.9):

@@ -59,14 +59,6 @@ def test_a_flake_is_its_samples(way: np.ndarray, diameter: float):
     assert np.abs(got - want).max() < 0.1 * want.max()
 
 
-def test_opacity_is_the_mean_over_the_disc():
-    for opacity in (0.1, 0.5, 0.9):
-        r2 = (np.arange(100_000) + 0.5) / 100_000
-        assert profile(r2, middle_depth(opacity)).mean() == pytest.approx(opacity, rel=1e-6)
-    assert middle_depth(0.9) == pytest.approx(4.3, abs=0.05)
-    assert profile(np.zeros(1), middle_depth(0.9))[0] == pytest.approx(0.986, abs=1e-3)
-
-
 def test_sizes_and_speeds_are_those_of_the_law():
     share = (np.arange(100_000) + 0.5) / 100_000
     found = SNOW.diameters(share)
@@ -130,9 +122,3 @@ def test_flakes_move_as_their_depth_says(view: dict, want: tuple[float, float]):
     got = moved(View(**about), 0.0)
     wanted = np.array([want[0], fall]) * 5.0 / 30.0 * 200.0 / 10.5
     assert np.abs(got - wanted).max() < 1.5
-
-
-def test_a_flake_sways_by_its_amplitude():
-    view = View(size=(9, 9), focal=1.0, sway=(0.02, 4.0))
-    ways = np.array([view.swing(np.array([[0.3], [1.1]]), t)[:, 0] for t in range(500)])
-    assert np.ptp(ways, axis=0) == pytest.approx([0.04, 0.0, 0.04], abs=1e-3)

@@ -114,10 +114,3 @@ def splat(shape, flakes, focal, *, center=None, offset=(0, 0, 0), near=0.1, dept
         with np.errstate(divide="ignore"):
             log += np.log1p(-alpha)
     return -np.expm1(log)
-
-
-def edge_fade(points, box, center):
-    """Return the product of the axes' fades."""
-    reach = 2 * np.abs(np.asarray(points) - np.asarray(center)) / np.asarray(box)
-    t = np.clip((reach - 0.85) / 0.15, 0, 1)
-    return np.prod(1 - t * t * (3 - 2 * t), axis=1)
