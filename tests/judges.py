@@ -126,25 +126,11 @@ def alive(
 
     From frame to frame a peak is sought within a pixel of where the flow takes it from where it was
     last found: flakes sway, and fall at speeds of their own. It lives while it has half of its
-    height over the median.
+    height over the median. `depths` (near, far) in metres are tried; `corner` (x, y) is that of the
+    pictures, px.
 
-    Parameters
-    ----------
-    film : sequence of (h, w)
-        Pictures at `times`.
-    flow : callable
-        Places (2, n) px of flakes at a nearness (n,) 1/m, moved from one time to another.
-    depths : (near, far)
-        Metres, that are tried.
-    corner : (x, y)
-        Of the pictures, px.
-
-    Returns
-    -------
-    lives : (n,)
-        Whether each peak is there to the end. Peaks that may leave the picture are left out.
-    row : (n,)
-        Where each peak began, as a share of the picture's height.
+    Returns whether each peak is there to the end, (n,), without those that may leave the picture,
+    and where each began, as a share of the picture's height, (n,).
     """
     shown = [smoothed(picture) - np.median(picture) for picture in film]
     height, width = shown[0].shape

@@ -122,17 +122,10 @@ def test_a_loop_ends_where_it_began_and_gives_way_one_by_one():
     assert len(np.unique(half["id"])) > 0.9 * len(half) > 20
 
 
-@pytest.mark.parametrize(
-    "effect",
-    [
-        fl.Snow(wind=(1000.0, 0.0, 0.0)),
-        fl.Snow(fall=1000.0),
-        fl.Snow(sway=(1000.0, 1.0)),
-        fl.Snow(density=1e5),
-        fl.Snow(density=0.0),
-        fl.Rain(density=1e5),
-    ],
-)
+@pytest.mark.parametrize("effect", [
+    fl.Snow(wind=(1000.0, 0.0, 0.0)), fl.Snow(fall=1000.0), fl.Snow(sway=(1000.0, 1.0)),
+    fl.Snow(density=1e5), fl.Snow(density=0.0), fl.Rain(density=1e5),
+])  # fmt: skip
 def test_what_no_air_is_like_is_drawn_or_refused(effect: fl.Snow | fl.Rain):
     shown = scene(effect, size=(48, 36), camera=None)
     for t in (0.0, 7.5, 1e9):

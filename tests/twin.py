@@ -146,12 +146,9 @@ def plane_rate(shape: Shape, shift: ArrayLike) -> Floats:
 
 
 def advance_phase(
-    phase: ArrayLike,
-    drift: ArrayLike,
-    *,
-    shift: ArrayLike = (0.0, 0.0),
+    phase: ArrayLike, drift: ArrayLike, *, shift: ArrayLike = (0.0, 0.0),
     wavelength_max: float = 32.0,
-) -> Floats:
+) -> Floats:  # fmt: skip
     """Sections 1 and 3: phases *add*; the finished phase is reduced, never the drift."""
     phase = np.asarray(phase, dtype=np.float64)
     tent = tent_rate(phase.shape, drift, wavelength_max=wavelength_max)
@@ -191,16 +188,10 @@ def band_amplitude(
 
 
 def temporal_filter(
-    amplitude: ArrayLike,
-    velocity: ArrayLike,
-    *,
-    shift_rate: ArrayLike = (0.0, 0.0),
-    alias: str = "cut",
-    soft_from: float = 0.4,
-    shutter: float = 0.0,
-    renormalise: bool = False,
+    amplitude: ArrayLike, velocity: ArrayLike, *, shift_rate: ArrayLike = (0.0, 0.0),
+    alias: str = "cut", soft_from: float = 0.4, shutter: float = 0.0, renormalise: bool = False,
     wavelength_max: float = 32.0,
-) -> Floats:
+) -> Floats:  # fmt: skip
     """The cut, then (on request) the input's power again, then the box shutter."""
     amplitude = np.asarray(amplitude, dtype=np.float64)
     rate = tent_rate(amplitude.shape, velocity, wavelength_max=wavelength_max)
@@ -252,13 +243,9 @@ def inverse_transform(amplitude: ArrayLike, phase: ArrayLike) -> Floats:
 
 
 def opacity(
-    field: ArrayLike,
-    *,
-    mean: float = 0.5,
-    spread: float = 3.0,
-    power: float = 2.0,
+    field: ArrayLike, *, mean: float = 0.5, spread: float = 3.0, power: float = 2.0,
     amount: float = 1.0,
-) -> Floats:
+) -> Floats:  # fmt: skip
     """amount * clip(mean + z/(2 spread), 0, 1)^power."""
     z = np.asarray(field, dtype=np.float64)
     return amount * np.clip(mean + z / (2.0 * spread), 0.0, 1.0) ** power
@@ -354,27 +341,13 @@ def of_tile(value: ArrayLike, row: int, col: int, rings: NDArray[np.int64] | Non
 
 
 def field(
-    shape: Shape,
-    *,
-    drift: ArrayLike,
-    shift: ArrayLike = (0.0, 0.0),
-    seed: int,
-    tile: int | Shape = 64,
-    overlap: int = 10,
-    wavelengths: tuple[float, float] = (4.0, 32.0),
-    exponent: float = 1.0,
-    velocity: ArrayLike | None = None,
-    shift_rate: ArrayLike | None = None,
-    alias: str = "keep",
-    soft_from: float = 0.4,
-    shutter: float = 0.0,
-    jitter: bool = False,
-    shortest: ArrayLike | None = None,
-    blend: str = "power",
-    ring_edges: ArrayLike | None = None,
-    ring_gains: ArrayLike | None = None,
-    direct: bool = False,
-) -> Floats:
+    shape: Shape, *, drift: ArrayLike, shift: ArrayLike = (0.0, 0.0), seed: int,
+    tile: int | Shape = 64, overlap: int = 10, wavelengths: tuple[float, float] = (4.0, 32.0),
+    exponent: float = 1.0, velocity: ArrayLike | None = None, shift_rate: ArrayLike | None = None,
+    alias: str = "keep", soft_from: float = 0.4, shutter: float = 0.0, jitter: bool = False,
+    shortest: ArrayLike | None = None, blend: str = "power", ring_edges: ArrayLike | None = None,
+    ring_gains: ArrayLike | None = None, direct: bool = False,
+) -> Floats:  # fmt: skip
     """One frame, tile by tile; `direct` takes the cosine sum instead of the FFT."""
     size = (tile, tile) if isinstance(tile, int) else tile
     rows = len(tile_starts(shape[0], tile=size[0], overlap=overlap))
