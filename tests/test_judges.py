@@ -45,14 +45,14 @@ def test_euler_counts_pieces_and_holes():
     assert judges.euler(picture) == 1.0
 
 
-def slant(pictures: np.ndarray) -> np.ndarray:
-    return judges.direction(sum(judges.slopes(picture) for picture in pictures))
-
-
 def test_a_mirrored_tile_leans_the_other_way():
     # Streaks of a wind of 3 m/s and a fall of 1, in all blocks alike.
     pictures = np.concatenate([drawn(seed, View(**{**AIR.__dict__, "wind": (3.0, 0.0, 0.0)}))[::3]
                                for seed in (1, 2)])  # fmt: skip
+
+    def slant(pictures: np.ndarray) -> np.ndarray:
+        return judges.direction(sum(judges.slopes(picture) for picture in pictures))
+
     known = slant(pictures)
     assert (known < -0.1).all()
     assert judges.turned(known, known) == 0.0

@@ -104,8 +104,7 @@ def test_a_carried_lamp_goes_with_the_camera():
 
 
 def test_lamps_light_snow_and_leave_opacity():
-    plate = np.full((96, 128, 3), 10, np.uint8)
-    snow = fl.Snow.preset("heavy", color="local")
+    plate, snow = np.full((96, 128, 3), 10, np.uint8), fl.Snow.preset("heavy", color="local")
     dark = fl.Scene(None, plate, effects=[snow], seed=1)
     lamp = fl.Lamp((1.0, -1.0, 6.0), color=(1.0, 0.6, 0.3), power=40.0)
     lit = dark.replace(lights=(lamp,))
@@ -116,8 +115,7 @@ def test_lamps_light_snow_and_leave_opacity():
     assert (more > 0.0).all() and abs(more[1] / more[0] - 0.6) < 0.02
     assert np.array_equal(pair[1].image, lit.render(4))
     assert np.array_equal(lit.render(4)[30:70, 20:90], lit.render(4, region=np.s_[30:70, 20:90]))
-    names = {step.name for step in lit.plan(3, probe=False).steps}
-    assert "snow: lamps" in names
+    assert "snow: lamps" in {step.name for step in lit.plan(3, probe=False).steps}
     off = lit.replace(lights=(fl.Lamp((1.0, -1.0, 6.0), power=0.0),))
     assert np.abs(off.render(4).astype(int) - dark.render(4)).max() <= 1
 
