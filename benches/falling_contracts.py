@@ -152,8 +152,6 @@ def motions(flakes: Callable[[fl.Scene, float], np.ndarray]) -> Iterator[str]:
 def contracts(*, quick: bool) -> list[str]:
     """Return the lines of all."""
     widths = (64, 256, 1024, 2048) if quick else (64, 256, 1024, 2048, 4096, 7680)
-    lines = [*sizes(), *bounded(), *cost(widths)]
-    flakes = getattr(fl, "flakes", None)
-    if flakes is None:
-        return [*lines, "- identities and motion: not judged, since fl.flakes is not there"]
-    return [*lines, *identities(flakes), *motions(flakes)]
+    return [
+        *sizes(), *bounded(), *cost(widths), *identities(fl.flakes), *motions(fl.flakes),
+    ]  # fmt: skip
