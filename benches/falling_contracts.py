@@ -152,6 +152,4 @@ def motions(flakes: Callable[[fl.Scene, float], np.ndarray]) -> Iterator[str]:
 def contracts(*, quick: bool) -> list[str]:
     """Return the lines of all."""
     widths = (64, 256, 1024, 2048) if quick else (64, 256, 1024, 2048, 4096, 7680)
-    return [
-        *sizes(), *bounded(), *cost(widths), *identities(fl.flakes), *motions(fl.flakes),
-    ]  # fmt: skip
+    return [*sizes(), *bounded(), *cost(widths), *identities(fl.flakes), *motions(fl.flakes)]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from flurries.cli.main import main
 from flurries.effects.loop import closed
 from flurries.frame.view import Lap
 from measure import cover
@@ -141,8 +142,6 @@ def test_a_loop_is_saved_and_counts_its_own_frames(tmp_path: Any):
 
 
 def test_the_command_line_loops(tmp_path: Any, capsys: Any):
-    from flurries.cli.main import main
-
     where = str(tmp_path / "%04d.png")
     given = ["render", "#405060", "--size", "64x48", "--mist", "valley", "--loop", "4", "-o", where]
     assert main([*given, "--frames", "0,1,4"]) == 0

@@ -56,15 +56,9 @@ def profile(square: Floats, tau0: float) -> Floats:
 
 
 class Canvas:
-    """A picture that flakes are added to.
+    """A picture (H, W) that flakes of a mean opacity are added to.
 
-    Parameters
-    ----------
-    shape : (H, W)
-    opacity : float
-        Of a flake, the mean over its disc.
-    seed : int
-        Of the points that stand for middle flakes.
+    The seed is that of the points that stand for middle flakes.
     """
 
     def __init__(self, shape: tuple[int, int], opacity: float, seed: int = 0) -> None:
@@ -83,16 +77,9 @@ class Canvas:
         return -np.expm1(-self.depth).reshape(self.shape)
 
     def add(self, way: Floats, diameter: Floats, share: Floats) -> None:
-        """Add flakes.
+        """Add flakes at places (x, y) px at the opening, the middle and the close, (3, 2, n).
 
-        Parameters
-        ----------
-        way : (3, 2, n)
-            Places (x, y) in px at the opening, the middle and the close.
-        diameter : (n,)
-            Pixels.
-        share : (n,)
-            Factor of each flake's opacity.
+        Of diameters in px, and with a factor of each one's opacity, (n,).
         """
         seen = share > 0.0
         for axis in range(2):
