@@ -255,23 +255,6 @@ def test_rain_shines_more_than_its_color_and_covers_no_more():
     assert bright.image.mean() > plain.image.mean()
 
 
-@pytest.mark.parametrize(
-    ("fall", "wind", "flight"),
-    [(3.0, (0.0, 0.0, 0.0), 0.0), (0.0, (3.0, 0.0, 0.0), 0.0), (0.0, (0.0, 0.0, 0.0), 6.0)],
-)
-def test_drawn_flakes_never_come_back_alike(
-    fall: float, wind: tuple[float, float, float], flight: float
-):
-    # The view passes in 15, 18 and 22 frames; flakes at the same places again have .99.
-    path = fl.CameraPath(fl.Camera(200.0), velocity=(0.0, 0.0, flight))
-    shown = scene(density=30.0, flake_size=(0.06, 0.06, 0.06), fall=fall, wind=wind, far=4.0,
-                  sway=(0.0, 0.0), shutter=0.0, shape=(36, 48), camera=path, seed=3)  # fmt: skip
-    first = alpha(shown, 0.0).ravel()
-    assert first.std() > 0.2
-    times = np.arange(10.0, 70.0, 0.25)
-    assert max(np.corrcoef(first, alpha(shown, t).ravel())[0, 1] for t in times) < 0.5
-
-
 # Keys ---------------------------------------------------------------------------------------------
 
 

@@ -94,11 +94,3 @@ def test_the_texture_s_motion_is_that_of_its_layers():
     factor = np.interp(depths, *zip(*profile, strict=True))
     want = 300.0 * 0.2 / 30.0 * (cover / depths * factor).sum() / cover.sum()
     assert moved[90, 120] == pytest.approx([want, 0.0], rel=1e-5)
-
-
-def test_windows_and_ids_agree_with_the_frame():
-    shown = scene(wind=fl.Wind((0.3, 0.0, 0.0), profile=PROFILE))
-    whole = shown.render(500, layers=True)
-    part = np.s_[40:111, 30:177]
-    assert np.array_equal(shown.render(500, layers=True, region=part).alpha, whole.alpha[part])
-    assert len(np.unique(whole.ids["snow"])) > 30

@@ -37,21 +37,6 @@ def one(shown: fl.Scene, t: float) -> fl.Frame:
     return shown.program.views(t)[0][1]
 
 
-def test_an_orientation_that_stays_is_the_camera_s_own():
-    tilt = (0.1, -0.2, 0.05)
-    snow = fl.TentSnow(wind=(1.0, 0.0, 2.0), **SMALL)
-    frames = [
-        fl.Scene((90, 70), camera=camera, effects=[snow]).render(7.0).astype(int)
-        for camera in (
-            Path_(Camera(110.0, rotation=tilt), velocity=(0, 0, 1)),
-            Path_(Camera(110.0), velocity=(0, 0, 1), orientation=np.tile(tilt, (6, 1))),
-            Path_(Camera(110.0), velocity=(0, 0, 1), orientation=[tilt]),
-        )
-    ]
-    assert all(np.abs(frame - frames[0]).max() <= 1 for frame in frames)
-    assert frames[0].std() > 1
-
-
 # A camera that pans, tilts, rolls and moves, 10 px a frame in all.
 SPIN = np.array([0.004, 0.012, -0.004])
 
