@@ -9,6 +9,7 @@ import pytest
 
 import flurries as fl
 import twin_footprints
+from flurries.particles.sizes import Sizes, drop_speed, snow_speed
 from twin_falling import View, film
 from twin_footprints import Canvas, middle_depth, profile
 from twin_law import Law, rain_of
@@ -59,26 +60,17 @@ def test_a_flake_is_its_samples(way: np.ndarray, diameter: float):
     assert np.abs(got - want).max() < 0.1 * want.max()
 
 
-def test_sizes_and_speeds_are_those_of_the_law():
-    share = (np.arange(100_000) + 0.5) / 100_000
-    found = SNOW.diameters(share)
-    assert found.min() >= 0.003 and found.max() <= 0.022
-    assert found.mean() == pytest.approx(0.007, rel=1e-4)
-    # Halves of an exponential decay alike: as many times fewer for every step of size.
-    counts = np.histogram(found, np.linspace(0.003, 0.022, 5))[0]
-    np.testing.assert_allclose(counts[1:] / counts[:-1], counts[1] / counts[0], rtol=0.01)
-    assert SNOW.speed(np.array([0.01]))[0] == pytest.approx(0.8 * 10**0.16)
+def test_its_laws_are_those_of_the_package():
+    share, at = (np.arange(1000) + 0.5) / 1000, np.linspace(0.0005, 0.02, 99)
+    np.testing.assert_allclose(SNOW.diameters(share), Sizes.with_mean(*SNOW.sizes).quantile(share))
+    np.testing.assert_allclose(SNOW.speed(at), snow_speed(at))
     slow = Law(density=1.0, sizes=SNOW.sizes, fall=0.5)
     assert slow.speed(np.array([0.007, 0.014])) == pytest.approx([0.5, 0.5 * 2**0.16])
-    rain = Law(density=1.0, sizes=(0.0005, 0.001, 0.006), kind="rain")
-    assert rain.speed(np.array([0.002]))[0] == pytest.approx(9.65 - 10.3 * math.exp(-1.2))
-
-
-def test_rain_carries_its_rate():
-    rain = fl.Rain(rate_mm_h=10.0)
-    density, sizes = rain_of(10.0)
+    rain, (density, sizes) = fl.Rain(rate_mm_h=10.0), rain_of(10.0)
     assert density == pytest.approx(rain.density, rel=1e-4)
     assert sizes == pytest.approx(rain.drop_size, rel=1e-4)
+    drops = Law(density=1.0, sizes=sizes, kind="rain")
+    np.testing.assert_allclose(drops.speed(at), drop_speed(at))
 
 
 def test_coverage_is_a_formula():
