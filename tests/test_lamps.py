@@ -14,6 +14,7 @@ from flurries.light.phase import DROPS, FLAKES, Optics
 
 Array = np.ndarray[Any, Any]
 EYE = np.zeros(3)
+SHAPE = (120, 160)
 
 
 def rows(*lamps: fl.Lamp) -> Array:
@@ -34,9 +35,10 @@ def by_hand(point: Array, lamp: Array, power: float, optics: Optics) -> float:
 def test_radiance_at_three_places(optics: Optics):
     lamp = fl.Lamp((1.0, -2.0, 6.0), color=(1.0, 0.5, 0.25), power=20.0)
     points = np.array([[0.0, 0.0, 3.0], [1.0, 0.5, 9.0], [-2.0, -1.0, 5.0]])
-    hand = [by_hand(point, np.array([1.0, -2.0, 6.0]), 20.0, optics) for point in points]
     found = radiance(points, rows(lamp), optics, EYE)
-    assert np.abs(found / np.outer(hand, (1.0, 0.5, 0.25)) - 1.0).max() < 1e-12
+    for point, row in zip(points, found, strict=True):
+        wanted = by_hand(point, np.array([1.0, -2.0, 6.0]), 20.0, optics)
+        assert np.abs(row / (wanted * np.array([1.0, 0.5, 0.25])) - 1.0).max() < 1e-12
 
 
 def test_drawn_flakes_have_that_radiance():
@@ -62,18 +64,6 @@ def test_drawn_flakes_have_that_radiance():
     assert checked >= 3
 
 
-def test_light_of_radiance_one_from_all_sides_is_the_albedo():
-    # Suns in directions that share the sphere out evenly.
-    count = 4000
-    z = 1.0 - 2.0 * (np.arange(count) + 0.5) / count
-    turn = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
-    ways = np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], 1)
-    power = 4.0 * math.pi / count
-    suns = rows(*(fl.Lamp(direction=tuple(way.tolist()), power=power) for way in ways))
-    found = radiance(np.array([[0.3, 0.2, 2.0]]), suns, FLAKES, EYE)
-    assert np.abs(found / FLAKES.albedo - 1.0).max() < 2e-3
-
-
 def test_a_spot_ends_at_its_cone_and_a_sun_does_not_fade():
     spot = fl.Lamp((0, 0, 0), direction=(0, 0, 1), angle=0.8, soft=0.25, power=5.0)
     point = fl.Lamp((0, 0, 0), power=5.0)
@@ -89,22 +79,22 @@ def test_a_spot_ends_at_its_cone_and_a_sun_does_not_fade():
 
 def test_a_carried_lamp_goes_with_the_camera():
     way = fl.CameraPath(fl.Camera(200.0), velocity=(0.0, 0.0, 5.0))
-    plate = np.zeros((96, 128, 3), np.float32)
     snow = fl.Snow.preset("heavy", color=0.0)
 
-    def film(lamp: fl.Lamp) -> Array:
-        scene = fl.Scene(None, plate, way, [snow], seed=1, lights=[lamp])
-        means = [[scene.render(t + k).mean() for k in range(0, 25, 4)] for t in (0, 60)]
-        return np.mean(means, axis=1)
+    def later(**lamp: Any) -> float:
+        """The light after two seconds over that of the beginning."""
+        lights = [fl.Lamp((0.5, 0.5, 0.0), power=30.0, **lamp)]
+        plate = np.zeros((96, 128, 3), np.float32)
+        scene = fl.Scene(None, plate, way, [snow], seed=1, lights=lights)
+        first, then = (sum(scene.render(t + k).mean() for k in range(0, 25, 4)) for t in (0, 60))
+        return float(then / first)
 
-    carried = film(fl.Lamp((0.5, 0.5, 0.0), power=30.0, carried=True))
-    left = film(fl.Lamp((0.5, 0.5, 0.0), power=30.0))
-    assert abs(carried[1] / carried[0] - 1.0) < 0.5
-    assert left[1] < 0.3 * left[0]
+    assert abs(later(carried=True) - 1.0) < 0.5 and later() < 0.3
 
 
 def test_lamps_light_snow_and_leave_opacity():
-    plate, snow = np.full((96, 128, 3), 10, np.uint8), fl.Snow.preset("heavy", color="local")
+    plate = np.full((96, 128, 3), 10, np.uint8)
+    snow = fl.Snow.preset("heavy", color="local")
     dark = fl.Scene(None, plate, effects=[snow], seed=1)
     lamp = fl.Lamp((1.0, -1.0, 6.0), color=(1.0, 0.6, 0.3), power=40.0)
     lit = dark.replace(lights=(lamp,))
@@ -115,7 +105,8 @@ def test_lamps_light_snow_and_leave_opacity():
     assert (more > 0.0).all() and abs(more[1] / more[0] - 0.6) < 0.02
     assert np.array_equal(pair[1].image, lit.render(4))
     assert np.array_equal(lit.render(4)[30:70, 20:90], lit.render(4, region=np.s_[30:70, 20:90]))
-    assert "snow: lamps" in {step.name for step in lit.plan(3, probe=False).steps}
+    names = {step.name for step in lit.plan(3, probe=False).steps}
+    assert "snow: lamps" in names
     off = lit.replace(lights=(fl.Lamp((1.0, -1.0, 6.0), power=0.0),))
     assert np.abs(off.render(4).astype(int) - dark.render(4)).max() <= 1
 
@@ -135,15 +126,16 @@ def test_scene_files_have_lamps_and_a_lens(tmp_path: Any):
     assert np.array_equal(again.render(3), scene.render(3))
 
 
-def test_what_is_no_lamp_is_refused():
-    bad: dict[str, dict[str, Any]] = {
-        "needs a place, a direction": {},
-        "a spot has a place": {"place": (0, 0, 1), "direction": (0, 0, 1)},
-        "direction must not be": {"direction": (0, 0, 0)},
-    }
-    for message, given in bad.items():
-        with pytest.raises(ValueError, match=message):
-            fl.Lamp(**given)
-    for message, scene in {"lights": {"lights": [3]}, "lens": {"lens": 2.8}}.items():
-        with pytest.raises(TypeError, match=f"{message} must be"):
-            fl.Scene((8, 8), **scene)  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: fl.Lamp(), "needs a place, a direction"),
+        (lambda: fl.Lamp(place=(0, 0, 1), direction=(0, 0, 1)), "a spot has a place"),
+        (lambda: fl.Lamp(direction=(0, 0, 0)), "direction must not be"),
+        (lambda: fl.Scene((8, 8), lights=[3]), "lights must be"),
+        (lambda: fl.Scene((8, 8), lens=2.8), "lens must be"),
+    ],
+)
+def test_refusals(call: Any, message: str):
+    with pytest.raises((ValueError, TypeError), match=message):
+        call()
