@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.particles.sizes import Sizes, drop_speed, snow_speed
 from twin_falling import View, film
 from twin_footprints import POINT, Canvas, middle_depth, profile
 from twin_law import Law, rain_of
@@ -61,15 +60,16 @@ def test_a_flake_is_its_samples(way: np.ndarray, diameter: float):
 
 def test_its_laws_are_those_of_the_package():
     share, at = (np.arange(1000) + 0.5) / 1000, np.linspace(0.0005, 0.02, 99)
-    np.testing.assert_allclose(SNOW.diameters(share), Sizes.with_mean(*SNOW.sizes).quantile(share))
-    np.testing.assert_allclose(SNOW.speed(at), snow_speed(at))
+    snow = fl.Snow(flake_size=SNOW.sizes).parts.texture.weather.population
+    np.testing.assert_allclose(SNOW.diameters(share), snow.sizes.quantile(share))
+    np.testing.assert_allclose(SNOW.speed(at), snow.speed(at))
     slow = Law(density=1.0, sizes=SNOW.sizes, fall=0.5)
     assert slow.speed(np.array([0.007, 0.014])) == pytest.approx([0.5, 0.5 * 2**0.16])
     rain, (density, sizes) = fl.Rain(rate_mm_h=10.0), rain_of(10.0)
     assert density == pytest.approx(rain.density, rel=1e-4)
     assert sizes == pytest.approx(rain.drop_size, rel=1e-4)
     drops = Law(density=1.0, sizes=sizes, kind="rain")
-    np.testing.assert_allclose(drops.speed(at), drop_speed(at))
+    np.testing.assert_allclose(drops.speed(at), rain.parts.texture.weather.population.speed(at))
 
 
 def test_coverage_is_a_formula():
