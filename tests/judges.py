@@ -1,7 +1,7 @@
 """What tells falling snow from its imitations, as functions of pictures: pure NumPy.
 
 A picture is an opacity, (h, w) float64; x goes right and y down. Every judge has a negative control
-in `test_judges.py`, an imitation that it finds out.
+in the tests, an imitation that it finds out.
 """
 
 from __future__ import annotations
