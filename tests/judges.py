@@ -67,9 +67,6 @@ def gaussian(picture: Picture, seed: int) -> Picture:
     return np.clip(field + picture.mean(), 0.0, 1.0)
 
 
-# Direction ----------------------------------------------------------------------------------------
-
-
 def slopes(picture: Picture, block: int = BLOCK) -> Picture:
     """Return the sums of gx gy, gx^2 and gy^2 over every whole block, (3, rows, cols)."""
     gy, gx = np.gradient(picture)
@@ -93,9 +90,6 @@ def turned(ours: Picture, drawn: Picture, least: float = 0.1) -> float:
     """Return the share of blocks that lean the other way, of those where the drawn lean clearly."""
     clear = np.abs(drawn) >= least
     return float((ours * drawn < 0.0)[clear].mean()) if clear.any() else 0.0
-
-
-# Life ---------------------------------------------------------------------------------------------
 
 
 def smoothed(picture: Picture) -> Picture:
@@ -169,9 +163,6 @@ def by_rows(lives: npt.NDArray[np.bool_], row: Picture, bands: int = 3) -> Pictu
     return np.asarray(np.bincount(own, lives, minlength=bands) / np.maximum(count, 1))
 
 
-# Returns ------------------------------------------------------------------------------------------
-
-
 def correlations(first: Picture, later: Picture, reach: tuple[int, int]) -> Picture:
     """Return the correlation of two pictures over shifts, (2 rows + 1, 2 cols + 1).
 
@@ -207,9 +198,6 @@ def repeated(picture: Picture, lobe: int = 40) -> float:
     found = correlations(picture, picture, reach)
     y, x = np.meshgrid(*(np.arange(-r, r + 1) for r in reach), indexing="ij")
     return float(found[(np.abs(y) > lobe) | (np.abs(x) > lobe)].max())
-
-
-# Identity -----------------------------------------------------------------------------------------
 
 
 def strangers(ours: np.ndarray, other: np.ndarray, *, whole: bool = True) -> int:

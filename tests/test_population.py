@@ -255,9 +255,6 @@ def test_rain_shines_more_than_its_color_and_covers_no_more():
     assert bright.image.mean() > plain.image.mean()
 
 
-# Keys ---------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("kind", [fl.Snow, fl.Rain])
 def test_a_keyed_density_is_that_density(kind: Any):
     def depth(density: Any, frames: range) -> float:

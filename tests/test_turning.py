@@ -90,8 +90,6 @@ def test_rotation_vectors_of_matrices():
             assert min(np.abs(got - angle * axis).max(), np.abs(got + angle * axis).max()) < 1e-14
 
 
-# P and the sum of the turning ------------------------------------------------------------------
-
 WAYS: dict[str, dict[str, Any]] = {
     "still": {}, "array": {"position": PLACES}, "velocity": {"velocity": (0.5, -1.0, 3.0)},
     "keys": {"position": WAY}, "keyed velocity": {"velocity": WAY},
@@ -169,9 +167,6 @@ def test_a_shift_is_the_flow_of_the_rotation_at_the_middle_of_the_tile():
     at = np.array([(x, y) for y in rows for x in cols])
     want = fl.camera.image_velocity(at, 1.0, (0, 0, 0), lens, (90, 120), rotation=angle)
     assert np.abs(got.reshape(-1, 2) - want).max() < 1e-13
-
-
-# Files -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("form", FORMS)

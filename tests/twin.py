@@ -18,9 +18,6 @@ Floats = NDArray[np.float64]
 Shape = tuple[int, int]
 
 
-# Frequencies --------------------------------------------------------------------------------------
-
-
 def signed(length: int) -> NDArray[np.int64]:
     """Signed wave numbers k in fftfreq order; an even length stores Nyquist as -length/2."""
     k = np.arange(length)
@@ -48,9 +45,6 @@ def reduced(cycles: ArrayLike) -> Floats:
     """Cycles reduced to [-1/2, 1/2)."""
     cycles = np.asarray(cycles, dtype=np.float64)
     return cycles - np.floor(cycles + 0.5)
-
-
-# Random phases ------------------------------------------------------------------------------------
 
 
 def mix64(z: ArrayLike) -> NDArray[np.uint64]:
@@ -97,9 +91,6 @@ def random_phase(shape: Shape, *, seed: int, tile: tuple[int, int] = (0, 0)) -> 
     own = np.where(h >> np.uint64(63) == 1, -0.5, 0.0)
     phase = np.where(leaders(shape), phase, reduced(-mirror(phase)))
     return np.where(self_conjugate(shape), own, phase)
-
-
-# The tent -----------------------------------------------------------------------------------------
 
 
 def without_nyquist(shape: Shape) -> tuple[Floats, Floats]:
@@ -155,9 +146,6 @@ def advance_phase(
     return reduced(phase + tent + plane_rate(phase.shape, shift))
 
 
-# Band and amplitudes ------------------------------------------------------------------------------
-
-
 @lru_cache(maxsize=256)
 def longer_than(shape: Shape, wavelength: float) -> NDArray[np.bool_]:
     """Waves with lambda > wavelength, in exact integers: |k|^2 lam^2 < M^2; dc counts as longer."""
@@ -182,9 +170,6 @@ def band_amplitude(
     amplitude = np.zeros(shape)
     amplitude[inside] = np.hypot(fy, fx)[inside] ** -exponent
     return amplitude / np.sqrt(np.sum(amplitude**2))
-
-
-# Temporal aliasing and shutter --------------------------------------------------------------------
 
 
 def temporal_filter(
@@ -213,9 +198,6 @@ def without_aliases(amplitude: Floats, rate: Floats, alias: str, soft_from: floa
     return amplitude * gain
 
 
-# Sections 0 and 1: from the spectrum to pixels ----------------------------------------------------
-
-
 def direct_sum(amplitude: ArrayLike, phase: ArrayLike) -> Floats:
     """z(x, y) = sum_k amplitude cos 2 pi (fx x + fy y + phase), wave by wave, over all bins.
 
@@ -237,9 +219,6 @@ def inverse_transform(amplitude: ArrayLike, phase: ArrayLike) -> Floats:
     amplitude, phase = np.asarray(amplitude, np.float64), np.asarray(phase, np.float64)
     spectrum = amplitude * np.exp(2j * np.pi * phase)
     return np.fft.ifft2(spectrum, norm="forward").real
-
-
-# Opacity ------------------------------------------------------------------------------------------
 
 
 def opacity(
@@ -265,9 +244,6 @@ def opacity_mean(mean: float = 0.5, spread: float = 3.0) -> float:
     inside += 2.0 * mean * sigma * (density[0] - density[1])
     inside += sigma**2 * (low * density[0] - high * density[1])
     return float(inside + 1.0 - below[1])
-
-
-# Tiles and blending -------------------------------------------------------------------------------
 
 
 def tile_starts(length: int, *, tile: int = 64, overlap: int = 10) -> NDArray[np.int64]:
@@ -317,9 +293,6 @@ def blend_tiles(
             weight = down[row][:, None] * across[col][None, :]
             picture[y : y + height, x : x + width] += weight * tiles[row, col]
     return picture[: shape[0], : shape[1]]
-
-
-# One frame ----------------------------------------------------------------------------------------
 
 
 def ring_of(shape: Shape, ring_edges: ArrayLike) -> NDArray[np.int64]:
