@@ -25,16 +25,10 @@ from flurries.motion.keys import value_at
 STEP = 1.0 / 1024.0
 
 # What is known of a drawn flake; see :func:`flurries.flakes`.
-FLAKE = np.dtype(
-    [
-        ("id", np.uint64),
-        ("place", np.float64, 3),
-        ("pixel", np.float64, 2),
-        ("depth", np.float64),
-        ("diameter", np.float64),
-        ("opacity", np.float64),
-    ]
-)
+FLAKE = np.dtype([
+    ("id", np.uint64), ("place", np.float64, 3), ("pixel", np.float64, 2), ("depth", np.float64),
+    ("diameter", np.float64), ("opacity", np.float64),
+])  # fmt: skip
 
 # What the kernel lists: identities (n,); place in the camera's axes, metres, place in the picture,
 # depth from the eye, diameter and the share that is there, (n, 8); and where they are seen at
@@ -47,8 +41,6 @@ class DrawnFlakes:
     """The flakes that are drawn."""
 
     weather: Weather | Flakes
-
-    name = "flakes"
 
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return their one step, or why there is none."""
