@@ -66,7 +66,7 @@ peaks that are followed over 10 frames, in rain over 4.
 
 """
 
-CONTROLS = """Each judge finds an imitation out (`tests/test_judges.py`, `test_population.py`,
-`test_direction.py`): a Gaussian field with the same spectrum, a mirrored tile, flakes that die at the borders of tiles, a sheet of one speed, a
+CONTROLS = """Each judge finds an imitation out (`tests/test_judges.py`): a Gaussian field with the
+same spectrum, a mirrored tile, flakes that die at the borders of tiles, a sheet of one speed, a
 picture of equal tiles, a box of flakes as large as the picture, motion extrapolated from the
 shutter's in a zoom."""

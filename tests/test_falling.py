@@ -59,6 +59,18 @@ def test_more_snow_adds_flakes_and_moves_none():
     assert np.abs(here["place"] - there["place"]).max() < 1e-9
 
 
+def test_both_eyes_see_the_same_flakes():
+    left, right = (
+        fl.flakes(scene(camera=fl.Camera(260.0, center=(120.0, 90.0), offset=(x, 0, 0))), 7.0)
+        for x in (-0.03, 0.03)
+    )
+    here, there = both(left, right)
+    assert len(here) > 0.8 * len(left)
+    assert np.abs(here["place"] - there["place"]).max() < 1e-9
+    apart = here["pixel"][:, 0] - there["pixel"][:, 0]
+    assert np.abs(apart - 0.06 * 260.0 / here["depth"]).max() < 1e-6
+
+
 def test_a_loop_ends_where_it_began_and_gives_way_one_by_one():
     shown = scene().loop(24)
     first, last = shown.render(0), shown.render(24)

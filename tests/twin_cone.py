@@ -11,8 +11,6 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-import twin
-
 DOWN = np.array([0.0, 1.0, 0.0])
 
 
@@ -131,7 +129,15 @@ def supersampled(shape, camera, tile, *, per_side=10, **given):
 
 def unit(seed, stream, count):
     """Return the package's numbers of one stream."""
-    return twin.unit(twin.hashed(seed, stream, np.arange(count)))
+    from twin_particles import MASK, mix64
+
+    values = []
+    for index in range(count):
+        state = 0
+        for key in (seed, stream, index):
+            state = mix64(state ^ (key & MASK))
+        values.append((state >> 11) / 2**53)
+    return np.array(values)
 
 
 def drops(size, rows):
