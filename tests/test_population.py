@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import flurries as fl
-import judges
 from flurries.effects.population import product
 from flurries.particles.population import Population, slabs_of
 from flurries.particles.sizes import (
@@ -108,36 +107,6 @@ def scene(
 
 def alpha(shown: fl.Scene, t: float = 7.0) -> np.ndarray:
     return cover(shown, t).astype(np.float64)
-
-
-def test_the_texture_has_the_numbers_of_drawn_flakes_and_a_gaussian_has_not():
-    """Part of a wide picture, and few enough flakes that all of them can be drawn."""
-
-    def pictures(method: str) -> list[np.ndarray]:
-        fields: dict[str, Any] = {"far": 22.0, "camera": fl.Camera(768.0), "shape": (160, 240)}
-        return [alpha(scene(method, seed=8 + seed, **fields), 10.0) for seed in range(6)]
-
-    limits = {
-        "mean": 0.01, "deviation": 0.03, "skewness": 0.10, "kurtosis": 0.15,
-        **{f"octave {n + 1}": 0.05 for n in range(judges.OCTAVES)},
-        # Not the Euler number at the median: near 0, a quotient says little.
-        **{f"Euler {level:g}": 0.10 for level in judges.LEVELS if level > 50.0},
-    }  # fmt: skip
-    drawn = pictures("simulated")
-    known = [judges.numbers(one) for one in drawn]
-
-    def missed(tried: list[np.ndarray]) -> set[str]:
-        """Which numbers are off by more than their limits and three errors of their means."""
-        found, missed = [judges.numbers(one) for one in tried], set()
-        for name, limit in limits.items():
-            a, b = (np.array([one[name] for one in each]) for each in (found, known))
-            error = np.hypot(a.std(), b.std()) / np.sqrt(len(b))
-            if abs(a.mean() - b.mean()) > limit * abs(b.mean()) + 3.0 * error:
-                missed.add(name)
-        return missed
-
-    assert not missed(pictures("hybrid"))
-    assert len(missed([judges.gaussian(one, seed) for seed, one in enumerate(drawn)])) >= 4
 
 
 def memory(film: list[np.ndarray], most: int) -> np.ndarray:
