@@ -108,7 +108,7 @@ def air_of(
     eyes = [_eye(frame.camera, frame)] * len(after)
     if path.turns or path.zooms:
         eyes[1:] = [_eye(frame.later(s).camera if s else frame.camera, frame) for s in after[1:]]
-    shares, wind = weather.shares(frame), weather.motion.varied
+    slope, shares, wind = weather.law.slope, weather.shares(frame), weather.motion.varied
     blur = None if frame.lens is None else frame.blur
     room, closeup = 0.0, None
     if blur is not None:
@@ -126,7 +126,7 @@ def air_of(
     times, opacity = [frame.t + step for step in after], weather.opacity_at(frame.t)
     swung = [weather.sway[1] / (2.0 * math.pi * fps) * t for t in times]
     # One after the other: a frame goes to the file of the motion once.
-    slope, ways = weather.law.slope, [share.motion.places(path, fps, times) for share in shares]
+    ways = [share.motion.places(path, fps, times) for share in shares]
     classes = []
     for number, (share, at) in enumerate(zip(shares, ways, strict=True)):
         end, waves, profile = share.reach * (1.0 + FADE), None, []

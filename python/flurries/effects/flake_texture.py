@@ -99,17 +99,18 @@ def _read(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
     """Return the opacity of layers that move as they do in all frames, (h, w) float32."""
     top, bottom, left, right = frame.window
     result = np.empty((bottom - top, right - left), np.float32)
-    camera, shown = frame.camera, amount * float(weather.emission)  # type: ignore[arg-type]
+    camera, blur = frame.camera, None if frame.lens is None else frame.blur
+    shown, focals = amount * float(weather.emission), camera.focals  # type: ignore[arg-type]
     keys, start, rate, places = _standing(
-        weather, film, frame.path, frame.fps, camera.focals, camera.rotation, frame.seed, shown,
-        value_at(weather.motion.shutter, frame.t), frame.blur, _core.reproducible(),
+        weather, film, frame.path, frame.fps, focals, camera.rotation, frame.seed, shown,
+        value_at(weather.motion.shutter, frame.t), blur, _core.reproducible(),
     )  # fmt: skip
     x, y = camera.principal(frame.shape)
     u, v = camera.center_shift
     row, column = math.floor(top - y + v), math.floor(left - x + u)
     moved = start + frame.t * rate
     # Pixels that layers move by for a metre of the eye aside.
-    aside = (camera.focals[0] / film.depths)[:, None]
+    aside = (focals[0] / film.depths)[:, None]
     moved -= aside * np.array(camera.offset[:2]) * (1.0, camera.aspect)
     # What lies between whole pixels is a part of the way.
     moved += (u - (left - x + u - column), v - (top - y + v - row))

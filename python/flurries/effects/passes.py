@@ -73,7 +73,7 @@ def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Ar
     middle, turns = here.principal(frame.shape), frame.path.turns
     focals, ends = here.focals, there.focals
     shifted = np.subtract(there.principal(frame.shape), middle)
-    a, b = _across(frame)
+    a, b = _across(frame, middle, focals)
     motion = np.zeros((*depth.shape, 2), np.float32)
     # Blocks of rows stay in a cache.
     for first in range(0, len(depth), _ROWS):
@@ -102,13 +102,15 @@ def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Ar
 
 def rays(frame: Frame) -> Float64:
     """Return the ray of each pixel of the window, (h, w, 3) in the eye's axes, with z = 1."""
-    a, b = np.broadcast_arrays(*_across(frame))
+    camera = frame.camera
+    a, b = np.broadcast_arrays(*_across(frame, camera.principal(frame.shape), camera.focals))
     return np.stack([a, b, np.ones_like(a)], axis=-1)
 
 
-def _across(frame: Frame) -> tuple[Float64, Float64]:
+def _across(
+    frame: Frame, middle: tuple[float, float], focals: tuple[float, float]
+) -> tuple[Float64, Float64]:
     """Return the rays' parts across (w,) and down (h, 1)."""
     top, bottom, left, right = frame.window
-    (x, y), (fx, fy) = frame.camera.principal(frame.shape), frame.camera.focals
     across, down = np.arange(left, right) + 0.5, np.arange(top, bottom)[:, None] + 0.5
-    return np.asarray((across - x) / fx), np.asarray((down - y) / fy)
+    return np.asarray((across - middle[0]) / focals[0]), np.asarray((down - middle[1]) / focals[1])
