@@ -271,3 +271,80 @@ def test_keys_are_saved_and_refused(tmp_path: Any):
         fl.Snow(density=fl.Keys([(0, -1.0), (9, 9.0)]))
     with pytest.raises(ValueError, match="flake_size"):
         fl.Snow(flake_size=fl.Keys([(0, 1.0), (9, 9.0)]))
+
+
+PROFILE = [(2.0, (1.0, 0.0, 0.0)), (9.0, (-3.0, 0.5, 0.0)), (25.0, (4.0, -0.3, 0.0))]
+
+
+def windy(mean: tuple[float, float, float], profile: Any, **fields: Any) -> fl.Scene:
+    """Snow in a wind that differs by depth, wide enough for some hundreds of drawn flakes."""
+    given = {"density": 30.0, "sway": (0.0, 1.0), "far": 30.0, **fields}
+    wind = fl.Wind(mean, profile=profile)
+    return scene(wind=wind, shape=(288, 384), camera=fl.Camera(300.0), seed=0, **given)
+
+
+def test_flakes_move_with_the_wind_of_their_depth():
+    shown = windy((0.3, 0.0, 0.2), PROFILE, fall=1.5, flake_size=(0.008, 0.008, 0.008))
+    early, late = fl.flakes(shown, 30.0), fl.flakes(shown, 30.5)
+    _, one, other = np.intersect1d(early["id"], late["id"], return_indices=True)
+    assert len(one) > 100
+    moved = (late["place"][other] - early["place"][one]) * 60.0
+    depth = early["depth"][one]
+    for axis, mean in enumerate((0.3, 1.5)):
+        want = mean + np.interp(depth, *zip(*((z, v[axis]) for z, v in PROFILE), strict=True))
+        # The air comes nearer at .2 m/s: what a flake felt on its way was other depths' wind.
+        assert moved[:, axis] == pytest.approx(want, abs=0.35)
+        assert np.median(np.abs(moved[:, axis] - want)) < 0.05
+    assert moved[:, 2] == pytest.approx(0.2, abs=1e-6)
+
+
+@pytest.mark.parametrize("t", [3000.0, -400.0])
+def test_a_profile_leaves_as_many_flakes_in_view(t: float):
+    # However far it has carried them.
+    shown = windy((0.3, 0.0, 0.0), PROFILE)
+
+    def seen(t: float) -> np.ndarray:
+        found = fl.flakes(shown, t)
+        inside = ((found["pixel"] > 0.0) & (found["pixel"] < (384, 288))).all(axis=1)
+        return np.histogram(found["depth"][inside], [1.0, 2.0, 3.0, 4.0])[0]
+
+    still, later = seen(0.0), seen(t)
+    assert still.sum() > 140
+    assert np.abs(later - still).max() < 4.0 * np.sqrt(2.0 * still.max())
+
+
+def test_all_flakes_drawn_and_the_texture_feel_one_profile():
+    # A wind that grows with depth: pixels forget their flakes as fast in both, and faster than
+    # in the wind of the nearest air.
+    wind = fl.Wind((0.2, 0.0, 0.0), profile=[(4.0, 1.0), (24.0, 30.0)])
+    lags = (1, 4)
+
+    def remembered(method: str, wind: Any) -> tuple[np.ndarray, float]:
+        rows, means = [], []
+        for seed in range(4):
+            shown = scene(method, wind=wind, density=25.0, far=22.0, fall=0.2, sway=(0.0, 1.0),
+                          shape=(120, 160), camera=fl.Camera(150.0), seed=seed)  # fmt: skip
+            film = [alpha(shown, 20 + lag) for lag in (0, *lags)]
+            rows.append([np.corrcoef(film[0].ravel(), one.ravel())[0, 1] for one in film[1:]])
+            means.append(film[0].mean())
+        return np.mean(rows, axis=0), float(np.mean(means))
+
+    ours, mean = remembered("hybrid", wind)
+    drawn, wanted = remembered("simulated", wind)
+    steady, _ = remembered("hybrid", (0.2, 0.0, 0.0))
+    assert mean == pytest.approx(wanted, rel=0.02)
+    assert np.abs(ours - drawn).max() < 0.04, (ours, drawn)
+    assert steady[0] - ours[0] > 0.1, (steady, ours)
+
+
+def test_the_texture_s_motion_is_that_of_its_layers():
+    # Of one depth's wind alone it would be 30 times as much or as little.
+    profile = [(4.0, 1.0), (24.0, 30.0)]
+    shown = windy((0.2, 0.0, 0.0), profile, density=60.0, fall=0.0, flake_size=(0.008,) * 3)
+    texture = shown.effects[0].parts.texture
+    views = [shown.program.views(t)[0][1] for t in (5.0, 6.0)]
+    (moved, *_), _ = texture.passes(views[0], [views[1]])
+    film = texture.weather.film(views[0])
+    factor = np.interp(film.depths, *zip(*profile, strict=True))
+    want = 300.0 * 0.2 / 30.0 * (film.covers / film.depths * factor).sum() / film.covers.sum()
+    assert moved[90, 120] == pytest.approx([want, 0.0], rel=1e-5)
