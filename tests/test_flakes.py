@@ -1,4 +1,4 @@
-"""Patterns of flakes, by an own drawing; and the optical depth of layers of them, by a direct sum."""
+"""Patterns of flakes, by an own drawing; the optical depth of layers of them, by a direct sum."""
 
 from __future__ import annotations
 
