@@ -1,7 +1,7 @@
 """What tells falling snow from its imitations, as functions of pictures: pure NumPy.
 
 A picture is an opacity, (h, w) float64; x goes right and y down. Every judge has a negative control
-in `test_judges.py`, an imitation that it finds out.
+in the tests, an imitation that it finds out.
 """
 
 from __future__ import annotations
@@ -67,9 +67,6 @@ def gaussian(picture: Picture, seed: int) -> Picture:
     return np.clip(field + picture.mean(), 0.0, 1.0)
 
 
-# Direction ----------------------------------------------------------------------------------------
-
-
 def slopes(picture: Picture, block: int = BLOCK) -> Picture:
     """Return the sums of gx gy, gx^2 and gy^2 over every whole block, (3, rows, cols)."""
     gy, gx = np.gradient(picture)
@@ -93,9 +90,6 @@ def turned(ours: Picture, drawn: Picture, least: float = 0.1) -> float:
     """Return the share of blocks that lean the other way, of those where the drawn lean clearly."""
     clear = np.abs(drawn) >= least
     return float((ours * drawn < 0.0)[clear].mean()) if clear.any() else 0.0
-
-
-# Life ---------------------------------------------------------------------------------------------
 
 
 def smoothed(picture: Picture) -> Picture:
@@ -126,25 +120,11 @@ def alive(
 
     From frame to frame a peak is sought within a pixel of where the flow takes it from where it was
     last found: flakes sway, and fall at speeds of their own. It lives while it has half of its
-    height over the median.
+    height over the median. `depths` (near, far) in metres are tried; `corner` (x, y) is that of the
+    pictures, px.
 
-    Parameters
-    ----------
-    film : sequence of (h, w)
-        Pictures at `times`.
-    flow : callable
-        Places (2, n) px of flakes at a nearness (n,) 1/m, moved from one time to another.
-    depths : (near, far)
-        Metres, that are tried.
-    corner : (x, y)
-        Of the pictures, px.
-
-    Returns
-    -------
-    lives : (n,)
-        Whether each peak is there to the end. Peaks that may leave the picture are left out.
-    row : (n,)
-        Where each peak began, as a share of the picture's height.
+    Returns whether each peak is there to the end, (n,), without those that may leave the picture,
+    and where each began, as a share of the picture's height, (n,).
     """
     shown = [smoothed(picture) - np.median(picture) for picture in film]
     height, width = shown[0].shape
@@ -183,9 +163,6 @@ def by_rows(lives: npt.NDArray[np.bool_], row: Picture, bands: int = 3) -> Pictu
     return np.asarray(np.bincount(own, lives, minlength=bands) / np.maximum(count, 1))
 
 
-# Returns ------------------------------------------------------------------------------------------
-
-
 def correlations(first: Picture, later: Picture, reach: tuple[int, int]) -> Picture:
     """Return the correlation of two pictures over shifts, (2 rows + 1, 2 cols + 1).
 
@@ -221,9 +198,6 @@ def repeated(picture: Picture, lobe: int = 40) -> float:
     found = correlations(picture, picture, reach)
     y, x = np.meshgrid(*(np.arange(-r, r + 1) for r in reach), indexing="ij")
     return float(found[(np.abs(y) > lobe) | (np.abs(x) > lobe)].max())
-
-
-# Identity -----------------------------------------------------------------------------------------
 
 
 def strangers(ours: np.ndarray, other: np.ndarray, *, whole: bool = True) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -19,21 +18,14 @@ from measure import cover
 Array = np.ndarray[Any, Any]
 SHAPE = (300, 400)
 FOCAL = 800.0
-LENS = (FOCAL, 200.0, 150.0, (0.0, 0.0, 0.0), 0.05)
 KINDS = ("aggregate", "drop", "round")
 
 
 def drawn(
-    diameter: float,
-    depth: float,
-    *,
-    kind: str = "aggregate",
-    blur: Blur | None = None,
-    travel: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    seconds: float = 0.0,
-    place: tuple[float, float] = (0.0, 0.0),
-    number: int = 7,
-) -> Array:
+    diameter: float, depth: float, *, kind: str = "aggregate", blur: Blur | None = None,
+    travel: tuple[float, float, float] = (0.0, 0.0, 0.0), seconds: float = 0.0,
+    place: tuple[float, float] = (0.0, 0.0), number: int = 7,
+) -> Array:  # fmt: skip
     """Return the opacity of one flake, diameters and depths in metres."""
     closeup = Closeup(kind, (2.5, 3.5), blur, 3, seconds)
     eye = Eye(np.eye(3).tolist(), (FOCAL, FOCAL), (200.0, 150.0), (0.0, 0.0, 0.0))
@@ -70,7 +62,7 @@ def energy_of(diameter: float, depth: float) -> float:
 @pytest.mark.parametrize("focus", [None, 1.0, 0.6, 8.0])
 def test_energy_is_the_flake_s_at_every_size_and_focus(kind: str, focus: float | None):
     lens = None if focus is None else Blur(14.0, 1.0 / focus, 6, 0.3)
-    for diameter in (0.004, 0.008, 0.0098, 0.0112, 0.013, 0.03):
+    for diameter in (0.004, 0.008, 0.0098, 0.0112, 0.013, 0.03, 0.1):
         for travel in ((0.0, 0.0, 0.0), (0.004, 0.02, 0.0)):
             image = drawn(diameter, 1.0, kind=kind, blur=lens, travel=travel)
             found = float(image.astype(np.float64).sum())
@@ -103,12 +95,6 @@ def test_no_flake_s_alpha_jumps_in_a_sixtieth_of_a_second(kind: str):
         shapes.append(float(image.max()))
     assert np.abs(np.diff(sums)).max() / np.mean(sums) < 0.05
     assert np.abs(np.diff(shapes)).max() < 0.1
-
-
-def test_large_flakes_do_not_vanish():
-    nearest = drawn(0.02, 0.2)
-    assert nearest.max() > 0.5
-    assert abs(nearest.sum() / energy_of(0.02, 0.2) - 1.0) < 0.01
 
 
 def test_aggregates_are_no_discs_and_differ():
@@ -168,12 +154,6 @@ def test_a_focus_that_is_pulled_and_a_second_eye():
     assert np.abs(left - right).max() > 0.05
     region = film.render(5, region=np.s_[40:120, 60:200])
     assert np.array_equal(region, film.render(5)[40:120, 60:200])
-
-
-def test_round_flakes_are_asked_for():
-    plain = flakes()
-    snow = replace(plain.effects[0], shape="round")
-    assert not np.array_equal(plain.replace(effects=[snow]).render(0), plain.render(0))
 
 
 def test_nothing_of_shapes_and_lens_where_they_are_not_asked_for():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -10,8 +9,9 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from judges import BLOCK, direction, slopes
 
-SIDE, BLOCK, TIME = 384, 64, 20.0
+SIDE, TIME = 384, 20.0
 
 # Metres: near enough to draw all flakes in a second. Nearly all of them are the texture's.
 FAR = 20.0
@@ -35,60 +35,19 @@ PATHS: dict[str, dict[str, Any]] = {
 LOOKS = ("heavy", "blizzard")
 
 
-@dataclass(frozen=True)
-class Lean:
-    """How gradients of some pictures lean: the mean of gx gy over the root of those of gx^2, gy^2.
-
-    Attributes
-    ----------
-    sums : (seeds, 3, rows, cols)
-        Of gx gy, gx^2 and gy^2 over each block.
-    """
-
-    sums: np.ndarray
-
-    @staticmethod
-    def of(pictures: list[np.ndarray]) -> Lean:
-        found = []
-        for alpha in pictures:
-            gx, gy = np.zeros((2, *alpha.shape))
-            gx[1:-1, 1:-1] = 0.5 * (alpha[1:-1, 2:] - alpha[1:-1, :-2])
-            gy[1:-1, 1:-1] = 0.5 * (alpha[2:, 1:-1] - alpha[:-2, 1:-1])
-            rows, cols = (length // BLOCK for length in alpha.shape)
-            products = np.stack([gx * gy, gx * gx, gy * gy])
-            found.append(products.reshape(3, rows, BLOCK, cols, BLOCK).sum(axis=(2, 4)))
-        return Lean(np.array(found))
-
-    @property
-    def whole(self) -> float:
-        return float(_lean(self.sums.sum(axis=(0, 2, 3))))
-
-    @property
-    def blocks(self) -> np.ndarray:
-        return _lean(self.sums.sum(axis=0))
-
-    @property
-    def spread(self) -> float:
-        """The deviation of a block of one seed, from those of the others."""
-        each = np.array([_lean(one) for one in self.sums])
-        return float(np.sqrt(each.var(axis=0, ddof=1).mean()))
-
-
-def _lean(sums: np.ndarray) -> np.ndarray:
-    return np.asarray(sums[0] / np.sqrt(sums[1] * sums[2]))
-
-
-def misses(ours: Lean, drawn: Lean) -> list[str]:
+def misses(ours: list[np.ndarray], drawn: list[np.ndarray]) -> list[str]:
     """Return what is wrong with the lean of some pictures."""
-    found = []
-    if abs(ours.whole - drawn.whole) > LIMIT:
-        found.append(f"whole: {ours.whole:+.3f} for {drawn.whole:+.3f}")
+    sums = [np.array([slopes(picture) for picture in each]) for each in (ours, drawn)]
+    got, want = (float(direction(each.sum(axis=(0, 2, 3)))) for each in sums)
+    found = [f"whole: {got:+.3f} for {want:+.3f}"] if abs(got - want) > LIMIT else []
     # Four deviations of the difference of two means over the seeds: there are some 600 blocks.
-    most = LIMIT + 4.0 * drawn.spread * np.sqrt(2.0 / len(drawn.sums))
-    for at in np.ndindex(drawn.blocks.shape):
-        got, want = ours.blocks[at], drawn.blocks[at]
-        turned = abs(want) >= SLANTED and got * want <= 0.0
-        if turned or abs(got - want) > most:
+    each = np.array([direction(one) for one in sums[1]])
+    spread = float(np.sqrt(each.var(axis=0, ddof=1).mean()))
+    most = LIMIT + 4.0 * spread * np.sqrt(2.0 / len(drawn))
+    blocks = [direction(each.sum(axis=0)) for each in sums]
+    for at in np.ndindex(blocks[0].shape):
+        got, want = (float(each[at]) for each in blocks)
+        if (abs(want) >= SLANTED and got * want <= 0.0) or abs(got - want) > most:
             found.append(f"block {at}: {got:+.3f} for {want:+.3f}")
     return found
 
@@ -97,33 +56,26 @@ def misses(ours: Lean, drawn: Lean) -> list[str]:
 def pictures(method: str, camera: str, wind: float, look: str) -> list[np.ndarray]:
     path = fl.CameraPath(fl.Camera(600.0), **PATHS[camera])
     snow = fl.Snow.preset(look, wind=(wind, 0.0, 0.0), far=FAR, method=method)
-    found = []
-    for seed in range(SEEDS):
-        scene = fl.Scene((SIDE, SIDE), "#000000", path, [snow], seed=3 + seed)
-        found.append(scene.render(TIME, layers=True).layers["snow"][..., 3].astype(np.float64))
-    return found
+    scenes = [fl.Scene((SIDE, SIDE), "#000000", path, [snow], seed=3 + n) for n in range(SEEDS)]
+    found = [one.render(TIME, layers=True).layers["snow"][..., 3] for one in scenes]
+    return [one.astype(np.float64) for one in found]
 
 
 @pytest.mark.parametrize("wind", [0.0, 3.0])
 @pytest.mark.parametrize("camera", PATHS)
 @pytest.mark.parametrize("look", LOOKS)
 def test_streaks_lean_as_those_of_drawn_flakes(look: str, camera: str, wind: float):
-    ours, drawn = (
-        Lean.of(pictures(method, camera, wind, look)) for method in ("hybrid", "simulated")
-    )
-    assert not misses(ours, drawn)
+    assert not misses(*(pictures(one, camera, wind, look) for one in ("hybrid", "simulated")))
 
 
 @pytest.mark.parametrize("look", LOOKS)
 def test_the_judge_sees_mirrored_blocks(look: str):
     drawn = pictures("simulated", "still", 3.0, look)
-    mirrored = []
-    for alpha in drawn:
-        alpha = alpha.copy()
+    mirrored = [alpha.copy() for alpha in drawn]
+    for alpha in mirrored:
         for row, col in np.ndindex(SIDE // BLOCK, SIDE // BLOCK):
             if (row + col) % 2:
                 block = alpha[row * BLOCK :, col * BLOCK :][:BLOCK, :BLOCK]
                 block[:] = block[:, ::-1].copy()
-        mirrored.append(alpha)
-    found = misses(Lean.of(mirrored), Lean.of(drawn))
+    found = misses(mirrored, drawn)
     assert found[0].startswith("whole") and len(found) == 1 + (SIDE // BLOCK) ** 2 // 2

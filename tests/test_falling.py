@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import flurries as fl
+import judges
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benches"))
+
+from falling_contracts import identities, motions
 
 H, W = 180, 240
 SNOW = fl.Snow(density=40.0, wind=(1.0, 0.0, 0.0), seed=5)
@@ -25,37 +33,21 @@ def both(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return one[here], other[there]
 
 
-def inside(flakes: np.ndarray, low: float = 0.0, width: int = W, height: int = H) -> np.ndarray:
-    x, y = flakes["pixel"].T
-    return flakes[(x > low) & (x < width - low) & (y > low) & (y < height - low)]
+def test_overscan_crops_eyes_and_sizes_show_the_same_flakes_that_go_where_motion_says():
+    """By the contracts of the bench; that boxes as large as the picture fail is tested with it."""
+    lines = [*identities(fl.flakes), *motions(fl.flakes)]
+    assert len(lines) == 14
+    assert not [line for line in lines if not line.endswith("pass")]
 
 
-def test_overscan_and_crop_show_the_same_flakes():
-    plain = fl.flakes(scene(), 7.0)
-    wide = fl.flakes(scene(size=(W + 32, H + 32), camera=fl.Camera(260.0, center=(136, 106))), 7.0)
-    crop = fl.flakes(scene(size=(100, 80), camera=fl.Camera(260.0, center=(70, 40))), 7.0)
-    for other, moved in ((wide, 16.0), (crop, -50.0)):
-        small, large = (plain, other) if len(other) > len(plain) else (other, plain)
-        assert np.isin(inside(small, 0.0, 100, 80)["id"], large["id"]).all()
-        here, there = both(plain, other)
-        assert len(here) > 10
-        assert np.abs(here["place"] - there["place"]).max() < 1e-9
-        assert np.abs(there["pixel"] - here["pixel"] - moved).max() < 1e-6
-        assert (here["diameter"] == there["diameter"]).all()
-
-
-def test_half_the_size_draws_flakes_of_the_whole():
-    whole = fl.flakes(scene(size=(4 * W, 4 * H), camera=fl.Camera(1040.0)), 7.0)
-    half = fl.flakes(scene(size=(2 * W, 2 * H), camera=fl.Camera(520.0)), 7.0)
-    seen = inside(half, 2.0, 2 * W, 2 * H)
-    assert len(seen) > 50 and np.isin(seen["id"], whole["id"]).all()
-    here, there = both(whole, half)
-    assert np.abs(here["place"] - there["place"]).max() < 1e-9
-    # With the same hand-over the half is all of the whole's.
+def test_half_the_size_with_the_same_hand_over_draws_all_flakes_of_the_whole():
     pinned = fl.Snow(density=40.0, wind=(1.0, 0.0, 0.0), seed=5, handover=3.0)
-    whole = fl.flakes(scene(pinned, size=(4 * W, 4 * H), camera=fl.Camera(1040.0)), 7.0)
-    half = fl.flakes(scene(pinned, size=(2 * W, 2 * H), camera=fl.Camera(520.0)), 7.0)
-    assert np.isin(inside(whole, 4.0, 4 * W, 4 * H)["id"], half["id"]).all()
+    whole, half = (
+        fl.flakes(scene(pinned, size=(n * W, n * H), camera=fl.Camera(n * 260.0)), 7.0)
+        for n in (4, 2)
+    )
+    whole = judges.inside(whole, (4.0, 4.0), (4 * W - 4.0, 4 * H - 4.0))
+    assert len(whole) > 50 and np.isin(whole["id"], half["id"]).all()
 
 
 def test_more_snow_adds_flakes_and_moves_none():
@@ -88,17 +80,10 @@ def test_a_loop_ends_where_it_began_and_gives_way_one_by_one():
     assert len(np.unique(half["id"])) > 0.9 * len(half) > 20
 
 
-@pytest.mark.parametrize(
-    "effect",
-    [
-        fl.Snow(wind=(1000.0, 0.0, 0.0)),
-        fl.Snow(fall=1000.0),
-        fl.Snow(sway=(1000.0, 1.0)),
-        fl.Snow(density=1e5),
-        fl.Snow(density=0.0),
-        fl.Rain(density=1e5),
-    ],
-)
+@pytest.mark.parametrize("effect", [
+    fl.Snow(wind=(1000.0, 0.0, 0.0)), fl.Snow(fall=1000.0), fl.Snow(sway=(1000.0, 1.0)),
+    fl.Snow(density=1e5), fl.Snow(density=0.0), fl.Rain(density=1e5),
+])  # fmt: skip
 def test_what_no_air_is_like_is_drawn_or_refused(effect: fl.Snow | fl.Rain):
     shown = scene(effect, size=(48, 36), camera=None)
     for t in (0.0, 7.5, 1e9):

@@ -70,18 +70,15 @@ def test_verdicts():
 @pytest.mark.parametrize("boxed", [False, True])
 def test_identities_are_judged(boxed: bool):
     place = np.random.default_rng(1).uniform((-3, -3, 1), (3, 3, 8), (9000, 3))
+    kind = [("id", np.uint64), ("place", float, 3), ("pixel", float, 2), ("depth", float)]
 
     def flakes(scene: fl.Scene, t: float) -> np.ndarray:
         width, height = scene.size
         camera = scene.camera.camera if isinstance(scene.camera, fl.CameraPath) else scene.camera
+        found = np.zeros(len(place), kind)
         seen = place * (width / 480.0, height / 360.0, 1.0) if boxed else place
-        pixel, depth = fl.camera.project(seen, camera, (height, width))
-        found = np.zeros(
-            len(seen),
-            [("id", np.uint64), ("place", float, 3), ("pixel", float, 2), ("depth", float)],
-        )
         found["id"], found["place"] = np.arange(len(seen)), seen
-        found["pixel"], found["depth"] = pixel, depth
+        found["pixel"], found["depth"] = fl.camera.project(seen, camera, (height, width))
         # Nobody lists what is far outside.
         return judges.inside(found, (-20.0, -20.0), (width + 20.0, height + 20.0))
 

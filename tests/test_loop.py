@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -10,6 +9,8 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from flurries.cli.main import main
+from flurries.effects.loop import closed
 from flurries.frame.view import Lap
 from measure import cover
 
@@ -18,31 +19,21 @@ SIZE = (80, 60)
 FOCAL = 96.0
 
 
-def turning() -> fl.CameraPath:
-    return fl.CameraPath(
-        fl.camera.Camera(FOCAL),
-        orientation=fl.Keys([(0, (0.0, 0.0, 0.0)), (10, (0.0, 0.2, 0.0)), (24, (0.0, 0.05, 0.0))]),
-    )
-
-
-def flying() -> fl.CameraPath:
-    return fl.CameraPath(fl.camera.Camera(FOCAL), velocity=(0.0, 0.0, 3.0))
-
-
-WEATHERS: dict[str, Callable[[], Any]] = {
-    "snow": lambda: fl.Snow(density=20.0, fall=1.4, haze=0.2, far=30.0),
-    "rain": lambda: fl.Rain(far=20.0),
-    "mist": lambda: fl.Mist.preset("fog", wind=(1.5, 0.0, 0.3)),
-    "valley": lambda: fl.Mist.preset("valley", visibility=250.0, wind=(1.5, 0.0, 0.3), color=0.9),
-    "tent snow": lambda: fl.TentSnow(flakes=300),
-    "tent rain": lambda: fl.TentRain(),
-    "cone snow": lambda: fl.ConeSnow.preset("heavy"),
-    "cone rain": lambda: fl.ConeRain(),
+TURNS = fl.Keys([(0, (0.0, 0.0, 0.0)), (10, (0.0, 0.2, 0.0)), (24, (0.0, 0.05, 0.0))])
+CAMERAS: dict[str, Any] = {
+    "still": None,
+    "turning": fl.CameraPath(fl.Camera(FOCAL), orientation=TURNS),
+    "flying": fl.CameraPath(fl.Camera(FOCAL), velocity=(0.0, 0.0, 3.0)),
 }
-CAMERAS: dict[str, Callable[[], Any]] = {
-    "still": lambda: None,
-    "turning": turning,
-    "flying": flying,
+WEATHERS: dict[str, Any] = {
+    "snow": fl.Snow(density=20.0, fall=1.4, haze=0.2, far=30.0),
+    "rain": fl.Rain(far=20.0),
+    "mist": fl.Mist.preset("fog", wind=(1.5, 0.0, 0.3)),
+    "valley": fl.Mist.preset("valley", visibility=250.0, wind=(1.5, 0.0, 0.3), color=0.9),
+    "tent snow": fl.TentSnow(flakes=300),
+    "tent rain": fl.TentRain(),
+    "cone snow": fl.ConeSnow.preset("heavy"),
+    "cone rain": fl.ConeRain(),
 }
 
 
@@ -61,7 +52,7 @@ MOVES = [(w, c) for i, w in enumerate(WEATHERS) for c in {"still", ["turning", "
 
 @pytest.mark.parametrize("weather, camera", sorted(MOVES))
 def test_the_last_and_the_first_frame_differ_as_others_do(weather: str, camera: str):
-    scene = made(WEATHERS[weather](), CAMERAS[camera]())
+    scene = made(WEATHERS[weather], CAMERAS[camera])
     film = [scene.render(t) for t in range(FRAMES + 1)]
     assert np.array_equal(film[0], film[FRAMES])
     assert np.array_equal(scene.render(-3), film[FRAMES - 3])
@@ -80,7 +71,7 @@ def test_without_a_period_the_film_goes_on():
 
 
 def test_as_much_is_there_at_all_times():
-    scene = made(fl.Snow(density=20.0, fall=1.4, haze=0.2, far=30.0))
+    scene = made(WEATHERS["snow"])
     means = [cover(scene, t).mean() for t in range(0, FRAMES, 3)]
     assert np.ptp(means) < 0.02 * np.mean(means)
     # An even veil is there once, not in parts: at any time what it is without a loop.
@@ -102,7 +93,7 @@ def test_waves_turn_by_whole_cycles():
 
 def test_what_does_not_end_as_it_began_goes_back_and_is_said():
     snow = fl.Snow(density=fl.Keys([(0, 5.0), (10, 20.0)]), amount=fl.Keys([(0, 1.0), (24, 1.0)]))
-    scene = made(snow, turning())
+    scene = made(snow, CAMERAS["turning"])
     assert len(scene.bent) == 2
     assert scene.bent[0] == (
         "effects[0] (snow): density does not end as it begins: from frame 18 on it goes back"
@@ -117,8 +108,6 @@ def test_what_does_not_end_as_it_began_goes_back_and_is_said():
 
 
 def test_keys_are_closed():
-    from flurries.effects.loop import closed
-
     lap = Lap(0, 40)
     keys, back = closed(fl.Keys([(0, 1.0), (10, 3.0), (35, 7.0)]), lap)
     assert back == 30.0
@@ -133,7 +122,7 @@ def test_keys_are_closed():
 
 def test_a_camera_ends_where_lamps_stand():
     lamp = fl.Lamp(place=(2.0, 0.0, 10.0), power=20.0)
-    scene = made(fl.Snow(density=20.0, color="local"), flying(), lights=[lamp])
+    scene = made(fl.Snow(density=20.0, color="local"), CAMERAS["flying"], lights=[lamp])
     assert "its velocity is changed by 3 a second" in scene.bent[0]
     assert np.array_equal(scene.render(0), scene.render(FRAMES))
 
@@ -153,8 +142,6 @@ def test_a_loop_is_saved_and_counts_its_own_frames(tmp_path: Any):
 
 
 def test_the_command_line_loops(tmp_path: Any, capsys: Any):
-    from flurries.cli.main import main
-
     where = str(tmp_path / "%04d.png")
     given = ["render", "#405060", "--size", "64x48", "--mist", "valley", "--loop", "4", "-o", where]
     assert main([*given, "--frames", "0,1,4"]) == 0

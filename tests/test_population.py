@@ -1,4 +1,4 @@
-"""Snow and rain of one population: laws, drawing, and the texture against every flake drawn."""
+"""Snow and rain of one population: laws, drawing, the texture against every flake drawn, keys."""
 
 from __future__ import annotations
 
@@ -9,39 +9,33 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from flurries.effects.population import product
 from flurries.particles.population import Population, slabs_of
-from flurries.particles.precipitation import (
+from flurries.particles.sizes import (
+    Sizes,
     drop_mass,
     drop_speed,
-    rain_sizes,
-    rate_of,
+    rain_of,
     snow_mass,
-    snow_sizes,
+    snow_of,
     snow_speed,
 )
-from flurries.particles.sizes import Sizes
 from measure import cover
 
-LENS = (300.0, 40.0, 30.0, (0.0, 0.0, 0.0), 0.1)
-SHAPE = (60, 80)
+SIZES = Sizes.with_mean(0.003, 0.008, 0.03)
+DENSE = Population(50.0, SIZES, 0.9, snow_speed)
 
 
-@pytest.mark.parametrize(
-    "law",
-    [
-        (0.002, 0.004, 0.03),
-        (0.002, 0.014, 0.03),
-        (0.002, 0.027, 0.03),
-        # It ends long before the largest.
-        (0.001, 0.0018, 0.04),
-    ],
-)
+@pytest.mark.parametrize("law", [
+    (0.002, 0.004, 0.03), (0.002, 0.014, 0.03), (0.002, 0.027, 0.03),
+    # It ends long before the largest.
+    (0.001, 0.0018, 0.04),
+])  # fmt: skip
 def test_sizes_have_their_mean_and_law(law: tuple[float, float, float]):
     sizes = Sizes.with_mean(*law)
     shares = (np.arange(400_000) + 0.5) / 400_000
     diameters = sizes.quantile(shares)
     assert diameters.mean() == pytest.approx(law[1], rel=1e-6)
-    np.testing.assert_allclose(sizes.below(diameters), shares, atol=1e-12)
     # The density falls as exp(-slope D): its logarithm is a line.
     edges = np.linspace(law[0], law[2], 9)
     parts = np.diff(np.searchsorted(diameters, edges) / len(shares))
@@ -64,187 +58,293 @@ def test_rates_are_carried_by_the_flakes_and_drops(rate: float):
         at = Sizes.with_mean(*given).quantile(shares)
         carried = 3600.0 * effect.density * float((mass(at) * speed(at)).mean())
         assert carried == pytest.approx(rate, rel=1e-4)
+    assert rain_of(2.0 * rate)[1].mean > rain_of(rate)[1].mean
 
 
 def test_snow_hides_as_far_as_it_was_seen_to():
     """Rasmussen et al. 1999 see 0.5 to 2 km in light, and 100 to 500 m in heavy snow."""
-    for rate, (low, high) in {
-        1.0: (500.0, 2500.0),
-        3.0: (300.0, 1000.0),
-        10.0: (80.0, 500.0),
-    }.items():
-        sizes = snow_sizes(rate)
-        number = rate / rate_of(1.0, sizes, snow_mass, snow_speed)
-        extinction = Population(number, sizes, 0.9, snow_speed).extinction
-        assert low < 3.912 / extinction < high
-    assert rain_sizes(50.0).mean > rain_sizes(1.0).mean
+    seen = {1.0: (500.0, 2500.0), 3.0: (300.0, 1000.0), 10.0: (80.0, 500.0)}
+    for rate, (low, high) in seen.items():
+        assert low < 3.912 / Population(*snow_of(rate), 0.9, snow_speed).extinction < high
 
 
 def test_classes_share_out_all_flakes_and_their_area():
-    sizes = Sizes.with_mean(0.003, 0.008, 0.03)
-    population = Population(50.0, sizes, 0.9, snow_speed)
     for count in (1, 2, 5):
-        classes = population.classes(count)
+        classes = DENSE.classes(count)
         assert sum(one.density for one in classes) == pytest.approx(50.0)
-        area = sum(one.density * one.square for one in classes)
-        assert area == pytest.approx(50.0 * sizes.moment(2.0), rel=1e-6)
+        nodes = [SIZES.nodes(one.smallest, one.largest) for one in classes]
+        areas = [float(share @ at**2) for at, share in nodes]
+        assert areas == pytest.approx([SIZES.moment(2.0) / count] * count, rel=1e-3)
         assert [one.fall for one in classes] == sorted(one.fall for one in classes)
 
 
 def test_slabs_cover_what_the_air_beyond_the_drawn_flakes_does():
-    """By a sum over a million flakes in the pyramid behind a tile."""
-    sizes = Sizes.with_mean(0.003, 0.008, 0.03)
-    population = Population(50.0, sizes, 0.9, snow_speed)
-    focal, tile, far = 700.0, 64, 40.0
-    rng = np.random.default_rng(3)
-    for one in population.classes(2):
+    """By a sum over a million flakes in the pyramid behind a pixel."""
+    focal, far, rng = 700.0, 40.0, np.random.default_rng(3)
+    fine = SIZES.quantile(np.linspace(0.0, 1.0, 100_001))
+    for one in DENSE.classes(2):
         reach = 200.0 * one.largest
         edges = np.linspace(reach, far, 7)
-        slabs = slabs_of(population, one, focal, tile, reach=reach, far=far, edges=edges)
+        slabs = slabs_of(DENSE, one, focal, reach=reach, far=far, edges=edges)
         depth = (rng.random(1_000_000) * (far**3 - reach**3) + reach**3) ** (1 / 3)
         part = np.clip((depth / reach - 1.0) / 0.08, 0.0, 1.0)
         share = part * part * (3.0 - 2.0 * part)
-        low, high = sizes.below(one.smallest), sizes.below(one.largest)
-        size = sizes.quantile(low + rng.random(1_000_000) * (high - low))
-        number = one.density * (tile / focal) ** 2 * (far**3 - reach**3) / 3.0
+        low, high = np.interp([one.smallest, one.largest], fine, np.linspace(0.0, 1.0, len(fine)))
+        size = SIZES.quantile(low + rng.random(1_000_000) * (high - low))
+        number = one.density / focal**2 * (far**3 - reach**3) / 3.0
         area = number * 0.9 * 0.25 * math.pi * (share * (focal * size / depth) ** 2).mean()
         assert sum(slab.coverage for slab in slabs) == pytest.approx(area, rel=5e-3)
         assert sum(slab.count for slab in slabs) == pytest.approx(number * share.mean(), rel=2e-3)
 
 
-def _scene(method: str, *, shape: tuple[int, int] = (160, 200), **fields: Any) -> fl.Scene:
-    seed = fields.pop("scene_seed", 1)
-    options = {name: fields.pop(name) for name in ("depth", "camera") if name in fields}
+def scene(
+    method: str = "hybrid", *, shape: tuple[int, int] = (160, 200), seed: int = 1,
+    depth: Any = None, camera: Any = None, **fields: Any,
+) -> fl.Scene:  # fmt: skip
     snow = fl.Snow(**{"density": 60.0, "method": method, "far": 40.0, **fields})
-    return fl.Scene((shape[1], shape[0]), "#000000", effects=[snow], seed=seed, **options)
+    return fl.Scene((shape[1], shape[0]), "#000000", camera, effects=[snow], seed=seed, depth=depth)
 
 
-def _alpha(scene: fl.Scene, t: float = 7.0) -> np.ndarray:
-    found: np.ndarray = cover(scene, t)
-    return found
+def alpha(shown: fl.Scene, t: float = 7.0) -> np.ndarray:
+    return cover(shown, t).astype(np.float64)
 
 
-def test_the_texture_stands_for_the_flakes_that_it_replaces():
-    """Mean, deviation and likeness to the next frame, over two seeds; near flakes are the same."""
-    sums = {}
-    for method in ("hybrid", "simulated"):
-        scenes = [_scene(method, scene_seed=seed, far=20.0) for seed in range(2)]
-        first = [_alpha(scene) for scene in scenes]
-        after = [_alpha(scene, 8.0) for scene in scenes]
-        like = [np.corrcoef(a.ravel(), b.ravel())[0, 1] for a, b in zip(first, after, strict=True)]
-        sums[method] = (
-            np.mean([a.mean() for a in first]),
-            np.mean([a.std() for a in first]),
-            np.mean(like),
-        )
-    ours, all_drawn = sums["hybrid"], sums["simulated"]
-    assert ours[0] == pytest.approx(all_drawn[0], rel=0.02)
-    assert ours[1] == pytest.approx(all_drawn[1], rel=0.04)
-    assert ours[2] == pytest.approx(all_drawn[2], abs=0.03)
+def memory(film: list[np.ndarray], most: int) -> np.ndarray:
+    """Return the correlation of pixels with themselves after 0 to `most` frames."""
+    frames = np.stack(film).reshape(len(film), -1)
+    frames -= frames.mean(axis=1, keepdims=True)
+    frames /= frames.std(axis=1, keepdims=True)
+    both = (frames @ frames.T) / frames.shape[1]
+    return np.array([np.diagonal(both, lag)[:20].mean() for lag in range(most + 1)])
+
+
+def test_pixels_forget_snow_straight_down_as_drawn_flakes_do():
+    # No wind and no sway. After 24 frames drawn flakes are gone from where they were: 1.5 m/s at
+    # 22 m is .8 px a frame. The texture must not show the same ones again, in any layer.
+    hybrid, simulated = (
+        scene(method, density=30.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 1.0), near=6.0, far=22.0,
+              fall=1.5, shape=(288, 384), camera=fl.Camera(360.0), seed=4)
+        for method in ("hybrid", "simulated")
+    )  # fmt: skip
+    drawn = memory([alpha(simulated, t) for t in range(0, 28, 4)], 6)
+    ours = memory([alpha(hybrid, t) for t in range(0, 68, 4)], 6)
+    assert abs(drawn[6]) < 0.02
+    assert np.abs(ours[1:] - drawn[1:]).max() < 0.02, (ours, drawn)
+    texture = hybrid.effects[0].parts.texture
+    film = [texture.alpha(hybrid.program.views(t)[0][1], 1.0) for t in range(0, 240, 4)]
+    assert np.abs(memory(film, 40)[7:]).max() < 0.02
 
 
 def test_both_methods_draw_the_same_near_flakes():
     """What the hybrid draws, faded where the texture takes over, lies within what is simulated."""
-    drawn = _scene("hybrid", far=15.0).render(7.0, layers=True).coverages["snow"]
-    whole = _alpha(_scene("simulated", far=15.0))
+    drawn = scene("hybrid", far=15.0).render(7.0, layers=True).coverages["snow"]
     assert drawn.max() > 0.5
-    assert (whole - drawn).min() > -1e-3
-    other = _alpha(_scene("simulated", scene_seed=2, far=15.0))
-    assert (other - drawn).min() < -0.3
+    assert (alpha(scene("simulated", far=15.0)) - drawn).min() > -1e-3
+    assert (alpha(scene("simulated", seed=2, far=15.0)) - drawn).min() < -0.3
 
 
 @pytest.mark.parametrize("wall", [20.0, 60.0, 200.0])
 def test_extinction_before_a_wall_is_that_of_all_flakes(wall: float):
     """exp(-density * area * depth): flakes near, far and beyond `far` are counted once."""
-    means = [
-        1.0 - _alpha(_scene("hybrid", scene_seed=seed, depth=wall, near=0.5)).mean()
-        for seed in range(5)
-    ]
-    sizes = Sizes.with_mean(*fl.Snow().flake_size)
-    extinction = 60.0 * 0.9 * 0.25 * math.pi * sizes.moment(2.0)
+    means = [1.0 - alpha(scene(seed=seed, depth=wall, near=0.5)).mean() for seed in range(5)]
+    extinction = 60.0 * 0.9 * 0.25 * math.pi * Sizes.with_mean(*fl.Snow().flake_size).moment(2.0)
     # From the middle of the fade before the lens on.
     wanted = math.exp(-extinction * (wall - 0.5 * (1.0 + 1.25) / 2.0))
     assert np.mean(means) == pytest.approx(wanted, abs=0.012)
 
 
+@pytest.mark.parametrize("method", ["hybrid", "simulated"])
+def test_nothing_is_nearer_than_the_near_depth(method: str):
+    # Also where flakes at that depth are the texture's: by the extinction of those beyond.
+    for near in (0.5, 12.0):
+        shown = scene(
+            method, near=near, far=25.0, shape=(120, 160), camera=fl.Camera(190.0), seed=2
+        )
+        extinction = shown.effects[0].parts.texture.weather.population.extinction
+        # Flakes fade in over a quarter of the near depth.
+        wanted = extinction * (25.0 - 1.125 * near)
+        assert -np.log1p(-alpha(shown, 8.0).mean()) == pytest.approx(wanted, rel=0.05)
+
+
+def test_a_small_picture_is_a_large_one_made_smaller():
+    means, deviations = [], []
+    for seed in range(2):
+        small, large = (
+            alpha(scene(near=5.0, far=25.0, flake_size=(0.002, 0.005, 0.015), seed=seed,
+                        shape=(w, w), camera=fl.Camera(1.2 * w)), 8.0)
+            for w in (256, 2048)
+        )  # fmt: skip
+        made = large.reshape(256, 8, 256, 8).mean(axis=(1, 3))
+        means.append(small.mean() / made.mean())
+        deviations.append(small[4:-4, 4:-4].std() / made[4:-4, 4:-4].std())
+    assert np.mean(means) == pytest.approx(1.0, abs=0.01), means
+    assert np.mean(deviations) == pytest.approx(1.0, abs=0.03), deviations
+
+
 def test_less_snow_is_fewer_flakes_and_not_fainter_ones():
-    whole, half = (_alpha(_scene("hybrid", amount=amount)) for amount in (1.0, 0.5))
+    keyed = fl.Keys([(0, 0.5), (100, 0.5)])
+    whole, half, likewise = (alpha(scene(amount=amount)) for amount in (1.0, 0.5, keyed))
     assert np.log1p(-half).mean() == pytest.approx(0.5 * np.log1p(-whole).mean(), rel=0.06)
     assert half.max() > 0.8 * whole.max()
-    keyed = fl.Keys([(0, 0.5), (100, 0.5)])
-    likewise = _alpha(_scene("hybrid", amount=keyed))
     assert likewise.mean() == pytest.approx(half.mean(), rel=0.03)
 
 
 def test_snow_that_stops_falls_on_and_leaves_from_the_top():
     emission = fl.Keys([(0.0, 1.0), (0.01, 0.0)])
-    scene = _scene("hybrid", emission=emission, cloud=2.0, shape=(240, 120))
-    frames = [_alpha(scene, t) for t in (0.0, 60.0, 120.0, 1100.0)]
+    shown = scene(emission=emission, cloud=2.0, shape=(240, 120))
+    frames = [alpha(shown, t) for t in (0.0, 60.0, 120.0, 1100.0)]
     totals = [frame.mean() for frame in frames]
-    assert totals[0] > totals[1] > totals[2] > totals[3]
-    assert totals[3] == 0.0
-    top, bottom = frames[1][:80].mean(), frames[1][160:].mean()
-    assert top < 0.8 * bottom
-
-
-def test_eyes_see_flakes_by_their_depth():
-    left, right = _scene("hybrid", density=200.0).stereo(3.0, distance=0.06)
-    assert not np.array_equal(left, right)
-    assert left.mean() == pytest.approx(right.mean(), rel=0.05)
+    assert totals[0] > totals[1] > totals[2] > totals[3] == 0.0
+    assert frames[1][:80].mean() < 0.8 * frames[1][160:].mean()
+    wind = fl.Wind((1.0, 0.0, 0.0), profile=[(5.0, 1.0), (40.0, 2.0)])
+    with pytest.raises(ValueError, match=r"emission.*profile"):
+        fl.Snow(wind=wind, emission=emission)
 
 
 def test_a_turning_and_a_zooming_camera_keep_the_amount_of_snow():
     lens = fl.Camera(240.0)
-
-    def mean(camera: Any) -> float:
-        return float(_alpha(_scene("hybrid", density=200.0, camera=camera), 5.0).mean())
-
-    still = mean(lens)
-    turning = fl.CameraPath(lens, orientation=fl.Keys([(0, (0, 0, 0)), (30, (0.0, 0.4, 0.1))]))
-    assert _alpha(_scene("hybrid", density=200.0, camera=turning), 5.0).mean() == pytest.approx(
-        still, rel=0.08
+    still, *moving = (
+        alpha(scene(density=200.0, camera=camera), 5.0).mean()
+        for camera in (
+            lens,
+            fl.CameraPath(lens, orientation=fl.Keys([(0, (0, 0, 0)), (30, (0.0, 0.4, 0.1))])),
+            fl.CameraPath(lens, focal=fl.Keys([(0, 240.0), (30, 300.0)])),
+        )
     )
-    zoom = fl.CameraPath(lens, focal=fl.Keys([(0, 240.0), (30, 300.0)]))
-    assert _alpha(_scene("hybrid", density=200.0, camera=zoom), 5.0).mean() == pytest.approx(
-        still, rel=0.08
-    )
+    assert moving == pytest.approx([still, still], rel=0.08)
 
 
 def test_rain_shines_more_than_its_color_and_covers_no_more():
-    shown = {}
-    for gain in (1.0, 6.0):
-        rain = fl.Rain(rate_mm_h=20.0, gain=gain)
-        scene = fl.Scene((160, 120), "#303030", effects=[rain], seed=2, space="linear")
-        found = scene.render(4.0, layers=True)
-        shown[gain] = found.alpha, float(found.image.mean())
-    assert np.array_equal(shown[1.0][0], shown[6.0][0])
-    assert shown[6.0][1] > shown[1.0][1]
-
-
-def test_snow_that_stops_wants_one_wind():
-    wind = fl.Wind((1.0, 0.0, 0.0), profile=[(5.0, 1.0), (40.0, 2.0)])
-    with pytest.raises(ValueError, match=r"emission.*profile"):
-        fl.Snow(wind=wind, emission=fl.Keys([(0, 1.0), (50, 0.0)]))
-
-
-@pytest.mark.parametrize(
-    ("fall", "wind", "flight"),
-    [(3.0, (0.0, 0.0, 0.0), 0.0), (0.0, (3.0, 0.0, 0.0), 0.0), (0.0, (0.0, 0.0, 0.0), 6.0)],
-)
-def test_drawn_flakes_never_come_back_alike(
-    fall: float, wind: tuple[float, float, float], flight: float
-):
-    # Their box passes in 15, 18 and 22 frames; flakes at the same places again have .99.
-    snow = fl.Snow(
-        density=30.0, flake_size=(0.06, 0.06, 0.06), fall=fall, wind=wind, sway=(0.0, 0.0),
-        far=4.0, shutter=0.0, shape="round",
+    plain, bright = (
+        fl.Scene((160, 120), "#303030", effects=[fl.Rain(rate_mm_h=20.0, gain=gain)], seed=2,
+                 space="linear").render(4.0, layers=True)
+        for gain in (1.0, 6.0)
     )  # fmt: skip
-    path = fl.CameraPath(fl.Camera(200.0), velocity=(0.0, 0.0, flight))
-    scene = fl.Scene((48, 36), "#000000", path, [snow], seed=3)
+    assert np.array_equal(plain.alpha, bright.alpha)
+    assert bright.image.mean() > plain.image.mean()
+
+
+@pytest.mark.parametrize("kind", [fl.Snow, fl.Rain])
+def test_a_keyed_density_is_that_density(kind: Any):
+    def depth(density: Any, frames: range) -> float:
+        shown = fl.Scene((192, 128), effects=[kind(density=density, wind=(0, 0, 0))], seed=3)
+        return float(np.mean([-np.log1p(-np.minimum(alpha(shown, t), 0.999)).mean()
+                              for t in frames]))  # fmt: skip
+
+    keyed = fl.Keys([(60, 40.0), (100, 10.0)])
+    for density, frames in ((40.0, range(0, 60, 12)), (10.0, range(100, 160, 12))):
+        assert depth(keyed, frames) == pytest.approx(depth(density, frames), rel=0.15)
+
+
+def test_keyed_sizes_are_those_of_their_keys():
+    small, large = (0.002, 0.004, 0.012), (0.006, 0.014, 0.04)
+    keyed = scene(flake_size=fl.Keys([(0, small), (80, large)]))
+    for frame, size in ((0, small), (80, large), (200, large)):
+        alone = alpha(scene(flake_size=size), frame).mean()
+        assert alpha(keyed, frame).mean() == pytest.approx(alone, rel=0.3)
+    assert len(keyed.render(40, layers=True).layers) == 2
+    steps = [keyed.render(t).astype(np.float64).mean() for t in (79.0, 79.9, 80.0, 80.1)]
+    assert np.ptp(steps) < 0.2 * np.mean(steps)
+
+
+def test_keyed_color_goes_between_its_keys():
+    color = fl.Keys([(0, (1.0, 0.0, 0.0)), (10, (0.0, 0.0, 1.0))])
+    shown = scene(color=color)
+    assert shown.render(0)[..., 2].max() == 0.0 < shown.render(0)[..., 0].max()
+    assert shown.render(10)[..., 0].max() == 0.0 < shown.render(10)[..., 2].max()
+
+
+def test_products_of_keys():
+    first, second = fl.Keys([(0, 0.0), (10, 1.0)]), fl.Keys([(5, 2.0), (20, 0.0)])
+    found = product(first, second)
+    for t in np.linspace(0.0, 20.0, 33).tolist():
+        assert abs(found.value(t) - first.value(t) * second.value(t)) < 0.02  # type: ignore[union-attr]
+
+
+def test_keys_are_saved_and_refused(tmp_path: Any):
+    sizes = fl.Keys([(0, (0.002, 0.004, 0.01)), (9, (0.003, 0.006, 0.02))])
+    shown = scene(density=fl.Keys([(0, 5.0), (9, 9.0)]), flake_size=sizes)
+    shown.save(tmp_path / "keys.toml")
+    again = fl.Scene.load(tmp_path / "keys.toml")
+    assert np.array_equal(again.render(4), shown.render(4))
+    with pytest.raises(ValueError, match="density"):
+        fl.Snow(density=fl.Keys([(0, -1.0), (9, 9.0)]))
+    with pytest.raises(ValueError, match="flake_size"):
+        fl.Snow(flake_size=fl.Keys([(0, 1.0), (9, 9.0)]))
+
+
+PROFILE = [(2.0, (1.0, 0.0, 0.0)), (9.0, (-3.0, 0.5, 0.0)), (25.0, (4.0, -0.3, 0.0))]
+
+
+def windy(mean: tuple[float, float, float], profile: Any, **fields: Any) -> fl.Scene:
+    """Snow in a wind that differs by depth, wide enough for some hundreds of drawn flakes."""
+    given = {"density": 30.0, "sway": (0.0, 1.0), "far": 30.0, **fields}
+    wind = fl.Wind(mean, profile=profile)
+    return scene(wind=wind, shape=(288, 384), camera=fl.Camera(300.0), seed=0, **given)
+
+
+def test_flakes_move_with_the_wind_of_their_depth():
+    shown = windy((0.3, 0.0, 0.2), PROFILE, fall=1.5, flake_size=(0.008, 0.008, 0.008))
+    early, late = fl.flakes(shown, 30.0), fl.flakes(shown, 30.5)
+    _, one, other = np.intersect1d(early["id"], late["id"], return_indices=True)
+    assert len(one) > 100
+    moved = (late["place"][other] - early["place"][one]) * 60.0
+    depth = early["depth"][one]
+    for axis, mean in enumerate((0.3, 1.5)):
+        want = mean + np.interp(depth, *zip(*((z, v[axis]) for z, v in PROFILE), strict=True))
+        # The air comes nearer at .2 m/s: what a flake felt on its way was other depths' wind.
+        assert moved[:, axis] == pytest.approx(want, abs=0.35)
+        assert np.median(np.abs(moved[:, axis] - want)) < 0.05
+    assert moved[:, 2] == pytest.approx(0.2, abs=1e-6)
+
+
+@pytest.mark.parametrize("t", [3000.0, -400.0])
+def test_a_profile_leaves_as_many_flakes_in_view(t: float):
+    # However far it has carried them.
+    shown = windy((0.3, 0.0, 0.0), PROFILE)
 
     def seen(t: float) -> np.ndarray:
-        return cover(scene, t).ravel()
+        found = fl.flakes(shown, t)
+        inside = ((found["pixel"] > 0.0) & (found["pixel"] < (384, 288))).all(axis=1)
+        return np.histogram(found["depth"][inside], [1.0, 2.0, 3.0, 4.0])[0]
 
-    first = seen(0.0)
-    assert first.std() > 0.2
-    assert max(np.corrcoef(first, seen(t))[0, 1] for t in np.arange(10.0, 70.0, 0.25)) < 0.5
+    still, later = seen(0.0), seen(t)
+    assert still.sum() > 140
+    assert np.abs(later - still).max() < 4.0 * np.sqrt(2.0 * still.max())
+
+
+def test_all_flakes_drawn_and_the_texture_feel_one_profile():
+    # A wind that grows with depth: pixels forget their flakes as fast in both, and faster than
+    # in the wind of the nearest air.
+    wind = fl.Wind((0.2, 0.0, 0.0), profile=[(4.0, 1.0), (24.0, 30.0)])
+    lags = (1, 4)
+
+    def remembered(method: str, wind: Any) -> tuple[np.ndarray, float]:
+        rows, means = [], []
+        for seed in range(4):
+            shown = scene(method, wind=wind, density=25.0, far=22.0, fall=0.2, sway=(0.0, 1.0),
+                          shape=(120, 160), camera=fl.Camera(150.0), seed=seed)  # fmt: skip
+            film = [alpha(shown, 20 + lag) for lag in (0, *lags)]
+            rows.append([np.corrcoef(film[0].ravel(), one.ravel())[0, 1] for one in film[1:]])
+            means.append(film[0].mean())
+        return np.mean(rows, axis=0), float(np.mean(means))
+
+    ours, mean = remembered("hybrid", wind)
+    drawn, wanted = remembered("simulated", wind)
+    steady, _ = remembered("hybrid", (0.2, 0.0, 0.0))
+    assert mean == pytest.approx(wanted, rel=0.02)
+    assert np.abs(ours - drawn).max() < 0.04, (ours, drawn)
+    assert steady[0] - ours[0] > 0.1, (steady, ours)
+
+
+def test_the_texture_s_motion_is_that_of_its_layers():
+    # Of one depth's wind alone it would be 30 times as much or as little.
+    profile = [(4.0, 1.0), (24.0, 30.0)]
+    shown = windy((0.2, 0.0, 0.0), profile, density=60.0, fall=0.0, flake_size=(0.008,) * 3)
+    texture = shown.effects[0].parts.texture
+    views = [shown.program.views(t)[0][1] for t in (5.0, 6.0)]
+    (moved, *_), _ = texture.passes(views[0], [views[1]])
+    film = texture.weather.film(views[0])
+    factor = np.interp(film.depths, *zip(*profile, strict=True))
+    want = 300.0 * 0.2 / 30.0 * (film.covers / film.depths * factor).sum() / film.covers.sum()
+    assert moved[90, 120] == pytest.approx([want, 0.0], rel=1e-5)

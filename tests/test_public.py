@@ -86,7 +86,7 @@ def test_a_function_that_is_forgotten_is_noticed(monkeypatch: pytest.MonkeyPatch
 
 
 # Arrays among words, arguments that a mode does not look at, and three of which
-# `test_flakes_depth.py`, `test_cameras.py` and `test_augment.py` have more.
+# `test_flakes.py`, `test_cameras.py` and `test_augment.py` have more.
 UNTRIED = {
     "composite.join layers", "io.write_layers layers", "io.write_layer_views views",
     "cone.path(published) exposure",

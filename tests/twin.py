@@ -18,9 +18,6 @@ Floats = NDArray[np.float64]
 Shape = tuple[int, int]
 
 
-# Frequencies --------------------------------------------------------------------------------------
-
-
 def signed(length: int) -> NDArray[np.int64]:
     """Signed wave numbers k in fftfreq order; an even length stores Nyquist as -length/2."""
     k = np.arange(length)
@@ -48,9 +45,6 @@ def reduced(cycles: ArrayLike) -> Floats:
     """Cycles reduced to [-1/2, 1/2)."""
     cycles = np.asarray(cycles, dtype=np.float64)
     return cycles - np.floor(cycles + 0.5)
-
-
-# Random phases ------------------------------------------------------------------------------------
 
 
 def mix64(z: ArrayLike) -> NDArray[np.uint64]:
@@ -99,9 +93,6 @@ def random_phase(shape: Shape, *, seed: int, tile: tuple[int, int] = (0, 0)) -> 
     return np.where(self_conjugate(shape), own, phase)
 
 
-# The tent -----------------------------------------------------------------------------------------
-
-
 def without_nyquist(shape: Shape) -> tuple[Floats, Floats]:
     """(fy, fx) with each axis' component zero on its own Nyquist line, so that rates are odd."""
     (ky, kx), (fy, fx) = wave_numbers(shape), frequencies(shape)
@@ -146,19 +137,13 @@ def plane_rate(shape: Shape, shift: ArrayLike) -> Floats:
 
 
 def advance_phase(
-    phase: ArrayLike,
-    drift: ArrayLike,
-    *,
-    shift: ArrayLike = (0.0, 0.0),
+    phase: ArrayLike, drift: ArrayLike, *, shift: ArrayLike = (0.0, 0.0),
     wavelength_max: float = 32.0,
-) -> Floats:
+) -> Floats:  # fmt: skip
     """Sections 1 and 3: phases *add*; the finished phase is reduced, never the drift."""
     phase = np.asarray(phase, dtype=np.float64)
     tent = tent_rate(phase.shape, drift, wavelength_max=wavelength_max)
     return reduced(phase + tent + plane_rate(phase.shape, shift))
-
-
-# Band and amplitudes ------------------------------------------------------------------------------
 
 
 @lru_cache(maxsize=256)
@@ -187,20 +172,11 @@ def band_amplitude(
     return amplitude / np.sqrt(np.sum(amplitude**2))
 
 
-# Temporal aliasing and shutter --------------------------------------------------------------------
-
-
 def temporal_filter(
-    amplitude: ArrayLike,
-    velocity: ArrayLike,
-    *,
-    shift_rate: ArrayLike = (0.0, 0.0),
-    alias: str = "cut",
-    soft_from: float = 0.4,
-    shutter: float = 0.0,
-    renormalise: bool = False,
+    amplitude: ArrayLike, velocity: ArrayLike, *, shift_rate: ArrayLike = (0.0, 0.0),
+    alias: str = "cut", soft_from: float = 0.4, shutter: float = 0.0, renormalise: bool = False,
     wavelength_max: float = 32.0,
-) -> Floats:
+) -> Floats:  # fmt: skip
     """The cut, then (on request) the input's power again, then the box shutter."""
     amplitude = np.asarray(amplitude, dtype=np.float64)
     rate = tent_rate(amplitude.shape, velocity, wavelength_max=wavelength_max)
@@ -220,9 +196,6 @@ def without_aliases(amplitude: Floats, rate: Floats, alias: str, soft_from: floa
         along = np.clip((np.abs(rate) - soft_from) / (0.5 - soft_from), 0.0, 1.0)
         gain = gain * np.cos(np.pi / 2 * along) ** 2
     return amplitude * gain
-
-
-# Sections 0 and 1: from the spectrum to pixels ----------------------------------------------------
 
 
 def direct_sum(amplitude: ArrayLike, phase: ArrayLike) -> Floats:
@@ -248,17 +221,10 @@ def inverse_transform(amplitude: ArrayLike, phase: ArrayLike) -> Floats:
     return np.fft.ifft2(spectrum, norm="forward").real
 
 
-# Opacity ------------------------------------------------------------------------------------------
-
-
 def opacity(
-    field: ArrayLike,
-    *,
-    mean: float = 0.5,
-    spread: float = 3.0,
-    power: float = 2.0,
+    field: ArrayLike, *, mean: float = 0.5, spread: float = 3.0, power: float = 2.0,
     amount: float = 1.0,
-) -> Floats:
+) -> Floats:  # fmt: skip
     """amount * clip(mean + z/(2 spread), 0, 1)^power."""
     z = np.asarray(field, dtype=np.float64)
     return amount * np.clip(mean + z / (2.0 * spread), 0.0, 1.0) ** power
@@ -278,9 +244,6 @@ def opacity_mean(mean: float = 0.5, spread: float = 3.0) -> float:
     inside += 2.0 * mean * sigma * (density[0] - density[1])
     inside += sigma**2 * (low * density[0] - high * density[1])
     return float(inside + 1.0 - below[1])
-
-
-# Tiles and blending -------------------------------------------------------------------------------
 
 
 def tile_starts(length: int, *, tile: int = 64, overlap: int = 10) -> NDArray[np.int64]:
@@ -332,9 +295,6 @@ def blend_tiles(
     return picture[: shape[0], : shape[1]]
 
 
-# One frame ----------------------------------------------------------------------------------------
-
-
 def ring_of(shape: Shape, ring_edges: ArrayLike) -> NDArray[np.int64]:
     """Ring r holds edges[r] < lambda <= edges[r+1]; the rest join the end rings."""
     inner = np.asarray(ring_edges, dtype=np.float64)[1:-1]
@@ -354,27 +314,13 @@ def of_tile(value: ArrayLike, row: int, col: int, rings: NDArray[np.int64] | Non
 
 
 def field(
-    shape: Shape,
-    *,
-    drift: ArrayLike,
-    shift: ArrayLike = (0.0, 0.0),
-    seed: int,
-    tile: int | Shape = 64,
-    overlap: int = 10,
-    wavelengths: tuple[float, float] = (4.0, 32.0),
-    exponent: float = 1.0,
-    velocity: ArrayLike | None = None,
-    shift_rate: ArrayLike | None = None,
-    alias: str = "keep",
-    soft_from: float = 0.4,
-    shutter: float = 0.0,
-    jitter: bool = False,
-    shortest: ArrayLike | None = None,
-    blend: str = "power",
-    ring_edges: ArrayLike | None = None,
-    ring_gains: ArrayLike | None = None,
-    direct: bool = False,
-) -> Floats:
+    shape: Shape, *, drift: ArrayLike, shift: ArrayLike = (0.0, 0.0), seed: int,
+    tile: int | Shape = 64, overlap: int = 10, wavelengths: tuple[float, float] = (4.0, 32.0),
+    exponent: float = 1.0, velocity: ArrayLike | None = None, shift_rate: ArrayLike | None = None,
+    alias: str = "keep", soft_from: float = 0.4, shutter: float = 0.0, jitter: bool = False,
+    shortest: ArrayLike | None = None, blend: str = "power", ring_edges: ArrayLike | None = None,
+    ring_gains: ArrayLike | None = None, direct: bool = False,
+) -> Floats:  # fmt: skip
     """One frame, tile by tile; `direct` takes the cosine sum instead of the FFT."""
     size = (tile, tile) if isinstance(tile, int) else tile
     rows = len(tile_starts(shape[0], tile=size[0], overlap=overlap))

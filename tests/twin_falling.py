@@ -30,33 +30,16 @@ _IN_CUBE, _SIDES = 100_000, (2.5, 15.0)
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """A camera with its way, and the air that it sees.
+    """A camera with its way, and the air that it sees."""
 
-    Attributes
-    ----------
-    size : (width, height)
-    focal : float
-        Pixels.
-    velocity, wind : (x, y, z)
-        m/s, x right, y down, z forward.
-    spin : float
-        Radians a second, to the right.
-    zoom : float
-        Growth of the logarithm of the focal length a second.
-    sway : (amplitude, rate)
-        Metres, radians a second.
-    shutter, fps : float
-        Frames, frames a second.
-    """
-
-    size: tuple[int, int]
-    focal: float
-    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    size: tuple[int, int]  # (width, height), px.
+    focal: float  # Pixels.
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m/s, x right, y down, z forward.
     wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    spin: float = 0.0
-    zoom: float = 0.0
-    sway: tuple[float, float] = (0.0, 0.0)
-    shutter: float = 0.5
+    spin: float = 0.0  # Radians a second, to the right.
+    zoom: float = 0.0  # Growth of the logarithm of the focal length a second.
+    sway: tuple[float, float] = (0.0, 0.0)  # (amplitude, rate): metres, radians a second.
+    shutter: float = 0.5  # Frames.
     fps: float = 30.0
 
     def matrix(self, t: float) -> Floats:
@@ -94,20 +77,7 @@ def film(
     law: Law, view: View, times: Sequence[float], seed: int,
     window: tuple[int, int, int, int] | None = None,
 ) -> Floats:  # fmt: skip
-    """Return the opacity of all flakes at frames.
-
-    Parameters
-    ----------
-    times : sequence of float
-        Frames.
-    seed : int
-    window : (top, bottom, left, right), optional
-        Pixels that are made; all if not given.
-
-    Returns
-    -------
-    (len(times), h, w) float64
-    """
+    """Return the opacity of all flakes at frames, (len(times), h, w), of a window or all pixels."""
     top, bottom, left, right = window or (0, view.size[1], 0, view.size[0])
     shape = bottom - top, right - left
     canvases = [Canvas(shape, law.opacity, seed) for _ in times]

@@ -68,16 +68,10 @@ def tile_of(
 
 
 def optical_depth(
-    shape: tuple[int, int],
-    spectra: np.ndarray,
-    *,
-    drift: np.ndarray,
-    velocity: np.ndarray | None = None,
-    shutter: float = 0.0,
-    gain: np.ndarray | None = None,
-    shear: float = 0.0,
-    overlap: int = 10,
-) -> np.ndarray:
+    shape: tuple[int, int], spectra: np.ndarray, *, drift: np.ndarray,
+    velocity: np.ndarray | None = None, shutter: float = 0.0, gain: np.ndarray | None = None,
+    shear: float = 0.0, overlap: int = 10,
+) -> np.ndarray:  # fmt: skip
     """A frame in which every tile has pattern 0, unshifted."""
     layers, _, tile, _ = spectra.shape
     rows, cols = (len(twin.tile_starts(n, tile=tile, overlap=overlap)) for n in shape)

@@ -17,34 +17,16 @@ from twin_footprints import Floats
 
 @dataclass(frozen=True, kw_only=True)
 class Law:
-    """A population: how many, how large and how fast.
+    """A population: how many, how large and how fast."""
 
-    Attributes
-    ----------
-    density : float
-        1/m3.
-    sizes : (smallest, mean, largest)
-        Diameters, metres.
-    opacity : float
-        Mean over a flake's disc.
-    kind : {"snow", "rain"}
-        Which speeds.
-    fall : float or None
-        Speed of a flake of the mean size, m/s; None is that of the kind.
-    near, far : float
-        Depths that hold flakes, metres.
-    fades : (near, far)
-        Flakes come in from near to near times the first, and go over the second on both sides of
-        far.
-    """
-
-    density: float
-    sizes: tuple[float, float, float]
-    opacity: float = 0.9
-    kind: str = "snow"
-    fall: float | None = None
-    near: float = 0.4
+    density: float  # 1/m3.
+    sizes: tuple[float, float, float]  # (smallest, mean, largest): diameters, metres.
+    opacity: float = 0.9  # Mean over a flake's disc.
+    kind: str = "snow"  # Or "rain": which speeds.
+    fall: float | None = None  # Of a flake of the mean size, m/s; None is that of the kind.
+    near: float = 0.4  # Depths that hold flakes, metres.
     far: float = 60.0
+    # Flakes come in from near to near times the first, and go over the second on both sides of far.
     fades: tuple[float, float] = (1.25, 0.07)
 
     def slope(self) -> float:

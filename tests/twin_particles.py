@@ -8,24 +8,20 @@ from fractions import Fraction
 import numpy as np
 from scipy.special import erf, erfc
 
+import twin
+
 MASK = 2**64 - 1
 STREAM = int.from_bytes(b"flakebox", "big")
 
 
 def mix64(value: int) -> int:
     """Splitmix64's finalizer."""
-    z = (value + 0x9E3779B97F4A7C15) & MASK
-    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & MASK
-    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & MASK
-    return z ^ (z >> 31)
+    return int(twin.mix64(value)[0])
 
 
 def unit(seed: int, index: int, word: int) -> float:
     """Return the number in [0, 1) that belongs to a flake."""
-    state = 0
-    for key in (seed, STREAM, index, word):
-        state = mix64(state ^ (key & MASK))
-    return (state >> 11) / 2**53
+    return float(twin.unit(twin.hashed(seed, STREAM, index, word))[0])
 
 
 def position(index, box, seed, velocity, time, center, axis) -> Fraction:
@@ -114,10 +110,3 @@ def splat(shape, flakes, focal, *, center=None, offset=(0, 0, 0), near=0.1, dept
         with np.errstate(divide="ignore"):
             log += np.log1p(-alpha)
     return -np.expm1(log)
-
-
-def edge_fade(points, box, center):
-    """Return the product of the axes' fades."""
-    reach = 2 * np.abs(np.asarray(points) - np.asarray(center)) / np.asarray(box)
-    t = np.clip((reach - 0.85) / 0.15, 0, 1)
-    return np.prod(1 - t * t * (3 - 2 * t), axis=1)

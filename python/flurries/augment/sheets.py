@@ -183,10 +183,10 @@ def _made(rungs: Rungs) -> Sheets:
     if reach >= falling.far:
         return Sheets(falling.far, [], [], none, none, np.zeros(2), none)
     law, mean = law_of(falling.sizes), square(falling.sizes)
-    one = SizeClass(look.density, law.smallest, law.largest, mean, 0.0)
+    one = SizeClass(look.density, law.smallest, law.largest, 0.0)
     population = Population(look.density, law, OPACITY, np.ones_like)
     slabs = slabs_of(
-        population, one, focal, 1, reach=reach, far=falling.far,
+        population, one, focal, reach=reach, far=falling.far,
         edges=layer_edges(reach, falling.far, LAYERS),
     )  # fmt: skip
     angle = rungs.turn * _turn_of(rungs.way)

@@ -18,12 +18,11 @@ from flurries._contract import Float64
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur
 from flurries.effects.flakes import Flakes
-from flurries.effects.gusts import carried_by_profile, wave_weights
-from flurries.effects.weather import HEIGHTS, Share, Weather
+from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
+from flurries.effects.weather import Weather, amounts_at
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, value_at
-from flurries.motion.waves import Waves
-from flurries.motion.wind import Wind
+from flurries.particles.population import FADE
 
 # Nothing nearer than this is drawn, metres; what `particles.splat` has for a default.
 NEAREST = 0.1
@@ -31,8 +30,9 @@ NEAREST = 0.1
 # Sigma of a flake's image in px between which it gets a shape: below, no shape can be told.
 SWITCH = (2.5, 3.5)
 
-# Places along the view at which a wind of depth is looked up.
-_DEPTHS = 129
+# Places along the view at which a wind of depth is looked up, and heights at which the amount of
+# flakes is while they begin or cease to fall.
+_DEPTHS, _HEIGHTS = 129, 65
 
 
 class Eye(NamedTuple):
@@ -103,42 +103,61 @@ def air_of(
     `amount` is a share of the population, 0 to 1; `steps` are frames after this one at which places
     are asked for, besides those of the exposure.
     """
-    exposure, path = value_at(weather.motion.shutter, frame.t), frame.path
+    exposure, path, fps = value_at(weather.motion.shutter, frame.t), frame.path, frame.fps
     after = (0.0, -0.5 * exposure, 0.5 * exposure, *steps)
     eyes = [_eye(frame.camera, frame)] * len(after)
     if path.turns or path.zooms:
         eyes[1:] = [_eye(frame.later(s).camera if s else frame.camera, frame) for s in after[1:]]
+    slope, shares, wind = weather.law.slope, weather.shares(frame), weather.motion.varied
     blur = None if frame.lens is None else frame.blur
-    shares, wind = weather.shares(frame), weather.motion.varied
-    room = 0.0
+    room, closeup = 0.0, None
     if blur is not None:
         # As far as a flake out of focus reaches, at its own depth.
-        near, deepest = max(weather.near, 1e-3), max((one.end for one in shares), default=1.0)
+        ends = [one.reach * (1.0 + FADE) for one in shares]
+        near, deepest = max(weather.near, 1e-3), max(ends, default=1.0)
         widest = max(depth * blur.circle(depth) for depth in (near, deepest))
         room = 0.75 * widest / frame.camera.focal
-    closeup = None
     if weather.shape != "round" or blur is not None:
-        closeup = Closeup(weather.shape, SWITCH, blur, frame.seed, frame.t / frame.fps)
-    opacity, times = weather.opacity_at(frame.t), [frame.t + step for step in after]
+        closeup = Closeup(weather.shape, SWITCH, blur, frame.seed, frame.t / fps)
+    part = 0.0
+    if frame.lap is not None and weather.keyed:
+        # The round that goes has lost those of low ranks, which the next one shows.
+        part = min(frame.lap.part(frame.t), 1.0 - 1e-9)
+    times, opacity = [frame.t + step for step in after], weather.opacity_at(frame.t)
+    swung = [weather.sway[1] / (2.0 * math.pi * fps) * t for t in times]
     # One after the other: a frame goes to the file of the motion once.
-    ways = [share.motion.places(path, frame.fps, times) for share in shares]
+    ways = [share.motion.places(path, fps, times) for share in shares]
+    classes = []
+    for number, (share, at) in enumerate(zip(shares, ways, strict=True)):
+        end, waves, profile = share.reach * (1.0 + FADE), None, []
+        emission = weather.emission
+        if isinstance(emission, Keys):
+            assert isinstance(weather, Weather)
+            heights = np.linspace(-end, end, _HEIGHTS)
+            amounts = (amount * amounts_at(weather, frame, share, heights)).tolist()
+        else:
+            amounts = [amount * emission]
+        if wind is not None and wind.profile is not None:
+            ahead = np.linspace(0.0, end, _DEPTHS)
+            moved = [carried_by_profile(share.motion, path, fps, t, ahead).T for t in times]
+            profile = [(one[0].tolist(), one[1].tolist()) for one in moved]
+        if wind is not None and wind.waves is not None:
+            waves = wave_weights(share.motion, fps, times, np.array(at[0]))
+        classes.append(Class(
+            number=number, density=share.size.density,
+            sizes=(share.size.smallest, share.size.largest), slope=slope,
+            shown=share.shown, by_size=isinstance(weather, Flakes), heights=(-end, end),
+            amounts=[min(one / (1.0 - part), 1.0) for one in amounts], ranks=(part, 1.0), at=at,
+            swung=swung, waves=waves, depths=(0.0, end), profile=profile,
+        ))  # fmt: skip
     return Air(
-        seed=frame.seed,
-        opacity=opacity,
-        images=images_of(opacity),
-        classes=[
-            _class(weather, frame, times, amount, wind, number, share, at)
-            for number, (share, at) in enumerate(zip(shares, ways, strict=True))
-        ],
-        eyes=eyes,
+        seed=frame.seed, opacity=opacity, images=images_of(opacity), classes=classes, eyes=eyes,
         sway=weather.sway[0],
         waves=None if wind is None or wind.waves is None else cycles_of(wind.waves),
         shape=frame.shape,
         window=frame.window if frame.shared is None else frame.shared.window,
-        room=room,
-        near=NEAREST,
-        closeup=closeup,
-    )
+        room=room, near=NEAREST, closeup=closeup,
+    )  # fmt: skip
 
 
 def _eye(camera: Camera, frame: Frame) -> Eye:
@@ -154,63 +173,3 @@ def images_of(opacity: float) -> _core.BallImages:
 @lru_cache(maxsize=8)
 def _images(opacity: float, mode: bool) -> _core.BallImages:
     return _core.BallImages(opacity)
-
-
-def _class(
-    weather: Weather | Flakes, frame: Frame, times: list[float], amount: float,
-    wind: Wind | None, number: int, share: Share, at: list[Any],
-) -> Class:  # fmt: skip
-    """Return a class of size, with the camera's place in its air at the times."""
-    path, fps = frame.path, frame.fps
-    made = _settled(weather, share, number, frame.shape[1], frame.camera.focal)
-    part, waves, profile = 0.0, None, []
-    if frame.lap is not None and weather.keyed:
-        # The round that goes has lost those of low ranks, which the next one shows.
-        part = min(frame.lap.part(frame.t), 1.0 - 1e-9)
-    if isinstance(weather.emission, Keys):
-        there = weather.amounts(frame, share, amount, np.linspace(*made.heights, HEIGHTS)).tolist()
-    else:
-        there = [amount * weather.emission]
-    if wind is not None and wind.profile is not None:
-        ahead = np.linspace(*made.depths, _DEPTHS)
-        moved = [carried_by_profile(share.motion, path, fps, t, ahead).T for t in times]
-        profile = [(one[0].tolist(), one[1].tolist()) for one in moved]
-    if wind is not None and wind.waves is not None:
-        waves = wave_weights(share.motion, fps, times, np.array(at[0]))
-    return made._replace(
-        amounts=[min(one / (1.0 - part), 1.0) for one in there],
-        ranks=(part, 1.0),
-        at=at,
-        swung=[weather.sway[1] / (2.0 * math.pi * fps) * t for t in times],
-        waves=waves,
-        profile=profile,
-    )
-
-
-@lru_cache(maxsize=64)
-def _settled(
-    weather: Weather | Flakes, share: Share, number: int, width: int, focal: float
-) -> Class:
-    """Return what is the same of a class in all frames of a film."""
-    return Class(
-        number=number,
-        density=share.size.density,
-        sizes=(share.size.smallest, share.size.largest),
-        slope=weather.law.slope,
-        shown=weather.shown(share, width, focal),
-        by_size=isinstance(weather, Flakes),
-        heights=(-share.end, share.end),
-        amounts=[],
-        ranks=(0.0, 1.0),
-        at=[],
-        swung=[],
-        waves=None,
-        depths=(0.0, share.end),
-        profile=[],
-    )
-
-
-@lru_cache(maxsize=32)
-def cycles_of(waves: Waves) -> Float64:
-    """Return the waves' vectors in cycles per metre, (m, 3)."""
-    return np.ascontiguousarray(waves.k / (2.0 * np.pi))

@@ -1,34 +1,27 @@
 """Far flakes whose places move in their own ways: a camera that goes ahead, turns or zooms, gusts.
 
-They lie on planes in the air (`effects/poses.py`), each a sheet. What a pixel sees of a plane is a
-place on it, which a lattice of nodes says for the opening and the close of the shutter.
+The flakes of a layer lie on planes in the air, each a sheet, one behind the other, as far apart as
+the layer is thick, across the axes of poses that are some degrees apart. A plane is seen while it
+is in its layer and the camera near its pose; then it gives way to the next one. All of it follows
+from where the camera is and how it looks, not from a time. What a pixel sees of a plane is a place
+on it, which a lattice of nodes says for the opening and the close of the shutter.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.effects.air import cycles_of
-from flurries.effects.gusts import carried_by_profile, wave_weights
-from flurries.effects.poses import APART, Eyes, Plane, eyes_of, planes_of
-from flurries.effects.sheets import (
-    SHEAR,
-    areas_of,
-    circles_of,
-    depths_of,
-    kept,
-    key_of,
-    many_of,
-    power_of,
-    slabs_in,
-    trim,
-)
-from flurries.effects.weather import Film, Share, Weather
+from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
+from flurries.effects.sheets import SHEAR, areas_of, circles_of, kept, key_of, trim
+from flurries.effects.weather import Film, Layer, Weather, amounts_at
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, value_at
@@ -46,6 +39,44 @@ _SLANT = 0.1
 # Pixels that a streak is long at most, along an axis.
 LONGEST = 120.0
 
+# Pixels from node to node, as the kernel has them; the first ones lie so far before the picture.
+_APART = 64
+
+# Radians that a camera turns, and by which logarithm a lens zooms, before other planes are seen. A
+# whole number of the first make a round.
+_ROUND = 36
+_TURN, _ZOOM = math.tau / _ROUND, math.log(1.15)
+
+# A plane gives way to the next within so many frames, or at most this part of its time.
+_CHANGE, _LONGEST_CHANGE = 3.0, 0.2
+
+# Less than this of a plane is not seen.
+_LEAST_SEEN = 0.02
+
+# Layers change their planes at places of their own along each of these.
+_PHASES = (0.6180339887, 0.7548776662, 0.5698402910, 0.4331)
+
+_Ints = npt.NDArray[np.int64]
+
+
+class Eyes(NamedTuple):
+    """The camera as the shutter opens, and as it closes."""
+
+    rays: Float64  # (2, R, C, 3): of the nodes, house axes, with a depth of 1.
+    eye: Float64  # (2, L, 3): places of the eye in the air of each layer, house axes, metres.
+    rate: Float64  # (L, 3): metres per frame.
+
+
+class Plane(NamedTuple):
+    """A plane that is seen."""
+
+    layer: int
+    weight: float  # Of its deviation.
+    axes: Float64  # (3, 3): rows turn house axes into the plane's.
+    at: float  # Along its axis in the air, metres.
+    focal: float  # That its sheet is made for, over the longest.
+    which: list[int]  # Its numbers among its like.
+
 
 def read_bent(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
     """Return the opacity of the far flakes over the window, (h, w) float32."""
@@ -62,53 +93,63 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
     """Return the sheets between two depths with their nodes, the pixels that flakes move by during
     the exposure, and the depths: near ones first.
     """
-    eyes = eyes_of(weather, frame, film)
     half = 0.5 * value_at(weather.motion.shutter, frame.t)
-    moved = _blown(weather, frame, film, eyes, (frame.t - half, frame.t + half))
-    rungs = _rungs(weather, frame, film, amount, eyes)
-    slabs, depths, power, many = slabs_in(film), depths_of(film), power_of(film), many_of(film)
-    circles = circles_of(frame.blur, depths)
+    times = (frame.t - half, frame.t + half)
+    eyes = _eyes_of(frame, film, times)
+    moved = _blown(weather, frame, film, eyes, times)
+    slabs, circles = film.slabs, circles_of(frame.blur, film.depths)
+    if weather.keyed or isinstance(weather.emission, Keys):
+        rungs = [_rungs(weather, frame, layer, amount, eyes) for layer in film.layers]
+    else:
+        rungs = [[(amount * weather.emission, np.ones((1, 1)))]] * len(slabs)
     focals = np.array(frame.camera.focals) * (frame.path.longest_focal / frame.camera.focal)
     areas = [
-        _smaller(area, slab.count / most)
-        for area, slab, most in zip(areas_of(film, tuple(focals)), slabs, many, strict=True)
+        _smaller(area, slab.count / many)
+        for area, slab, many in zip(areas_of(film, tuple(focals)), slabs, film.many, strict=True)
     ]
-    found: dict[tuple[float, float], list[tuple[Plane, Float64, float]]] = {}
-    for one in planes_of(frame, film, eyes):
-        ends = slabs[one.layer].near, slabs[one.layer].far
-        source = _source(eyes, moved, one, focals / depths[one.layer], frame.camera.focal)
-        found.setdefault(ends, []).append((one, *source))
+    seen: dict[tuple[float, float], list[tuple[Plane, Float64, float]]] = {}
+    for one in _planes_of(frame, film, eyes):
+        slab, blown = slabs[one.layer], None if moved is None else moved[one.layer]
+        at, grown = _places(eyes, blown, one, focals / slab.depth, frame.camera.focal)
+        seen.setdefault((slab.near, slab.far), []).append((one, at, grown))
 
-    def sheets(one: Plane, at: Float64, ways: Float64) -> list[tuple[_core.FlakeSheet, Array]]:
-        layer, slab, area = one.layer, slabs[one.layer], areas[one.layer]
+    def sheets(one: Plane, at: Float64, ways: Float64) -> list[tuple[Any, Array]]:
+        slab, area, many = slabs[one.layer], areas[one.layer], film.many[one.layer]
+        made, shear, thin = [], round(SHEAR * area[1]), _part_seen(slab, ways)
         at = at + _jump(frame.seed, one, area)
-        shear, root = round(SHEAR * area[1]), math.sqrt(many[layer])
         at -= np.floor(at[0, 0, 1] / area[0]) * np.array((shear, area[0]))
         at[..., 0] -= area[1] * np.floor(at[0, 0, 0] / area[1])
-        made, thin = [], _part_seen(slab, ways)
-        for rung, part in rungs[layer]:
+        for rung, part in rungs[one.layer]:
             sheet = kept(key_of(
-                weather, slab, frame.seed, layer, area, many[layer], [0.0, 0.0], circles[layer],
+                weather, slab, frame.seed, one.layer, area, many, (0.0, 0.0), circles[one.layer],
                 rung, one.focal, thin,
             ))  # fmt: skip
             node = np.empty((*at.shape[:2], 4), np.float32)
-            node[..., :2], node[..., 2] = at, one.weight * root * part
+            gain = one.weight * math.sqrt(many)
+            node[..., :2], node[..., 2] = at, gain * part
             # Planes that give way to each other have the deviation of one, and so have some
             # flakes that stand for many; the mean is made up for.
-            node[..., 3] = (one.weight**2 * many[layer] - one.weight * root) * part * sheet.mean
+            node[..., 3] = (one.weight**2 * many - gain) * part * sheet.mean
             made.append((sheet, node))
         return made
 
     groups = []
-    for ends, each in sorted(found.items()):
-        shares = [one.weight**2 * power[one.layer] for one, _, _ in each]
+    for ends, each in sorted(seen.items()):
+        shares = [one.weight**2 * film.power[one.layer] for one, _, _ in each]
         moves = [
             share * (u[1] - u[0]) / grown for share, (_, u, grown) in zip(shares, each, strict=True)
         ]
         ways: Float64 = sum(moves) / sum(shares)
-        seen = [pair for one, u, _ in each for pair in sheets(one, 0.5 * (u[0] + u[1]), ways)]
-        groups.append((seen, np.clip(ways, -LONGEST, LONGEST).astype(np.float32), *ends))
+        made = [pair for one, u, _ in each for pair in sheets(one, 0.5 * (u[0] + u[1]), ways)]
+        groups.append((made, np.clip(ways, -LONGEST, LONGEST).astype(np.float32), *ends))
     return groups
+
+
+def _smaller(area: tuple[int, int], count: float) -> tuple[int, int]:
+    """Return rows and columns of a sheet that is not too large, of flakes for each pixel."""
+    pixels = area[0] * area[1]
+    part = math.sqrt(min(_FLAKES / max(count * pixels, 1.0), _PIXELS / pixels, 1.0))
+    return max(round(part * area[0]), 96), max(round(part * area[1]), 96)
 
 
 def _part_seen(slab: Slab, ways: Float64) -> float:
@@ -118,13 +159,6 @@ def _part_seen(slab: Slab, ways: Float64) -> float:
     wide = math.sqrt(float(np.mean(slab.diameters**4) / np.mean(slab.diameters**2)) + 0.8)
     part = wide / math.hypot(wide, length)
     return float(2.0 ** (0.5 * round(2.0 * math.log2(part))))
-
-
-def _smaller(area: tuple[int, int], count: float) -> tuple[int, int]:
-    """Return rows and columns of a sheet that is not too large, of flakes for each pixel."""
-    pixels = area[0] * area[1]
-    part = math.sqrt(min(_FLAKES / max(count * pixels, 1.0), _PIXELS / pixels, 1.0))
-    return max(round(part * area[0]), 96), max(round(part * area[1]), 96)
 
 
 def _jump(seed: int, one: Plane, area: tuple[int, int]) -> Float64:
@@ -137,8 +171,117 @@ def _jump(seed: int, one: Plane, area: tuple[int, int]) -> Float64:
     return np.floor(draws * (area[1], area[0]))
 
 
-def _source(
-    eyes: Eyes, moved: Float64 | None, one: Plane, scale: Float64, focal: float
+def _rungs(
+    weather: Weather, frame: Frame, layer: Layer, amount: float, eyes: Eyes
+) -> list[tuple[float, Float64]]:
+    """Return the amounts of a layer that sheets are read for, with their shares at the nodes."""
+    heights = layer.slab.depth * eyes.rays.mean(axis=0)[..., 1]
+    if isinstance(weather.emission, Keys):
+        there = amount * amounts_at(weather, frame, layer.share, heights).reshape(heights.shape)
+    else:
+        there = np.full(heights.shape, amount * weather.emission)
+    shares = [np.interp(there, LADDER, row) for row in np.eye(len(LADDER))]
+    pairs = zip(LADDER, shares, strict=True)
+    return [(rung, part) for rung, part in pairs if rung and part.any()]
+
+
+def _eyes_of(frame: Frame, film: Film, times: tuple[float, float]) -> Eyes:
+    bends = frame.path.turns or frame.path.zooms
+    height, width = (math.ceil(length / _APART) + 3 for length in frame.shape)
+    rays, eye = np.ones((2, height, width, 3)), np.empty((2, len(film.layers), 3))
+    for number, t in enumerate(times):
+        camera = frame.later(t - frame.t).camera if bends else frame.camera
+        x, y = camera.principal(frame.shape)
+        rays[number, ..., 0] = (_APART * np.arange(-1, width - 1) - x) / camera.focals[0]
+        rays[number, ..., 1] = (_APART * np.arange(-1, height - 1)[:, None] - y) / camera.focals[1]
+        axes = camera.matrix()
+        rays[number] = rays[number] @ axes.T
+        ways = {
+            share: frame.path.relative(
+                t, fps=frame.fps, fall=share.motion.fall, wind=share.motion.mean_wind
+            )
+            for share in {layer.share: None for layer in film.layers}
+        }
+        eye[number] = [ways[layer.share][0] for layer in film.layers]
+        eye[number] += axes @ np.array(camera.offset)
+    return Eyes(rays, eye, np.array([ways[layer.share][1] for layer in film.layers]))
+
+
+def _planes_of(frame: Frame, film: Film, eyes: Eyes) -> Iterator[Plane]:
+    """Yield the planes that are seen: one of each layer, and those that give way or come."""
+    path, camera, layers = frame.path, frame.camera, np.arange(len(film.layers))
+    phases: list[Any] = [(part * (layers + 1.0)) % 1.0 for part in _PHASES]
+    # Angles, and the zoom: numbers of the poses that planes are made for, and how far each has
+    # given way to the next.
+    poses: list[tuple[_Ints, Float64]] = []
+    if path.turns:
+        before, after = (_angles(frame.later(step).camera.matrix()) for step in (-0.5, 0.5))
+        for angle, rate in zip(_angles(camera.matrix()), after - before, strict=True):
+            rate = (rate + math.pi) % math.tau - math.pi
+            poses.append(_next(angle / _TURN - phases[len(poses)], abs(rate) / _TURN))
+    if path.zooms:
+        grown = math.log(camera.focal / path.longest_focal) / _ZOOM
+        poses.append(_next(grown - phases[len(poses)], abs(path.zoom(frame.t)[1]) / _ZOOM))
+    for taken in itertools.product((0, 1), repeat=len(poses)):
+        weight, which, middles = np.ones(len(layers)), [], []
+        for number, (one, (first, share)) in enumerate(zip(taken, poses, strict=True)):
+            weight = weight * (np.sin if one else np.cos)(0.5 * math.pi * share)
+            round_ = path.turns and number < 3
+            which.append((first + one) % _ROUND if round_ else first + one)
+            middles.append(first + one + 0.5 + phases[number])
+        axes = np.broadcast_to(camera.matrix().T, (len(layers), 3, 3))
+        if path.turns:
+            axes = np.stack([_axes(*(_TURN * angle[n] for angle in middles[:3])) for n in layers])
+        focal = np.exp(_ZOOM * middles[-1]) if path.zooms else np.ones(len(layers))
+        for at, own, numbers in _ahead(film, eyes, axes[:, 2], weight, phases[0]):
+            table = np.stack([numbers, *which], axis=1).tolist() if film.comes else [[0]] * len(own)
+            for n in np.flatnonzero(own > (_LEAST_SEEN if film.comes else -1.0)).tolist():
+                yield Plane(n, float(own[n]), axes[n], float(at[n]), float(focal[n]), table[n])
+
+
+def _ahead(
+    film: Film, eyes: Eyes, axis: Float64, weight: Float64, phase: Float64
+) -> Iterator[tuple[Float64, Float64, _Ints]]:
+    """Yield where planes are along their axes, their weights and their numbers."""
+    along = np.einsum("la,la->l", axis, 0.5 * (eyes.eye[0] + eyes.eye[1]))
+    if not film.comes:
+        yield along + film.depths, weight, np.zeros(len(weight), np.int64)
+        return
+    far = np.array([slab.far for slab in film.slabs])
+    thick = far - np.array([slab.near for slab in film.slabs])
+    pace = np.abs(np.einsum("la,la->l", axis, eyes.rate)) / thick
+    first, share = _next(along / thick - phase, pace)
+    for one, part in enumerate((np.cos, np.sin)):
+        own = weight * part(0.5 * math.pi * share)
+        yield far + (first + one + phase) * thick, own, first + one
+
+
+def _next(at: Float64, pace: Float64 | float) -> tuple[_Ints, Float64]:
+    """Return the number of the plane at places, and how far it has given way to the next."""
+    first = np.floor(at)
+    change = np.clip(_CHANGE * np.asarray(pace), 1e-9, _LONGEST_CHANGE)
+    return first.astype(np.int64), np.clip(1.0 - (1.0 - (at - first)) / change, 0.0, 1.0)
+
+
+def _angles(matrix: Float64) -> Float64:
+    """Return yaw, pitch and roll of a camera's axes, radians."""
+    x, y, z = matrix[:, 2]
+    yaw, pitch = math.atan2(x, z), math.atan2(-y, math.hypot(x, z))
+    right, down, _ = _axes(yaw, pitch, 0.0)
+    return np.array((yaw, pitch, math.atan2(matrix[:, 0] @ down, matrix[:, 0] @ right)))
+
+
+def _axes(yaw: float, pitch: float, roll: float) -> Float64:
+    """Return the axes (right, down, ahead) of a camera by its angles, as rows."""
+    a, b, c, d = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
+    right, ahead = np.array((a, 0.0, -b)), np.array((c * b, -d, c * a))
+    down = np.cross(ahead, right)
+    e, f = math.cos(roll), math.sin(roll)
+    return np.stack([e * right + f * down, e * down - f * right, ahead])
+
+
+def _places(
+    eyes: Eyes, blown: Float64 | None, one: Plane, scale: Float64, focal: float
 ) -> tuple[Float64, float]:
     """Return what the nodes see of a plane, less their own places, (2, R, C, 2) px (x, y).
 
@@ -149,15 +292,14 @@ def _source(
     ahead = (one.at - eye[:, 2])[:, None, None, None]
     scale = one.focal * scale
     grown = float(ahead.mean() * scale[0] * (1.0 / focal))
-    blown = None if moved is None else moved[one.layer] @ one.axes.T
+    aside: Any = 0.0
     if blown is not None:
-        ahead = ahead + blown[..., 2:]
+        turned = blown @ one.axes.T
+        ahead, aside = ahead + turned[..., 2:], turned[..., :2]
     at = eye[:, None, None, :2] + ahead * (ray[..., :2] / np.maximum(ray[..., 2:], _SLANT))
-    if blown is not None:
-        at = at - blown[..., :2]
-    at = at * scale
-    at[..., 0] -= APART * np.arange(-1, at.shape[2] - 1)
-    at[..., 1] -= APART * np.arange(-1, at.shape[1] - 1)[:, None]
+    at = (at - aside) * scale
+    at[..., 0] -= _APART * np.arange(-1, at.shape[2] - 1)
+    at[..., 1] -= _APART * np.arange(-1, at.shape[1] - 1)[:, None]
     return np.asarray(at), grown
 
 
@@ -184,27 +326,9 @@ def _blown(
             # Of the flake that is there now: where it was at rest.
             for _ in range(2):
                 rest = points - 0.5 * (both[:, :3] + both[:, 3:])
-                both = np.empty_like(both)
                 _core.wind_waves(both, np.ascontiguousarray(rest), cycles_of(wind.waves), weights)
             found[number] += np.stack([both[:, :3], both[:, 3:]]).reshape(2, *ahead.shape)
     return found
-
-
-def _rungs(
-    weather: Weather, frame: Frame, film: Film, amount: float, eyes: Eyes
-) -> list[list[tuple[float, Float64]]]:
-    """Return the amounts of each layer that sheets are read for, with their shares at the nodes."""
-    if not isinstance(weather.emission, Keys) and not weather.keyed:
-        return [[(amount * float(weather.emission), np.ones((1, 1)))]] * len(film.layers)
-
-    def parts(share: Share, slab: Slab) -> list[tuple[float, Float64]]:
-        heights = slab.depth * eyes.rays.mean(axis=0)[..., 1]
-        there = weather.amounts(frame, share, amount, heights.ravel()).reshape(heights.shape)
-        shares = [np.interp(there, LADDER, row) for row in np.eye(len(LADDER))]
-        pairs = zip(LADDER, shares, strict=True)
-        return [(rung, part) for rung, part in pairs if rung and part.any()]
-
-    return [parts(*layer) for layer in film.layers]
 
 
 def moved_by_wind(weather: Weather, weights: Float64, frame: Frame, other: Frame) -> Array:
@@ -212,19 +336,19 @@ def moved_by_wind(weather: Weather, weights: Float64, frame: Frame, other: Frame
 
     The mean over layers, which have weights.
     """
-    film = weather.film(frame)
-    found = _blown(weather, frame, film, eyes_of(weather, frame, film), (frame.t, other.t))
+    film, half = weather.film(frame), 0.5 * value_at(weather.motion.shutter, frame.t)
+    eyes = _eyes_of(frame, film, (frame.t - half, frame.t + half))
+    found = _blown(weather, frame, film, eyes, (frame.t, other.t))
     assert found is not None
-    nearness = weights / depths_of(film) / weights.sum()
+    nearness = weights / film.depths / weights.sum()
     mean = np.einsum("l,lrca->rca", nearness, found[:, 1] - found[:, 0])
     seen = other.to_camera(mean)[..., :2] * np.array(other.camera.focals)
     top, bottom, left, right = frame.window
-    rows, columns = np.arange(top, bottom) + 0.5, np.arange(left, right) + 0.5
-    at = APART * np.arange(-1, seen.shape[1] - 1)
-    down = rows / APART + 1.0
+    columns, at = np.arange(left, right) + 0.5, _APART * np.arange(-1, seen.shape[1] - 1)
+    down = (np.arange(top, bottom) + 0.5) / _APART + 1.0
     low = np.minimum(down.astype(int), len(seen) - 2)
     part = (down - low)[:, None]
-    result = np.empty((len(rows), len(columns), 2), np.float32)
+    result = np.empty((len(down), len(columns), 2), np.float32)
     for axis in range(2):
         across = np.stack([np.interp(columns, at, line) for line in seen[..., axis]])
         result[..., axis] = across[low] + part * (across[low + 1] - across[low])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,29 +25,15 @@ from flurries.motion.keys import value_at
 STEP = 1.0 / 1024.0
 
 # What is known of a drawn flake; see :func:`flurries.flakes`.
-FLAKE = np.dtype(
-    [
-        ("id", np.uint64),
-        ("place", np.float64, 3),
-        ("pixel", np.float64, 2),
-        ("depth", np.float64),
-        ("diameter", np.float64),
-        ("opacity", np.float64),
-    ]
-)
+FLAKE = np.dtype([
+    ("id", np.uint64), ("place", np.float64, 3), ("pixel", np.float64, 2), ("depth", np.float64),
+    ("diameter", np.float64), ("opacity", np.float64),
+])  # fmt: skip
 
-
-class Rows(NamedTuple):
-    """The flakes of a frame."""
-
-    ids: npt.NDArray[np.uint64]  # (n,): the same in every frame, eye and window.
-    points: Float64  # (n, 3): in the camera's axes, metres.
-    pixels: Float64  # (n, 2): where they are seen, (x, y).
-    depths: Float64  # (n,): from the eye, metres.
-    diameters: Float64  # (n,): metres.
-    shares: Float64  # (n,): how much of each is there, 0 to 1.
-    # (n, k, 2): where they are seen at `STEPS` frames from this one; NaN behind the eye.
-    others: Float64
+# What the kernel lists: identities (n,); place in the camera's axes, metres, place in the picture,
+# depth from the eye, diameter and the share that is there, (n, 8); and where they are seen at
+# `STEPS` frames from this one, (n, 4), NaN behind the eye.
+Rows = tuple[npt.NDArray[np.uint64], Float64, Float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +41,6 @@ class DrawnFlakes:
     """The flakes that are drawn."""
 
     weather: Weather | Flakes
-
-    name = "flakes"
 
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return their one step, or why there is none."""
@@ -111,32 +95,26 @@ class DrawnFlakes:
             flakes, size = self._sorted(frame, amount), _size(frame)
             alpha, nearest = np.empty(size, np.float32), np.empty(size, np.int32)
             _core.particle_draw(alpha, flakes, frame.window, frame.depth, nearest)
-            return alpha, nearest, _rows_of(flakes)
+            return alpha, nearest, _core.flake_rows(flakes)
 
         # One frame is asked for twice where something stands in the air, with two depths.
         return frame.once_each(self, f"seen before {id(frame.depth)}", make)
 
     def rows(self, frame: Frame, amount: float) -> Rows:
         """Return the flakes that the frame's window may show."""
-        return frame.once_each(self, "rows", lambda: _rows_of(self._sorted(frame, amount)))
+        return frame.once_each(self, "rows", lambda: _core.flake_rows(self._sorted(frame, amount)))
 
     def passes(self, rows: Rows, numbers: npt.NDArray[np.int32]) -> tuple[list[Array], Array]:
         """Return motions to `STEPS` (n, 2) and depth (n,) of flakes by their rows."""
-        motion = rows.others[numbers] - rows.pixels[numbers][:, None]
+        _, known, others = rows
+        known = known[numbers]
+        motion = others.reshape(-1, 2, 2)[numbers] - known[:, None, 3:5]
         # One that is behind the eye in one of the frames goes on as from the other.
         for one, other in ((0, 1), (1, 0)):
             gone = np.isnan(motion[:, one])
             motion[:, one] = np.where(gone, -motion[:, other], motion[:, one])
         ways = np.nan_to_num(motion).astype(np.float32).swapaxes(0, 1)
-        return list(np.ascontiguousarray(ways)), rows.depths[numbers].astype(np.float32)
-
-
-def _rows_of(flakes: SortedFlakes) -> Rows:
-    ids, rows, others = _core.flake_rows(flakes)
-    return Rows(
-        ids, rows[:, :3], rows[:, 3:5], rows[:, 5], rows[:, 6], rows[:, 7],
-        others.reshape(len(ids), -1 if len(ids) else len(STEPS), 2),
-    )  # fmt: skip
+        return list(np.ascontiguousarray(ways)), known[:, 5].astype(np.float32)
 
 
 def _size(frame: Frame) -> tuple[int, int]:
@@ -156,14 +134,14 @@ def drawn_of(effect: Any, frame: Frame) -> npt.NDArray[Any] | None:
         flakes = getattr(part, "front", None)
         if not isinstance(flakes, DrawnFlakes):
             continue
-        rows = flakes.rows(frame, float(value_at(part.amount, frame.t)))
-        made = np.empty(len(rows.ids), FLAKE)
+        ids, rows, _ = flakes.rows(frame, float(value_at(part.amount, frame.t)))
+        made = np.empty(len(ids), FLAKE)
         # The camera may be beside its eyes.
         origin = frame.path.place(frame.t, fps=frame.fps)
-        made["place"] = origin + rows.points @ frame.camera.matrix().T
-        made["id"], made["pixel"], made["depth"] = rows.ids, rows.pixels, rows.depths
-        made["diameter"] = rows.diameters
-        made["opacity"] = flakes.weather.opacity_at(frame.t) * rows.shares
+        made["place"] = origin + rows[:, :3] @ frame.camera.matrix().T
+        made["id"], made["pixel"], made["depth"] = ids, rows[:, 3:5], rows[:, 5]
+        made["diameter"] = rows[:, 6]
+        made["opacity"] = flakes.weather.opacity_at(frame.t) * rows[:, 7]
         found.append(made)
     return np.concatenate(found) if found else None
 

@@ -1,23 +1,43 @@
-"""The far flakes of a population: sheets, one for each layer of depth and class of size."""
+"""The far flakes of a population: sheets, one for each layer of depth and class of size.
+
+Where all layers move evenly and as a whole a frame reads each sheet at its own place and adds them;
+else what a pixel sees of a sheet is told by `effects/bent.py`.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array
+from flurries import _core
+from flurries._contract import Array, Float64
+from flurries.camera.optics import Blur
+from flurries.camera.path import CameraPath
+from flurries.camera.rotation import rotation_matrix
 from flurries.effects.bent import moved_by_wind, read_bent
 from flurries.effects.lighting import lamp_shade
 from flurries.effects.passes import plane_motion
-from flurries.effects.sheets import covers_of, depths_of, read_sheets
-from flurries.effects.weather import Weather, times
+from flurries.effects.sheets import areas_of, circles_of, kept, key_of, trim
+from flurries.effects.weather import Film, Weather, times
 from flurries.frame.layer import Shade
 from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
+from flurries.motion.keys import value_at
+
+# Bytes that the sheets of a film take at most.
+_FILM_BYTES = 384 << 20
+
+# Pixels a frame above which a layer is read at half pixels, and at whole ones: it moves by many.
+_FAST = (3.0, 12.0)
+
+# Streaks of a sheet are at most so long along an axis, px.
+_LONGEST = 128.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +51,7 @@ class FlakeTexture:
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return its one step, or why there is none."""
         weather = self.weather
-        if weather.simulated or not weather.film(frame).layers:
+        if not weather.film(frame).layers:
             why = "all flakes are drawn one by one"
             return Needs((), (LeftOut("texture", why),), most=0.0)
         still = frame.settled and weather.motion.still and not has_keys(weather.emission)
@@ -41,13 +61,13 @@ class FlakeTexture:
         """Return its opacity over the window, (h, w) float32."""
         film = self.weather.film(frame)
         if film.rigid:
-            return read_sheets(self.weather, frame, film, amount)
+            return _read(self.weather, frame, film, amount)
         return read_bent(self.weather, frame, film, amount)
 
     def lamp_shade(self, frame: Frame, optics: Optics) -> Shade:
         """Return the light of the frame's lamps on it, by places."""
         film = self.weather.film(frame)
-        return lamp_shade(frame, depths_of(film), covers_of(film), optics)
+        return lamp_shade(frame, film.depths, film.covers, optics)
 
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
         """Return motions to other frames (h, w, 2) and depth (h, w) of what the window shows.
@@ -56,8 +76,7 @@ class FlakeTexture:
         the depth whose parallax is the mean one.
         """
         film, motion = self.weather.film(frame), self.weather.motion
-        weights = np.array([layer.slab.coverage for layer in film.layers])
-        depths = np.array([layer.slab.depth for layer in film.layers])
+        weights, depths = film.covers, film.depths
         nearness = weights / depths
         top, bottom, left, right = frame.window
         depth = np.full((bottom - top, right - left), weights.sum() / nearness.sum(), np.float32)
@@ -74,3 +93,67 @@ class FlakeTexture:
                 move += moved_by_wind(self.weather, weights, frame, other)
         depth.fill(weights @ depths / weights.sum())
         return moves, depth
+
+
+def _read(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
+    """Return the opacity of layers that move as they do in all frames, (h, w) float32."""
+    top, bottom, left, right = frame.window
+    result = np.empty((bottom - top, right - left), np.float32)
+    camera, blur = frame.camera, None if frame.lens is None else frame.blur
+    shown, focals = amount * float(weather.emission), camera.focals  # type: ignore[arg-type]
+    keys, start, rate, places = _standing(
+        weather, film, frame.path, frame.fps, focals, camera.rotation, frame.seed, shown,
+        value_at(weather.motion.shutter, frame.t), blur, _core.reproducible(),
+    )  # fmt: skip
+    x, y = camera.principal(frame.shape)
+    u, v = camera.center_shift
+    row, column = math.floor(top - y + v), math.floor(left - x + u)
+    moved = start + frame.t * rate
+    # Pixels that layers move by for a metre of the eye aside.
+    aside = (focals[0] / film.depths)[:, None]
+    moved -= aside * np.array(camera.offset[:2]) * (1.0, camera.aspect)
+    # What lies between whole pixels is a part of the way.
+    moved += (u - (left - x + u - column), v - (top - y + v - row))
+    moved = np.round(moved * places) / places
+    layers = []
+    for key, way, many, slab in zip(keys, moved.tolist(), film.many, film.slabs, strict=True):
+        sheet, root = kept(key), math.sqrt(many)
+        layers.append((sheet, way, (root, (many - root) * sheet.mean), slab.near, slab.far))
+    depth = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
+    _core.sheet_read(result, (row, column), layers, depth, True)
+    trim(len(layers))
+    return result
+
+
+@lru_cache(maxsize=32)
+def _standing(
+    weather: Weather, film: Film, path: CameraPath, fps: float, focals: tuple[float, float],
+    rotation: tuple[float, float, float], seed: int, amount: float, exposure: float,
+    blur: Blur | None, mode: bool,
+) -> tuple[list[Any], Float64, Float64, Float64]:  # fmt: skip
+    """Return what is the same in all frames: the arguments of each layer's sheet; displacements at
+    frame 0 and per frame, px, for an eye on the axis, (L, 2); and at how many places along a pixel
+    a layer is read: 1, 2 or 4, (L, 1).
+    """
+    start, rate = np.empty((2, len(film.layers), 2))
+    axes = rotation_matrix(rotation)
+    for number, (share, slab) in enumerate(film.layers):
+        for out, way in zip((start, rate), share.motion.line(path, fps) or (), strict=True):
+            # The picture moves the other way than the camera.
+            out[number] = -np.array(focals) * (np.array(way) @ axes)[:2] / slab.depth
+    # Longer streaks are as faint as can be seen.
+    streaks = np.clip(exposure * rate, -_LONGEST, _LONGEST).tolist()
+    areas, circles = areas_of(film, focals), circles_of(blur, film.depths)
+    keys = [
+        key_of(weather, slab, seed, number, area, many, tuple(streak), circle, amount)
+        for number, (slab, area, many, streak, circle) in enumerate(
+            zip(film.slabs, areas, film.many, streaks, circles, strict=True)
+        )
+    ]
+    # Fewer places of the fastest.
+    pixels, speed = np.array([rows * columns for rows, columns in areas]), np.hypot(*rate.T)
+    places = np.select([speed >= _FAST[1], speed >= _FAST[0]], [1.0, 2.0], 4.0)
+    for number in np.argsort(-speed, kind="stable"):
+        while places[number] > 1.0 and (places**2 * pixels).sum() > _FILM_BYTES:
+            places[number] /= 2.0
+    return keys, start, rate, places[:, None]

@@ -13,7 +13,7 @@ from flurries.effects.resolution import TUNED
 from flurries.effects.weather import Share
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
-from flurries.particles.population import SizeClass
+from flurries.particles.population import FADE, SizeClass
 from flurries.particles.sizes import Sizes
 
 # The most opaque ball there is: its middle lets through a ten-millionth.
@@ -57,24 +57,23 @@ class Flakes:
 
     def shares(self, frame: Frame) -> tuple[Share, ...]:
         """Return them as one class of size."""
-        return _shares(self, frame.shape, frame.path)
-
-    def shown(self, share: Share, width: int, focal: float) -> tuple[float, float, float, float]:
-        """Return the depths between which the largest fade in, and all out again, metres."""
-        scale = width / TUNED
-        large = focal * self.sizes[1] / (6.0 * scale)
-        low, high = (large / limit for limit in self.largest)
-        return (high, low, share.reach, share.end)
+        return _shares(self, frame.shape, frame.path, frame.camera.focal)
 
 
 @lru_cache(maxsize=64)
-def _shares(flakes: Flakes, shape: tuple[int, int], path: CameraPath) -> tuple[Share, ...]:
+def _shares(
+    flakes: Flakes, shape: tuple[int, int], path: CameraPath, focal: float
+) -> tuple[Share, ...]:
     (height, width), (fx, fy) = shape, path.widest.focals
     # The view is a pyramid: a third of the prism around it.
     view = width * height * flakes.reach**3 / (3.0 * fx * fy)
     density = flakes.number / view if flakes.density is None else flakes.density
     small, large = flakes.law.smallest, flakes.law.largest
-    square = (small**2 + small * large + large**2) / 3.0
     fall = float(value_at(flakes.motion.fall, 0.0))
-    one = SizeClass(density, small, large, square, fall)
-    return (Share(one, flakes.motion, flakes.reach, ()),) if math.isfinite(density) else ()
+    one = SizeClass(density, small, large, fall)
+    # The largest fade in, and all out again.
+    widest = focal * flakes.sizes[1] / (6.0 * width / TUNED)
+    low, high = (widest / limit for limit in flakes.largest)
+    shown = (high, low, flakes.reach, flakes.reach * (1.0 + FADE))
+    share = Share(one, flakes.motion, flakes.reach, shown)
+    return (share,) if math.isfinite(density) else ()

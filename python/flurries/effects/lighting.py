@@ -20,13 +20,6 @@ from flurries.light.phase import Optics
 from flurries.light.plate import PlateLight
 
 
-def local_shade(frame: Frame, optics: Optics) -> Shade:
-    """Return the color that the plate's light gives to flakes, by places."""
-    assert frame.plate is not None
-    colors = _local(frame.plate, frame.camera.focal, optics)
-    return Shade(colors, frame.plate.cell, (frame.window[0], frame.window[2]))
-
-
 def even_shade(frame: Frame, color: tuple[float, float, float]) -> Shade:
     """Return one color, display values, for the whole frame."""
     light = srgb_to_linear(np.asarray(color, np.float64)).reshape(1, 1, 3)
@@ -35,13 +28,16 @@ def even_shade(frame: Frame, color: tuple[float, float, float]) -> Shade:
 
 def veil_layer(name: str, frame: Frame, alpha: Array | float) -> Layer:
     """Return fog of an opacity that is as bright as what it hides, or brighter."""
-    assert frame.plate is not None
     top, bottom, left, right = frame.window
     cover = np.broadcast_to(np.asarray(alpha, np.float32), (bottom - top, right - left))
-    colors = _veil(frame.plate, frame.camera.focal)
-    return Layer(
-        name, np.ascontiguousarray(cover), shade=Shade(colors, frame.plate.cell, (top, left))
-    )
+    return Layer(name, np.ascontiguousarray(cover), shade=local_shade(frame, None))
+
+
+def local_shade(frame: Frame, optics: Optics | None) -> Shade:
+    """Return the color that the plate's light gives to particles, or to fog, by places."""
+    assert frame.plate is not None
+    colors = _colors(frame.plate, frame.camera.focal, optics)
+    return Shade(colors, frame.plate.cell, (frame.window[0], frame.window[2]))
 
 
 def whole(frame: Frame) -> Frame:
@@ -72,14 +68,12 @@ class Base(NamedTuple):
         return Base(plate.sky, grey)
 
 
-@lru_cache(maxsize=8)
-def _local(plate: PlateLight, focal: float, optics: Optics) -> Array:
+@lru_cache(maxsize=16)
+def _colors(plate: PlateLight, focal: float, optics: Optics | None) -> Array:
+    """Return the plate's light on particles, or on fog."""
+    if optics is None:
+        return plate.veil(focal).astype(np.float32)
     return plate.local(focal, asymmetry=optics.asymmetry, albedo=optics.albedo).astype(np.float32)
-
-
-@lru_cache(maxsize=8)
-def _veil(plate: PlateLight, focal: float) -> Array:
-    return plate.veil(focal).astype(np.float32)
 
 
 # Cells along the longer side of a frame in which the light of lamps on the texture is found.

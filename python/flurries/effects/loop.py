@@ -13,8 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from flurries.effects.cone import ConeSnow
-from flurries.effects.keyed import product
+from flurries.effects.population import product
 from flurries.effects.rain import Rain
 from flurries.effects.snow import Snow
 from flurries.effects.tent_rain import TentRain
@@ -49,16 +51,8 @@ class Earlier:
 
     effect: Any
     frames: int
-
-    @property
-    def seed(self) -> int | None:
-        """That of the effect."""
-        return getattr(self.effect, "seed", None)
-
-    @property
-    def NAME(self) -> str:
-        """The effect's name for people."""
-        return getattr(self.effect, "NAME", "")
+    seed: int
+    NAME: str  # For people.
 
     def needs(self, frame: Frame) -> Needs:
         """Return the needs of the effect."""
@@ -88,14 +82,12 @@ def looped(effect: Any, lap: Lap, seed: int) -> tuple[Any, ...]:
     going = Keys([(first, 1.0), (end, 0.0)])
     coming = Keys([(first - lap.frames, 0.0), (first, 1.0)])
     effect = replace(effect, seed=seed)
-    drawn = replace(effect, **alone)
-    there = any(getattr(effect, name) for name in without)
-    if not there:
+    if not any(getattr(effect, name) for name in without):
         return (effect,)
-    rounds = (
-        replace(drawn, amount=product(effect.amount, going)),
-        Earlier(replace(drawn, amount=product(effect.amount, coming)), lap.frames),
+    now, then = (
+        replace(effect, amount=product(effect.amount, share), **alone) for share in (going, coming)
     )
+    rounds = now, Earlier(then, lap.frames, seed, effect.NAME)
     rest = any(getattr(effect, name) != nothing for name, nothing in alone.items())
     return (replace(effect, **without), *rounds) if rest else rounds
 
@@ -135,21 +127,17 @@ def closed_fields(thing: Any, lap: Lap) -> tuple[Any, dict[str, float]]:
     changes, bent = {}, {}
     for name in (f.name for f in fields(thing) if f.init):
         value = getattr(thing, name, None)
-        if isinstance(value, Wind):
-            mean, back = closed(value.mean, lap)
-            if mean is not value.mean:
+        inner = value.mean if isinstance(value, Wind) else value
+        made, back = closed(inner, lap)
+        if made is not inner:
+            changes[name] = made
+            if isinstance(value, Wind):
                 rest = {one: getattr(value, one) for one in FIELDS if one != "mean"}
-                changes[name] = Wind(mean, **rest)
-        else:
-            made, back = closed(value, lap)
-            if made is not value:
-                changes[name] = made
+                changes[name] = Wind(made, **rest)
         if back is not None:
             bent[name] = back
     return (replace(thing, **changes), bent) if changes else (thing, bent)
 
 
 def _same(one: Any, other: Any) -> bool:
-    if isinstance(one, tuple):
-        return all(_same(a, b) for a, b in zip(one, other, strict=True))
-    return bool(abs(one - other) <= _SAME * max(abs(one), abs(other)))
+    return bool(np.allclose(one, other, rtol=_SAME, atol=0.0))

@@ -40,18 +40,17 @@ def passes_of(
             depth = np.full(alpha.shape, np.inf, np.float32)
         # What shows lies before the scene, wherever its layer's mean is.
         scene = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
-        if front is None:
-            coverage, ids = np.zeros_like(alpha), np.full(alpha.shape, -1, np.int64)
-            _core.layer_finish(motion, backward, depth, alpha, scene)
-        else:
+        coverage, ids = np.zeros_like(alpha), np.full(alpha.shape, -1, np.int64)
+        seen = None
+        if front is not None:
             coverage = np.ascontiguousarray(front)
             _, nearest, rows = flakes.seen(frame, amount)
             shown = nearest, coverage, behind
             numbers = _core.layer_seen(shown)
             ways, far = flakes.passes(rows, numbers)
-            said = np.column_stack([*ways, far])
-            _core.layer_finish(motion, backward, depth, alpha, scene, (shown, numbers, said))
-            ids = np.append(rows.ids.astype(np.int64), -1)[nearest]
+            seen = shown, numbers, np.column_stack([*ways, far])
+            ids = np.append(rows[0].astype(np.int64), -1)[nearest]
+        _core.layer_finish(motion, backward, depth, alpha, scene, seen)
     return {
         "motion": motion, "backward": backward, "depth": depth, "coverage": coverage, "ids": ids
     }  # fmt: skip
@@ -60,26 +59,21 @@ def passes_of(
 def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Array:
     """Return the motion to another frame of a window's depths, (h, w, 2) float32 pixels.
 
+    `depth` (h, w) is planar, metres; where it is infinite nothing moves. `moved` (3,) is camera
+    minus what the points belong to from one frame to the other, house axes.
+
     Of a pixel's ray r, (a, b, 1), and its depth d the point there is d M r + c in the other
     frame's eye. Its image there minus that here, focal (X / Z - a), is made of X - a Z, in which
     M r - r and c are small: nothing cancels.
-
-    Parameters
-    ----------
-    depth : (h, w)
-        Planar, metres; where it is infinite nothing moves.
-    moved : (3,)
-        Camera minus what the points belong to from one frame to the other, house axes.
     """
-    top, bottom, left, right = frame.window
     here, there = frame.camera, other.camera
     own, other_axes = here.matrix(), there.matrix()
     turned = own.T @ other_axes - np.eye(3)
     aside = (own @ np.array(here.offset) - moved) @ other_axes - np.array(there.offset)
-    middle, focals, turns = here.principal(frame.shape), here.focals, frame.path.turns
-    ends, shifted = there.focals, np.subtract(there.principal(frame.shape), middle)
-    a = (np.arange(left, right) + 0.5 - middle[0]) / focals[0]
-    b = (np.arange(top, bottom)[:, None] + 0.5 - middle[1]) / focals[1]
+    middle, turns = here.principal(frame.shape), frame.path.turns
+    focals, ends = here.focals, there.focals
+    shifted = np.subtract(there.principal(frame.shape), middle)
+    a, b = _across(frame, middle, focals)
     motion = np.zeros((*depth.shape, 2), np.float32)
     # Blocks of rows stay in a cache.
     for first in range(0, len(depth), _ROWS):
@@ -108,8 +102,15 @@ def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Ar
 
 def rays(frame: Frame) -> Float64:
     """Return the ray of each pixel of the window, (h, w, 3) in the eye's axes, with z = 1."""
+    camera = frame.camera
+    a, b = np.broadcast_arrays(*_across(frame, camera.principal(frame.shape), camera.focals))
+    return np.stack([a, b, np.ones_like(a)], axis=-1)
+
+
+def _across(
+    frame: Frame, middle: tuple[float, float], focals: tuple[float, float]
+) -> tuple[Float64, Float64]:
+    """Return the rays' parts across (w,) and down (h, 1)."""
     top, bottom, left, right = frame.window
-    center, focals = frame.camera.principal(frame.shape), frame.camera.focals
-    y, x = np.mgrid[top:bottom, left:right] + 0.5
-    across, down = (x - center[0]) / focals[0], (y - center[1]) / focals[1]
-    return np.stack([across, down, np.ones_like(across)], axis=-1)
+    across, down = np.arange(left, right) + 0.5, np.arange(top, bottom)[:, None] + 0.5
+    return np.asarray((across - middle[0]) / focals[0]), np.asarray((down - middle[1]) / focals[1])

@@ -1,8 +1,12 @@
-"""What snow and rain of populations share: their fields, and the parts that they are made of."""
+"""What snow and rain of populations share: their fields, and the parts that they are made of.
+
+Numbers may change over time: by what is there, never by what a flake is.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -23,23 +27,21 @@ from flurries.effects.checks import (
 from flurries.effects.color import AMBIENT, LOCAL, as_color
 from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flake_texture import FlakeTexture
-from flurries.effects.haze import Haze
-from flurries.effects.keyed import Mixture, highest, product, shares_of
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
+from flurries.effects.veil import Haze
 from flurries.effects.weather import Weather, times
+from flurries.frame.layer import Layer
+from flurries.frame.needs import Needs
+from flurries.frame.view import Frame
 from flurries.light.phase import FLAKES, Optics
-from flurries.motion.keys import Keys, Number, as_number
+from flurries.motion.keys import Keys, Number, as_number, value_at
 from flurries.motion.wind import Wind
 from flurries.particles.population import Population
 from flurries.particles.sizes import Sizes
 
 Method: TypeAlias = Literal["hybrid", "simulated"]
-METHODS = get_args(Method)
-LOOKS = ("v2",)
 Shape: TypeAlias = Literal["natural", "round"]
-SHAPES = get_args(Shape)
-
 
 # What the fields of a population may be.
 POPULATION: dict[str, Any] = {
@@ -57,16 +59,19 @@ POPULATION: dict[str, Any] = {
     "far": length,
     "cloud": length,
     "handover": optional(length),
-    "method": one_of(METHODS),
+    "method": one_of(get_args(Method)),
     "depth_mode": one_of(DEPTH_MODES),
-    "shape": one_of(SHAPES),
-    "look": one_of(LOOKS),
+    "shape": one_of(get_args(Shape)),
+    "look": one_of(("v2",)),
     "seed": optional(lambda _, value: seed_of(value)),
 }
 
 
 # Metres: flakes and drops of a larger mean are sizes in another unit.
 _LARGEST_MEAN = 0.2
+
+# Straight pieces between two keys that stand for the product of two keyed numbers.
+_PIECES = 8
 
 
 def size_law(name: str, value: object) -> Any:
@@ -78,13 +83,11 @@ def size_law(name: str, value: object) -> Any:
             size_law(name, part)
         return value
     low, mean, high = vector(name, value, 3).tolist()
-    try:
-        Sizes.with_mean(low, mean, high)
-    except ValueError:
+    if not (0.0 < low < mean < high or 0.0 < low == mean == high):
         raise ValueError(
             f"{name} must be 0 < smallest < mean < largest in metres, or three times the same, "
             f"got {(low, mean, high)}"
-        ) from None
+        )
     if mean > _LARGEST_MEAN:
         warn(f"{name} is taken as metres: {low:g}, {mean:g} and {high:g} m are no flakes or drops")
     return low, mean, high
@@ -99,7 +102,9 @@ def parts_of(
     `sizes` are diameters (smallest, mean, largest) in metres, from which `speed` makes speeds of
     fall; `shape` is what is near the camera. What both effects have is read from the effect.
     """
-    wind, most = effect.wind, highest(effect.density)
+    wind, most, density = effect.wind, effect.density, effect.density
+    if isinstance(density, Keys):
+        most = max(value for _, value in density.keys)
     if isinstance(wind, Wind) and wind.profile is not None and isinstance(effect.emission, Keys):
         # Flakes are there or not by the heights that they fell through.
         raise ValueError("emission: cannot be keyed in a wind with a profile over depth")
@@ -107,32 +112,81 @@ def parts_of(
     def made(size: Any, amount: Number) -> Precipitation[FlakeTexture]:
         law = Sizes.with_mean(*size)
         # The air holds as many as there ever are; fewer are shown where the density is less.
-        if isinstance(effect.density, Keys):
-            amount = product(amount, times(effect.density, 1.0 / most)) if most > 0.0 else 0.0
+        if isinstance(density, Keys):
+            amount = product(amount, times(density, 1.0 / most)) if most > 0.0 else 0.0
         mean = float(speed(np.array([law.mean]))[0])
         motion = Motion(mean if effect.fall is None else effect.fall, wind, effect.shutter)
         weather = part_of(
-            Weather,
-            effect,
-            population=Population(most, law, effect.opacity, speed),
-            motion=motion,
-            sway=sway,
-            simulated=effect.method == "simulated",
-            shape=shape,
+            Weather, effect, population=Population(float(most), law, effect.opacity, speed),
+            motion=motion, sway=sway, simulated=effect.method == "simulated", shape=shape,
             keyed=isinstance(amount, Keys),
-        )
+        )  # fmt: skip
         return Precipitation(
-            name=effect.NAME,
-            amount=amount,
-            color=effect.color,
-            brightness=gain,
-            optics=optics,
-            motion=motion,
-            texture=FlakeTexture(weather),
-            flakes=DrawnFlakes(weather),
+            name=effect.NAME, amount=amount, color=effect.color, brightness=gain, optics=optics,
+            motion=motion, texture=FlakeTexture(weather), flakes=DrawnFlakes(weather),
             veil=Haze(weather, effect.haze),
-        )
+        )  # fmt: skip
 
     if not isinstance(sizes, Keys):
         return made(sizes, effect.amount)
-    return Mixture([made(size, product(effect.amount, part)) for size, part in shares_of(sizes)])
+    frames = [frame for frame, _ in sizes.keys]
+    parts = []
+    for frame, size in sizes.keys:
+        # 1 at its own key, 0 at the others.
+        share = Keys([(other, float(other == frame)) for other in frames])
+        parts.append(made(size, product(effect.amount, share if len(frames) > 1 else 1.0)))
+    return Mixture(parts)
+
+
+def product(first: Number, second: Number) -> Number:
+    """Return two numbers multiplied; of two keyed ones by straight pieces between their keys."""
+    if not isinstance(first, Keys):
+        return times(second, first)
+    if not isinstance(second, Keys):
+        return times(first, second)
+    frames = sorted({frame for one in (first, second) for frame, _ in one.keys})
+    if len(frames) > 1:
+        at = np.linspace(0.0, len(frames) - 1.0, _PIECES * (len(frames) - 1) + 1)
+        frames = np.interp(at, np.arange(len(frames)), frames).tolist()
+    return Keys([(t, float(value_at(first, t)) * float(value_at(second, t))) for t in frames])
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """Populations that take turns: between two keys the flakes of one go as those of the next come.
+
+    Attributes
+    ----------
+    parts : sequence of Precipitation
+        One for each key, with its share in its amount.
+    """
+
+    parts: Sequence[Precipitation[Any]]
+
+    @property
+    def motion(self) -> Any:
+        """The motion of the flakes of the first key."""
+        return self.parts[0].motion
+
+    def _now(self, frame: Frame) -> list[Precipitation[Any]]:
+        """Return the populations that are there."""
+        return [part for part in self.parts if value_at(part.amount, frame.t) > 0.0]
+
+    def needs(self, frame: Frame) -> Needs:
+        """Return the needs of a frame: the steps of all populations that are there."""
+        asked = [part.needs(frame) for part in self._now(frame) or self.parts[:1]]
+        return Needs(
+            tuple(step for needs in asked for step in needs.steps),
+            tuple(one for needs in asked for one in needs.left_out),
+            frozenset[str]().union(*(needs.reads for needs in asked)),
+            most=1.0 - float(np.prod([1.0 - needs.most for needs in asked])),
+            by_rows=True,
+        )
+
+    def render(self, frame: Frame) -> tuple[Layer, ...]:
+        """Return a layer for each population that is there."""
+        layers: list[Layer] = []
+        for part in self._now(frame):
+            made = part.render(frame)
+            layers += made if isinstance(made, tuple) else [made]
+        return tuple(layers)

@@ -10,27 +10,26 @@ from flurries.effects.checks import DepthMode, settle
 from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.flake_texture import FlakeTexture
-from flurries.effects.keyed import Mixture
 from flurries.effects.knobs import knobs, preset
-from flurries.effects.population import POPULATION, Method, Shape, parts_of, size_law
-from flurries.effects.population_looks import (
-    RAIN,
-    RainLook,
-    rain_of_rate,
-    rain_of_severity,
-    rate_of,
-    severity_of,
+from flurries.effects.population import (
+    POPULATION,
+    Method,
+    Mixture,
+    Shape,
+    parts_of,
+    size_law,
 )
+from flurries.effects.population_looks import RAIN, RainLook, rain_of_rate, rain_of_severity
 from flurries.effects.precipitation import Precipitation
 from flurries.light.phase import DROPS
 from flurries.motion.keys import Keys, Number, Vector, as_number
 from flurries.motion.wind import Wind
-from flurries.particles.precipitation import drop_speed
+from flurries.particles.sizes import drop_speed
 
 
 @knobs(
-    severity=lambda value, _: rain_of_severity(severity_of(value)),
-    rate_mm_h=lambda value, _: rain_of_rate(rate_of(value, "rain")),
+    severity=lambda value, _: rain_of_severity(value),
+    rate_mm_h=lambda value, _: rain_of_rate(value),
 )
 @dataclass(frozen=True, kw_only=True)
 class Rain(metaclass=Described):

@@ -10,26 +10,25 @@ from flurries.effects.checks import DepthMode, settle
 from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.flake_texture import FlakeTexture
-from flurries.effects.keyed import Mixture
 from flurries.effects.knobs import knobs, preset
-from flurries.effects.population import POPULATION, Method, Shape, parts_of, size_law
-from flurries.effects.population_looks import (
-    SNOW,
-    SnowLook,
-    rate_of,
-    severity_of,
-    snow_of_rate,
-    snow_of_severity,
+from flurries.effects.population import (
+    POPULATION,
+    Method,
+    Mixture,
+    Shape,
+    parts_of,
+    size_law,
 )
+from flurries.effects.population_looks import SNOW, SnowLook, snow_of_rate, snow_of_severity
 from flurries.effects.precipitation import Precipitation
 from flurries.motion.keys import Keys, Number, Vector
 from flurries.motion.wind import Wind
-from flurries.particles.precipitation import snow_speed
+from flurries.particles.sizes import snow_speed
 
 
 @knobs(
-    severity=lambda value, _: snow_of_severity(severity_of(value)),
-    rate_mm_h=lambda value, given: snow_of_rate(rate_of(value, "snow"), given),
+    severity=lambda value, _: snow_of_severity(value),
+    rate_mm_h=lambda value, _: snow_of_rate(value),
 )
 @dataclass(frozen=True, kw_only=True)
 class Snow(metaclass=Described):

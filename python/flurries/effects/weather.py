@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +35,9 @@ DRAWN, FEW = 0.002, 0.004
 # Diameter in px of the largest flake of a sheet.
 LARGEST = 14.0
 
+# Flakes for each pixel of a sheet at most.
+_MOST_FLAKES = 12.0
+
 # Layers of sheets of each class; large flakes make most of the contrast.
 LAYERS, BENT_LAYERS = (3, 5, 8, 10), 6
 
@@ -44,27 +47,20 @@ NEAR_FADE = 1.25
 # By so much of the far end, on either side, the last flakes fade, so that none pops.
 FAR_FADE = 0.07
 
-# Heights at which the amount of flakes is looked up while they begin or cease to fall.
-HEIGHTS = 65
-
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """A class of size, and how it is shared out."""
+    """A class of size, and what is drawn of it."""
 
     size: SizeClass
     motion: Motion  # With the fall speed of the class.
     reach: float  # Depth up to which its flakes are drawn, metres.
-    slabs: tuple[Slab, ...]  # What the texture stands for beyond; none where all are drawn.
-
-    @property
-    def end(self) -> float:
-        """The depth at which the last of its drawn flakes are gone, metres."""
-        return self.reach * (1.0 + FADE)
+    # Depths between which drawn ones fade in, and between which they fade out again, metres.
+    shown: tuple[float, float, float, float]
 
 
 class Layer(NamedTuple):
-    """A slab with the class that it belongs to."""
+    """A slab of the texture with the class that it belongs to."""
 
     share: Share
     slab: Slab
@@ -74,17 +70,36 @@ class Layer(NamedTuple):
 class Film:
     """The shares of all classes in one film."""
 
-    shares: tuple[Share, ...]  # Of what the texture stands for.
-    drawn: tuple[Share, ...]  # Of what is drawn: the same ones, or parts of them.
-    comes: bool = False  # Whether the air ever comes nearer the camera or recedes, turns or grows.
+    drawn: tuple[Share, ...]
+    layers: list[Layer]  # Of the texture, near ones first; none where all flakes are drawn.
+    comes: bool  # Whether the air ever comes nearer the camera or recedes, turns or grows.
     # Whether all places of a layer move alike and always so, and nothing of it changes.
-    rigid: bool = False
+    rigid: bool
 
     @cached_property
-    def layers(self) -> tuple[Layer, ...]:
-        """The layers of the texture, near ones first."""
-        found = [Layer(share, slab) for share in self.shares for slab in share.slabs]
-        return tuple(sorted(found, key=lambda layer: layer.slab.depth))
+    def slabs(self) -> list[Slab]:
+        """Those of the layers."""
+        return [layer.slab for layer in self.layers]
+
+    @cached_property
+    def depths(self) -> Float64:
+        """The depths that layers move as, metres."""
+        return np.array([slab.depth for slab in self.slabs])
+
+    @cached_property
+    def covers(self) -> Float64:
+        """What layers cover of a pixel."""
+        return np.array([slab.coverage for slab in self.slabs])
+
+    @cached_property
+    def power(self) -> Float64:
+        """The variances of layers: of the same mean they go with what one flake covers."""
+        return self.covers * [float(np.mean(slab.diameters**2)) for slab in self.slabs]
+
+    @cached_property
+    def many(self) -> list[float]:
+        """The flakes of each layer for each that its sheet has, or 1."""
+        return [max(slab.count / _MOST_FLAKES, 1.0) for slab in self.slabs]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -97,7 +112,7 @@ class Weather:
     cloud: float  # Height above the camera at which they begin, metres.
     sway: tuple[float, float]  # (amplitude, rate): metres, and radians per second.
     near: float  # Depths between which there are flakes, metres.
-    far: float  # Depths between which there are flakes, metres.
+    far: float
     simulated: bool  # Whether every flake is drawn.
     shape: str = "round"  # What flakes are near the camera.
     keyed: bool = False  # Whether the amount of flakes changes.
@@ -112,18 +127,6 @@ class Weather:
         lens = frame.lens is not None and has_keys(frame.lens)
         return _film(self, path, rotation, focal, frame.fps, lens)
 
-    def amounts(self, frame: Frame, share: Share, amount: float, heights: Float64) -> Float64:
-        """Return the share of a class's flakes that is there at heights below the eye, metres.
-
-        A flake at height h left the cloud (cloud + h) / fall seconds ago, and is there if it began
-        to fall.
-        """
-        if not isinstance(self.emission, Keys):
-            return np.full(len(heights), amount * self.emission)
-        fall = max(float(value_at(share.motion.fall, frame.t)), 1e-3)
-        left = frame.t - frame.fps * np.maximum(self.cloud + heights, 0.0) / fall
-        return amount * np.array([self.emission.at(float(time)) for time in left])
-
     @property
     def law(self) -> Sizes:
         """The law of their diameters."""
@@ -132,22 +135,27 @@ class Weather:
     @cached_property
     def mean_speed(self) -> float:
         """The fall speed of a flake of the mean size, by the population's law, m/s."""
-        return float(self.population.speed(np.array([self.population.sizes.mean]))[0])
+        return float(self.population.speed(np.array([self.law.mean]))[0])
 
     def opacity_at(self, t: float) -> float:
         """Return the mean opacity over the disc of a resting flake, at a frame."""
         return self.population.opacity
 
     def shares(self, frame: Frame) -> tuple[Share, ...]:
-        """Return the classes of size."""
+        """Return the classes of size that are drawn."""
         return self.film(frame).drawn
 
-    def shown(self, share: Share, width: int, focal: float) -> tuple[float, float, float, float]:
-        """Return the depths between which drawn flakes fade in, and out again, metres."""
-        near = (self.near, self.near * NEAR_FADE)
-        if share.reach >= self.far:
-            return (*near, self.far * (1.0 - FAR_FADE), self.far * (1.0 + FAR_FADE))
-        return (*near, share.reach, share.end)
+
+def amounts_at(weather: Weather, frame: Frame, share: Share, heights: Float64) -> Float64:
+    """Return the part of a class's flakes that is there, at heights below the eye, metres.
+
+    A flake at height h left the cloud (cloud + h) / fall seconds ago, and is there if it began to
+    fall.
+    """
+    assert isinstance(weather.emission, Keys)
+    fall = max(float(value_at(share.motion.fall, frame.t)), 1e-3)
+    left = frame.t - frame.fps * np.maximum(weather.cloud + heights, 0.0) / fall
+    return np.array([weather.emission.at(time) for time in left.ravel().tolist()])
 
 
 def times(number: Number, factor: float) -> Number:
@@ -162,49 +170,44 @@ def _film(
     weather: Weather, path: CameraPath, rotation: tuple[float, float, float], focal: float,
     fps: float, blurred: bool,
 ) -> Film:  # fmt: skip
-    population, motion = weather.population, weather.motion
-    if population.density == 0.0:
-        # Nothing to be shared out: one class, all of it drawn.
-        (one,) = population.classes(1)
-        none = (Share(one, motion, weather.far, ()),)
-        return Film(none, none)
-    mean = weather.mean_speed
+    population, motion, far = weather.population, weather.motion, weather.far
+    fx, fy = path.widest.focals
+    few = population.density * far**3 / (3.0 * fx * fy) < FEW
+    reach = far if weather.simulated or few else hand_over(weather, focal)
+    out = (far * (1.0 - FAR_FADE), far * (1.0 + FAR_FADE))
+    shown = (weather.near, weather.near * NEAR_FADE,
+             *(out if reach >= far else (reach, reach * (1.0 + FADE))))  # fmt: skip
     varied = population.sizes.largest > population.sizes.smallest
 
-    def classes(count: int) -> list[tuple[SizeClass, Motion]]:
+    def classes(count: int) -> list[Share]:
         return [
-            (one, Motion(times(motion.fall, one.fall / mean), motion.wind, motion.shutter))
+            Share(one, Motion(times(motion.fall, one.fall / weather.mean_speed), motion.wind,
+                              motion.shutter), reach, shown)
             for one in population.classes(count if varied else 1)
-        ]
+        ]  # fmt: skip
 
-    fine = classes(CLASSES)
-    if weather.simulated or _few(weather, path):
-        drawn = tuple(Share(one, own, weather.far, ()) for one, own in fine)
-        return Film(drawn, drawn)
+    drawn = classes(CLASSES)
     comes = motion.spreads(path, rotation)
-    constant = (
+    rigid = (
         not (comes or weather.keyed or blurred or isinstance(motion.shutter, Keys))
         and not isinstance(weather.emission, Keys)
         and motion.varied is None
-        and all(own.line(path, fps) is not None for _, own in fine)
+        and all(share.motion.line(path, fps) is not None for share in drawn)
     )
-    reach = hand_over(weather, focal)
-
-    slabs = partial(slabs_of, population, focal=focal, tile=1, reach=reach, far=weather.far)
-    if constant:
-        shares = tuple(
-            Share(one, own, reach,
-                  tuple(slabs(one, edges=layer_edges(reach, weather.far, count))))
-            for (one, own), count in zip(fine, LAYERS[-len(fine) :], strict=True)
-        )  # fmt: skip
-        return Film(shares, shares, rigid=True)
     # Planes go through their slabs, and are as thick as these are far.
-    edges = np.geomspace(reach, weather.far, BENT_LAYERS + 1)
-    shares = tuple(
-        Share(one, own, reach, tuple(slabs(one, edges=edges, flat=comes)))
-        for one, own in classes(BENT_CLASSES)
-    )
-    return Film(shares, tuple(Share(one, own, reach, ()) for one, own in fine), comes)
+    edges = np.geomspace(reach, far, BENT_LAYERS + 1)
+    parts = [(share, edges) for share in classes(BENT_CLASSES)]
+    if rigid:
+        counts = zip(drawn, LAYERS[-len(drawn) :], strict=True)
+        parts = [(share, layer_edges(reach, far, count)) for share, count in counts]
+    layers = [
+        Layer(share, slab)
+        for share, edges in parts
+        for slab in slabs_of(
+            population, share.size, focal, reach=reach, far=far, edges=edges, flat=comes
+        )
+    ]
+    return Film(tuple(drawn), sorted(layers, key=lambda layer: layer.slab.depth), comes, rigid)
 
 
 def hand_over(weather: Weather, focal: float) -> float:
@@ -213,7 +216,6 @@ def hand_over(weather: Weather, focal: float) -> float:
     Slabs end at fixed depths, 2^(1/4) apart. Where the drawn flakes are a share of the pixels,
     their cost is that share at any size of the picture; a sheet's flakes have an end.
     """
-
     if weather.handover is not None:
         return min(max(weather.handover, NEAR_FADE * weather.near), weather.far)
 
@@ -221,7 +223,7 @@ def hand_over(weather: Weather, focal: float) -> float:
         return float(2.0 ** (0.25 * towards(4.0 * math.log2(depth))))
 
     cost = (3.0 * DRAWN * focal**2 / weather.population.density) ** (1.0 / 3.0)
-    large = weather.population.sizes.largest * focal / LARGEST
+    large = weather.law.largest * focal / LARGEST
     near = max(edge(cost, math.floor), edge(max(large, NEAR_FADE * weather.near), math.ceil))
     return min(near, weather.far)
 
@@ -239,9 +241,3 @@ def layer_edges(near: float, far: float, count: int) -> Float64:
     speed = (1.0 / near - 1.0 / depths) / (1.0 / near - 1.0 / far)
     share = 0.75 * speed + 0.25 * (depths - near) / (far - near)
     return np.interp(np.linspace(0.0, 1.0, count + 1), share, depths)
-
-
-def _few(weather: Weather, path: CameraPath) -> bool:
-    """Whether all flakes are so few for each pixel that they are drawn."""
-    fx, fy = path.widest.focals
-    return weather.population.density * weather.far**3 / (3.0 * fx * fy) < FEW

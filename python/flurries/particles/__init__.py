@@ -1,6 +1,5 @@
 """Flakes and drops: where they are, and their picture."""
 
-from flurries.particles.places import edge_fade, positions, sway_offsets
-from flurries.particles.splatting import ids, splat
+from flurries.particles.points import edge_fade, ids, positions, splat, sway_offsets
 
 __all__ = ["edge_fade", "ids", "positions", "splat", "sway_offsets"]

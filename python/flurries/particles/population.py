@@ -1,25 +1,29 @@
 """A population of flakes or drops: how many, how large, how fast, and how they are shared out.
 
 One population fills the air. What is near is drawn flake by flake, what is far is synthesized, and
-both take their numbers from here: classes of size, each with its fall speed and the depth from
-which it is synthesized, and layers, each a slab of depth with the images of its flakes.
+both take their numbers from here: classes of size, each with its fall speed, and slabs of depth
+with the images of their flakes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import Float64
-from flurries.particles.sizes import Sizes
+from flurries.particles.sizes import Law, Sizes
 
 # Over this part of its depth the hand-over goes from all drawn to all synthesized.
 FADE = 0.08
+
+# Depths by which a slab's images are counted, and the even shares of images: many, since the few
+# largest flakes make most of the contrast.
+_DEPTHS, _SHARES = 32, 264
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(_DEPTHS)
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,6 @@ class SizeClass:
     density: float  # Per cubic metre.
     smallest: float  # Diameters, metres.
     largest: float
-    square: float  # Mean of the squared diameter, m2.
     fall: float  # Metres per second in still air: the mean, each flake weighed by its area.
 
 
@@ -40,7 +43,7 @@ class Population:
     density: float  # Per cubic metre.
     sizes: Sizes
     opacity: float  # Mean over a resting flake's disc.
-    speed: Callable[[Float64], Float64]  # Of the fall in m/s, of diameters in metres.
+    speed: Law  # Of the fall in m/s, of diameters in metres.
 
     @property
     def extinction(self) -> float:
@@ -50,27 +53,17 @@ class Population:
     def classes(self, count: int) -> list[SizeClass]:
         """Return classes of size that cover the same area each, small ones first."""
         sizes = self.sizes
-        if sizes.largest == sizes.smallest:
-            edges = np.array([sizes.smallest, sizes.largest])
-        else:
+        edges = np.array([sizes.smallest, sizes.largest])
+        if sizes.largest > sizes.smallest:
             at = sizes.quantile(np.linspace(0.0, 1.0, 4097))
             area = np.concatenate([[0.0], np.cumsum(0.5 * (at[1:] ** 2 + at[:-1] ** 2))])
             edges = np.interp(np.linspace(0.0, area[-1], count + 1), area, at)
         found = []
         for low, high in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
             at, share = sizes.nodes(low, high)
-            number = float(share.sum())
-            square = float(share @ at**2)
-            fall = float((share * at**2) @ self.speed(at)) / square
-            found.append(SizeClass(self.density * number, low, high, square / number, fall))
+            fall = float((share * at**2) @ self.speed(at)) / float(share @ at**2)
+            found.append(SizeClass(self.density * float(share.sum()), low, high, fall))
         return found
-
-
-def drawn_share(depth: Float64, reach: float, far: float) -> Float64:
-    """Return the share of the flakes at depths that is drawn, 1 near to 0 far; all up to `far`."""
-    if reach >= far:
-        return np.where(np.asarray(depth) <= far, 1.0, 0.0)
-    return 1.0 - smoothstep((np.asarray(depth, np.float64) / reach - 1.0) / FADE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,29 +73,15 @@ class Slab:
     near: float
     far: float
     depth: float  # That it moves as: the mean of the depths of what it covers.
-    count: float  # Mean number of flakes in a tile.
+    count: float  # Mean number of flakes in a pixel.
     diameters: Float64  # (n,) px, of even shares of the flakes: each covers what its share does.
-    coverage: float  # Mean of what they cover of a tile, px2.
-
-
-# Depths by which a slab's images are counted, and the even shares of images: many, since the few
-# largest flakes make most of the contrast.
-_DEPTHS, _SHARES = 32, 264
-
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(_DEPTHS)
+    coverage: float  # Mean of what they cover of a pixel.
 
 
 def slabs_of(
-    population: Population,
-    each: SizeClass,
-    focal: float,
-    tile: int,
-    *,
-    reach: float,
-    far: float,
-    edges: Float64,
-    flat: bool = False,
-) -> list[Slab]:
+    population: Population, each: SizeClass, focal: float, *, reach: float, far: float,
+    edges: Float64, flat: bool = False,
+) -> list[Slab]:  # fmt: skip
     """Return the layers of a class from where it is no longer drawn, near ones first."""
     # `edges` are where slabs end, from `reach` to `far`. All flakes of a flat slab are seen at its
     # mean depth, as many as cover as much.
@@ -113,8 +92,9 @@ def slabs_of(
     found = []
     for near, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
         depths = 0.5 * (near + end) + 0.5 * (end - near) * _NODES
-        left = 1.0 - drawn_share(depths, reach, far)
-        volume = 0.5 * (end - near) * _WEIGHTS * depths**2 * left * (tile / focal) ** 2
+        left = np.empty(_DEPTHS)
+        _core.smooth(left, (depths / reach - 1.0) / FADE)
+        volume = 0.5 * (end - near) * _WEIGHTS * depths**2 * left * (1.0 / focal) ** 2
         count = each.density * float(volume.sum())
         seen = volume / depths**2
         depth = float((seen @ depths) / seen.sum())
@@ -124,16 +104,8 @@ def slabs_of(
         if flat:
             images, weight = focal * diameters / depth, share
             count *= area / (area := float(weight @ images**2))
-        found.append(
-            Slab(
-                near,
-                end,
-                depth,
-                count,
-                _even_shares(images, weight),
-                count * population.opacity * 0.25 * math.pi * area,
-            )
-        )
+        coverage = count * population.opacity * 0.25 * math.pi * area
+        found.append(Slab(near, end, depth, count, _even_shares(images, weight), coverage))
     return found
 
 
@@ -144,11 +116,3 @@ def _even_shares(images: Float64, weight: Float64) -> Float64:
     squares = np.concatenate([[0.0], np.cumsum(weight[order] * images[order] ** 2)])
     upto = np.interp(np.linspace(0.0, 1.0, _SHARES + 1), below / below[-1], squares)
     return np.asarray(np.sqrt(np.diff(upto) * _SHARES / below[-1]))
-
-
-def smoothstep(t: npt.ArrayLike) -> Float64:
-    """Return 0 below 0, 1 above 1, and the cubic that is level at both between; of any shape."""
-    values = np.ascontiguousarray(t, np.float64)
-    out = np.empty(values.shape)
-    _core.smooth(out.reshape(-1), values.reshape(-1))
-    return out

@@ -64,7 +64,7 @@ def _depth(effect: Any, frame: Frame) -> float | None:
     if not isinstance(flakes, DrawnFlakes) or not isinstance(flakes.weather, Weather):
         return None
     film = flakes.weather.film(frame)
-    return film.shares[0].reach if film.layers else None
+    return film.drawn[0].reach if film.layers else None
 
 
 def _setting(scene: Scene, number: int, name: str, effects: Sequence[Any]) -> Handover:

@@ -1,0 +1,271 @@
+"""Flakes as points in a box that wraps, and their picture (Langer 2004, sections 6 and 7).
+
+A place follows from the seed and the flake's index alone, so frames can be made in any order, on
+any number of threads or machines.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries import _core
+from flurries._contract import (
+    MOST_ELEMENTS,
+    Array,
+    Float64,
+    _came,
+    float_dtype,
+    integer,
+    is_pair,
+    output,
+    pixels,
+    real,
+    seed_of,
+    shape_of,
+    table,
+    vector,
+)
+from flurries.camera.lens import Camera, expect_camera
+
+
+def positions(
+    count: int, box: npt.ArrayLike, *, seed: int, velocity: npt.ArrayLike, time: float,
+    center: npt.ArrayLike = (0.0, 0.0, 0.0), sway: tuple[float, float] | None = None,
+    out: Float64 | None = None,
+) -> Float64:  # fmt: skip
+    """Return the places of flakes at a time, in a box that wraps around a centre.
+
+    p = c + wrap(B u + v t - c), wrap(x) = x - B floor(x / B + 1/2), with u uniform in [0, 1)^3,
+    hashed from the seed and the flake's index: flake i is the same whatever `count` is. At time 1e9
+    a place is as exact as at time 0, within 1e-15 B.
+
+    Parameters
+    ----------
+    count : int
+        How many flakes, 0 or more.
+    box : float or (3,) floats
+        B, the sides of the box, world units, 1e-100 to 1e100.
+    seed : int
+        Any int64.
+    velocity : (3,) or (count, 3)
+        v, flake minus world, world units per unit of time.
+    time : float
+        t; the unit is the caller's (frames, in a scene).
+    center : (3,), optional
+        c, the middle of the box: as a rule where the camera is. World units.
+    sway : (float, float), optional
+        Of the offsets that are added after the wrap: see `sway_offsets`.
+
+    Returns
+    -------
+    (count, 3) float64
+        Row i is flake i's (x, y, z), absolute, world units. Without sway the offset from the centre
+        lies in [-B/2, B/2) on each axis, up to the rounding of the sum with the centre.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not as described, or velocity * time overflows; the message names it.
+    """
+    number = integer("count", count, low=0, high=MOST_ELEMENTS // 3)
+    sides, middle = _box(box, center)
+    rate = _rows("velocity", velocity, number, (3,), "(3,) or (count, 3)")
+    result = output(out, (number, 3), np.dtype(np.float64), rate)
+    swing = None if sway is None else _sway(sway)
+    _core.particle_positions(result, sides, middle, seed_of(seed), rate, real("time", time), swing)
+    return result
+
+
+def sway_offsets(
+    count: int, *, seed: int, time: float, sway: tuple[float, float], out: Float64 | None = None
+) -> Float64:
+    """Return the offsets that `positions` adds for the sway at a time; exact at any time.
+
+    Parameters
+    ----------
+    count, seed, time
+        As given to `positions`.
+    sway : (float, float)
+        ``(amplitude, angular_frequency)``, world units and radians per unit of time.
+
+    Returns
+    -------
+    (count, 3) float64
+        Row i is amplitude * (sin(w t + phi1), 0, sin(w t + phi2)), world units, the phases hashed
+        for flake i. Their difference over an exposure, over it, is the sway's part of a velocity.
+    """
+    number = integer("count", count, low=0, high=MOST_ELEMENTS // 3)
+    result = output(out, (number, 3), np.dtype(np.float64))
+    _core.particle_sway_offsets(result, seed_of(seed), real("time", time), _sway(sway))
+    return result
+
+
+def edge_fade(
+    points: npt.ArrayLike, box: npt.ArrayLike, *, center: npt.ArrayLike = (0.0, 0.0, 0.0),
+    out: Float64 | None = None,
+) -> Float64:  # fmt: skip
+    """Return the share of each flake that is shown, so that none pops where the box wraps.
+
+    Parameters
+    ----------
+    points : (n, 3)
+        Absolute positions, as `positions` gives them, world units.
+    box, center
+        As given to `positions`.
+
+    Returns
+    -------
+    (n,) float64
+        The product over the axes of 1 - smoothstep(0.85, 1, 2 |p - c| / B), from 0 at the walls
+        (and outside) to 1; to be multiplied into the opacity.
+    """
+    place = _points(points)
+    sides, middle = _box(box, center)
+    result = output(out, (len(place),), np.dtype(np.float64), place)
+    _core.particle_edge_fade(result, place, sides, middle)
+    return result
+
+
+def splat(
+    shape: tuple[int, int], points: npt.ArrayLike, radius: npt.ArrayLike, camera: Camera, *,
+    opacity: npt.ArrayLike, velocity: npt.ArrayLike | None = None, shutter: float = 0.0,
+    near: float = 0.1, depth: npt.ArrayLike | None = None, dtype: npt.DTypeLike = np.float32,
+    out: Array | None = None,
+) -> Array:  # fmt: skip
+    """Return the alpha of many flakes of one color.
+
+    A flake of radius r at depth D is a Gaussian with sigma = f r / (3 D) px around
+    (cx + f x / z, cy + f y / z), drawn with sigma_e^2 = max(sigma^2 + 1/12, 0.38) and an amplitude
+    lowered by sigma^2 / sigma_e^2, which keeps its energy. One that moves is the exact integral of
+    that Gaussian along its path, cut at the near plane before the perspective division.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        (H, W), px.
+    points : (n, 3)
+        Where the flakes are at mid-exposure, in camera axes (x right, y down, z forward), world
+        units. ``camera.offset`` is subtracted; ``camera.rotation`` is not applied.
+    radius : float or (n,)
+        World units, 0 or more; a third of it is sigma.
+    camera : Camera
+        Its focal length, principal point and offset are used.
+    opacity : float or (n,)
+        Opacity in the centre of a large resting flake, 0 to 1.
+    velocity : (3,) or (n, 3), optional
+        Flake minus camera, world units per frame. Without it flakes rest.
+    shutter : float, optional
+        Exposure, frames: the flake moves from p - v shutter / 2 to p + v shutter / 2.
+    near : float, optional
+        Nothing nearer than this depth is drawn, world units, more than 0. A flake that crosses it
+        keeps the share of its opacity that the exposure had in front.
+    depth : (H, W), optional
+        Depth of what stands in the picture, world units; infinity is the sky. It hides a flake that
+        is farther, at the middle of its clipped path. NaN hides nothing.
+
+    Returns
+    -------
+    (H, W) array
+        alpha = 1 - prod(1 - alpha_i) at the pixel centres (j + 1/2, i + 1/2), from 0 to 1, in any
+        order of the flakes. The sum of one faint flake's alpha is 2 pi opacity sigma^2 within
+        0.2 %. The footprint goes smoothly to 0 from 3 to 4 sigma_e. Flakes whose image is farther
+        out or wider than 1e30 px are left out.
+    """
+    size, kind = shape_of("shape", shape), float_dtype(dtype)
+    flakes, inputs = _read(size, points, radius, camera, opacity, velocity, shutter, near, depth)
+    result = output(out, size, kind, *inputs)
+    _core.particle_splat(result, *flakes)
+    return result
+
+
+def ids(
+    shape: tuple[int, int], points: npt.ArrayLike, radius: npt.ArrayLike, camera: Camera, *,
+    opacity: npt.ArrayLike, velocity: npt.ArrayLike | None = None, shutter: float = 0.0,
+    near: float = 0.1, depth: npt.ArrayLike | None = None,
+    out: npt.NDArray[np.int32] | None = None,
+) -> npt.NDArray[np.int32]:  # fmt: skip
+    """Return the number of the flake that each pixel shows; parameters as in `splat`.
+
+    Returns
+    -------
+    (H, W) int32
+        The row in `points` of the flake whose own opacity at the pixel's centre is the greatest,
+        the first of equals; -1 outside all footprints. A footprint ends where its opacity is 0.
+    """
+    size = shape_of("shape", shape)
+    flakes, inputs = _read(size, points, radius, camera, opacity, velocity, shutter, near, depth)
+    result = output(out, size, np.dtype(np.int32), *inputs)
+    _core.particle_ids(result, *flakes)
+    return result
+
+
+def _read(
+    shape: tuple[int, int], points: npt.ArrayLike, radius: npt.ArrayLike, camera: Camera,
+    opacity: npt.ArrayLike, velocity: npt.ArrayLike | None, shutter: float, near: float,
+    depth: npt.ArrayLike | None,
+) -> tuple[tuple[Any, ...], list[npt.NDArray[Any]]]:  # fmt: skip
+    """Return flakes as the kernels read them, and the arrays that no output may overlap."""
+    place = _points(points)
+    aspect = expect_camera(camera, stretched=True).aspect
+    width = _rows("radius", radius, len(place), (), "one number or (n,)")
+    cover = _rows("opacity", opacity, len(place), (), "one number or (n,)")
+    moved = (0.0, 0.0, 0.0) if velocity is None else velocity
+    rate = _rows("velocity", moved, len(place), (3,), "(3,) or (n, 3)")
+    exposure = real("shutter", shutter, low=0.0)
+    closest = real("near", near, above=0.0)
+    inputs: list[npt.NDArray[Any]] = [place, width, cover, rate]
+    map_: npt.NDArray[Any] | None = None
+    if depth is not None:
+        map_, _ = pixels("depth", depth, ndim=2)
+        if map_.shape != shape:
+            raise ValueError(f"depth must have shape {shape}, got {map_.shape}")
+        inputs.append(map_)
+    if aspect != 1.0:
+        # Everything is as much higher as pixels are.
+        stretch = np.array([1.0, aspect, 1.0])
+        place, rate = place * stretch, rate * stretch
+    x, y, z = camera.offset
+    lens = (camera.focal, *camera.principal(shape), (x, aspect * y, z), closest)
+    return ((place, width, cover, rate, exposure), lens, map_), inputs
+
+
+def _single(value: object) -> bool:
+    """Tell one number from an array; lists and tuples are arrays."""
+    return getattr(value, "ndim", 0) == 0 and not isinstance(value, (list, tuple))
+
+
+def _box(box: npt.ArrayLike, center: npt.ArrayLike) -> tuple[Any, Any]:
+    sides = [real("box", box, above=0.0)] * 3 if _single(box) else vector("box", box, 3).tolist()
+    return sides, vector("center", center, 3).tolist()
+
+
+def _points(points: npt.ArrayLike) -> Float64:
+    place = table("points", points)
+    if place.shape[1] != 3:
+        raise ValueError(f"points must be (n, 3), got an array of shape {place.shape}")
+    return place
+
+
+def _rows(
+    name: str, value: npt.ArrayLike, count: int, row: tuple[int, ...], wanted: str
+) -> Float64:
+    """Return (1, *row) or (count, *row): a value for all flakes, or one for each."""
+    if row == () and _single(value):
+        return np.array([real(name, value)])
+    values = table(name, value, ndim=None)
+    if row != () and values.shape == row:
+        return values.reshape((1, *row))
+    if values.shape != (count, *row):
+        raise ValueError(
+            f"{name} must be {wanted} with {count} rows, got an array of shape {values.shape}"
+        )
+    return values
+
+
+def _sway(sway: Any) -> tuple[float, float]:
+    if not is_pair(sway):
+        raise TypeError(f"sway must be (amplitude, angular_frequency), got {_came(sway)}")
+    return real("sway[0]", sway[0]), real("sway[1]", sway[1])
