@@ -153,46 +153,6 @@ def test_phase_functions_keep_the_light():
     assert fl.gas.phase(1.0, kind="henyey") > fl.gas.phase(-1.0, kind="henyey")
 
 
-# A gridded volume -------------------------------------------------------------------------------
-
-
-def test_a_smooth_volume_against_a_ray_march():
-    # A Gaussian ball: wide against its voxels, so that its reconstruction is itself.
-    n, side = 33, 0.15
-    axis = (np.arange(n) - (n - 1) / 2) * side
-    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
-    width = 0.6
-    gas = fl.gas.particles_of(3.0 * np.exp(-(x**2 + y**2 + z**2) / (2 * width**2)), side,
-                              center=(0.2, -0.1, 9.0), threshold=1e-6)  # fmt: skip
-    camera = fl.Camera(160.0)
-    alpha = fl.gas.alpha((61, 61), *gas, camera, footprint="volume", dtype=np.float64)
-    row, col = np.mgrid[:61, :61]
-    way = np.stack([(col + 0.5 - 30.5) / 160, (row + 0.5 - 30.5) / 160, np.ones((61, 61))], -1)
-    way /= np.linalg.norm(way, axis=-1, keepdims=True)
-    # Voxels are means of nothing: the reconstruction blurs by sigma = .75 voxels.
-    blurred = width**2 + (0.75 * side) ** 2
-    c = np.array([0.2, -0.1, 9.0])
-    across = (np.cross(way, c) ** 2).sum(axis=-1)
-    peak = 3.0 * (width**2 / blurred) ** 1.5
-    want = peak * math.sqrt(2 * math.pi * blurred) * np.exp(-across / (2 * blurred))
-    np.testing.assert_allclose(-np.log1p(-alpha), want, rtol=0, atol=0.01 * want.max())
-
-
-def test_a_grid_too_dense_is_opaque_and_empty_voxels_are_left_out():
-    values = np.zeros((2, 3, 4))
-    values[1, 2, 0] = 1e6
-    gas = fl.gas.particles_of(values, 0.5, center=(1.0, 2.0, 3.0))
-    np.testing.assert_allclose(gas.centers, [[1 - 0.75, 2 + 0.5, 3 + 0.25]])
-    assert gas.density.tolist() == [1.0]
-    assert len(fl.gas.particles_of(np.zeros((2, 2, 2)), 1.0).centers) == 0
-    for name, value in (("volume", -np.ones((2, 2, 2))), ("volume", np.ones((2, 2))),
-                        ("volume", np.full((1, 1, 1), np.nan)), ("spacing", 0.0),
-                        ("center", (1, 2)), ("threshold", -1.0)):  # fmt: skip
-        good = {"volume": np.ones((2, 2, 2)), "spacing": 1.0}
-        with pytest.raises(ValueError, match=name):
-            fl.gas.particles_of(**{**good, name: value})
-
-
 # Flight -----------------------------------------------------------------------------------------
 
 

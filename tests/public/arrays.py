@@ -201,9 +201,6 @@ CALLS: dict[str, Call] = {
     "gas.phase(henyey)": Call(
         {**COSINE, "kind": "henyey"}, of=fl.gas.phase, takes={"cosine": ("empty", "too deep")}
     ),
-    "gas.particles_of": Call(
-        {"volume": RNG.random((3, 4, 5)), "spacing": 0.5, "center": 3.0 * DOWN}
-    ),
     "gas.footprint_table": Call(
         {"size": 9, "intervals": 20}, refused={"size": (0, 10**9), "intervals": (0,)}
     ),
@@ -240,7 +237,6 @@ CALLS: dict[str, Call] = {
         then=lambda made: fl.cone.layers(SHAPE, LENS, TILE, axis=DOWN, phase=0.0, mapping=made),
         **HIDES,
     ),
-    "cone.frame": Call({"axis": ASIDE}),
     "cone.rays": Call(
         {**SIGHT, "axis": ASIDE, "points_px": 20.0 * RNG.random((5, 2))},
         takes={"points_px": ("empty",)},
@@ -252,25 +248,17 @@ CALLS: dict[str, Call] = {
                  "offset": ((0, 0, 0),)},
     ),
     "cone.layers": Call(
-        {**SIGHT, "tile": TILE, "axis": ASIDE, "offsets": RNG.random((4, 2)), "gains": FEW[:4],
+        {**SIGHT, "tile": TILE, "axis": ASIDE, "gains": FEW[:4],
          "phase": 0.3},
         refused={**NO_AXIS, **NO_TILE, "stretch": (0.0,), "repeats": (0,),
-                 "multiples": ((1, 1), ()), "gains": ((1.0, 2.0), -1.0),
-                 "offsets": ((0.0, 1.0), np.zeros((3, 2))),
+                 "gains": ((1.0, 2.0), -1.0),
                  "mapping": (fl.cone.Mapping((9, 9), LENS, axis=DOWN),)},
     ),
     "cone.path": Call(
-        {**ROUND, "exposure": np.array([0.01, 0.02, 0.03])}, unused=("pixel",),
+        {**ROUND, "exposure": np.array([0.01, 0.02, 0.03])},
         refused={"times": ([], [0.0, -1.0, 2.0]), "drop": ((1, 2),), "camera": (np.zeros((2, 3)),),
                  "damping": (1.5,), "exposure": (-1.0, (0.1, -1.0, 0.1), (0.1, 0.1)),
                  "length": (0.0,), "radius": (0.0,), "repeats": (0,)},
-    ),
-    "cone.path(published)": Call(
-        {**ROUND, "published": True}, of=fl.cone.path, unused=("exposure", "still")
-    ),
-    "cone.travel": Call(
-        {"drop": np.stack([8.0 * DOWN] * 2), "camera": ASIDE, "dt": np.array([0.1, 0.2]),
-         "published": True}
     ),
     "composite.snow": Call(
         {"background": PICTURE, "alpha": COVER}, pictures=("background",), keeps="background",

@@ -6,15 +6,13 @@ four of them, each smaller and slower than the one before, give depth. The cost 
 depend on how heavy the rain is.
 
 :func:`path` gives the axis, the phase and the stretch of a whole way at once, :func:`layer` draws
-one texture, :func:`layers` several in one pass.
+one texture, :func:`layers` four in one pass.
 """
 
-from flurries.cone.mapping import Mapping
-from flurries.cone.motion import travel
 from flurries.cone.path import Path, State, path
-from flurries.cone.rays import Rays, frame, rays
+from flurries.cone.rays import Rays, rays
 from flurries.cone.sheet import layer
-from flurries.cone.stack import layers
+from flurries.cone.stack import Mapping, layers
 from flurries.cone.texture import Texture
 from flurries.cone.tiles import rain_tile, snow_tile
 
@@ -24,12 +22,10 @@ __all__ = [
     "Rays",
     "State",
     "Texture",
-    "frame",
     "layer",
     "layers",
     "path",
     "rain_tile",
     "rays",
     "snow_tile",
-    "travel",
 ]

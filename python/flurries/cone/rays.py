@@ -13,7 +13,7 @@ from flurries import _core
 from flurries._contract import Float64, real, shape_of, table, vector
 from flurries.camera.lens import Camera, expect_camera
 
-__all__ = ["Rays", "frame", "rays"]
+__all__ = ["Rays", "rays"]
 
 _Triple: TypeAlias = tuple[float, float, float]
 
@@ -46,25 +46,6 @@ class Rays:
     azimuth_step: Float64
     height_step: Float64
     fade: Float64
-
-
-def frame(axis: npt.ArrayLike) -> tuple[Float64, Float64, Float64]:
-    """Return the axis and two directions across it.
-
-    Parameters
-    ----------
-    axis : (3,)
-        Direction in the house axes, of any length but 0.
-
-    Returns
-    -------
-    axis, first, second : (3,) float64
-        Of length 1 and square to each other: x and z, turned by the smallest rotation that brings
-        the default axis (0, 1, 0) to the wanted one; x and -z where the axis points straight up.
-    """
-    basis = _core.cone_basis(direction("axis", axis))
-    first, second, third = (np.array(part) for part in basis)
-    return first, second, third
 
 
 def rays(

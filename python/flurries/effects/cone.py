@@ -6,12 +6,13 @@ Fall, wind, shutter and the size of drops mean what they mean in `TentRain` and 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from typing import Any, ClassVar
 
 from flurries import cone
-from flurries._contract import flag, integer, real, suggesting
+from flurries._contract import Array, flag, integer, real, suggesting
 from flurries.effects.checks import (
     FALL,
     Check,
@@ -178,8 +179,8 @@ class ConeRain(metaclass=Described):
             self,
             motion=motion,
             make=partial(
-                _rain, self.tile, drops=self.drops, width=self.drop_size / metres,
-                length=self.drop_length / metres, spread=self.spread,
+                _texture, cone.rain_tile, self.tile, drops=self.drops,
+                width=self.drop_size / metres, length=self.drop_length / metres, spread=self.spread,
             ),
             length=self.drop_length,
             gains=(0.3, 0.55, 0.8, 1.0),
@@ -289,8 +290,8 @@ class ConeSnow(metaclass=Described):
             self,
             motion=motion,
             make=partial(
-                _snow, self.tile, flakes=self.texture_flakes, width=width, spread=spread,
-                opacity=self.flake_opacity,
+                _texture, cone.snow_tile, self.tile, flakes=self.texture_flakes, width=width,
+                spread=spread, opacity=self.flake_opacity,
             ) if self.texture_flakes else None,
             length=mean,
             gains=(0.8, 1.0, 1.0, 1.0),
@@ -315,19 +316,6 @@ class ConeSnow(metaclass=Described):
         )
 
 
-@lru_cache(maxsize=8)
-def _rain(
-    size: int, seed: int, drops: int, width: float, length: float, spread: float
-) -> cone.Texture:
-    return cone.Texture(
-        cone.rain_tile(size, seed=seed, drops=drops, width=width, length=length, spread=spread)
-    )
-
-
-@lru_cache(maxsize=8)
-def _snow(
-    size: int, seed: int, flakes: int, width: float, spread: float, opacity: float
-) -> cone.Texture:
-    return cone.Texture(
-        cone.snow_tile(size, seed=seed, flakes=flakes, width=width, spread=spread, opacity=opacity)
-    )
+@lru_cache(maxsize=16)
+def _texture(make: Callable[..., Array], size: int, *, seed: int, **about: Any) -> cone.Texture:
+    return cone.Texture(make(size, seed=seed, **about))

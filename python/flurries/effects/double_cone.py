@@ -10,13 +10,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from flurries import cone
 from flurries._contract import Array, Float64
-from flurries._threads import reproducible
+from flurries._threads import kept_by_mode
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.cone.sheet import wrapped
@@ -32,6 +32,9 @@ STILL = 0.1
 
 # The cones of the four layers, against the first one's.
 FARTHEST = 8
+
+# A chart is three words a pixel: those of large pictures are not kept.
+LARGEST_CHART = 1 << 22
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,7 +54,7 @@ class DoubleCone:
     """
 
     motion: Motion
-    make: Callable[[int], cone.Texture] | None
+    make: Callable[..., cone.Texture] | None
     length: float
     gains: tuple[float, ...]
     gain: float
@@ -118,32 +121,49 @@ class DoubleCone:
         """Return the joint alpha of the layers over the window, (h, w) float32."""
         assert self.make is not None
         top, bottom, left, right = frame.window
-        rows, state = (top, bottom), self.state(frame)
-        pose = Pose(
-            frame.shape, frame.camera, state.axis, state.stretch, self.slope, self.repeats,
-            self.radius,
-        )  # fmt: skip
-        if frame.depth is None:
-            # Asked for once for all bands of a frame, which are not frames of one pose.
-            mapping = frame.once_each(self, "chart", lambda: chart(pose))
-        else:
-            mapping = pose.mapping(rows=rows, depth=frame.depth)
+        state = self.state(frame)
+        look: dict[str, Any] = {
+            "axis": state.axis, "stretch": state.stretch, "slope": self.slope,
+            "repeats": self.repeats, "radius": self.radius,
+        }  # fmt: skip
+        mapping: cone.Mapping | None = None
+        if frame.depth is not None:
+            rows, depth = (top, bottom), frame.depth
+            mapping = cone.Mapping(frame.shape, frame.camera, **look, rows=rows, depth=depth)
+        elif self._stands(frame):
+            mapping = _chart(frame.shape, frame.camera, **look)
         alpha = cone.layers(
-            pose.shape,
-            pose.camera,
-            self.make(frame.seed),
-            axis=pose.axis,
+            frame.shape,
+            frame.camera,
+            self.make(seed=frame.seed),
+            **look,
             phase=state.phase,
-            stretch=pose.stretch,
-            slope=pose.slope,
-            repeats=pose.repeats,
-            radius=pose.radius,
             mapping=mapping,
-            rows=rows,
+            rows=(top, bottom),
             gains=[amount * self.gain * layer for layer in self.gains],
             conserve=self.conserve,
         )
         return alpha[:, left:right]
+
+    def _stands(self, frame: Frame) -> bool:
+        """Whether a chart serves all frames, and is small enough to be kept."""
+        path = frame.path
+        return (
+            frame.shape[0] * frame.shape[1] <= LARGEST_CHART
+            and not (path.turns or path.zooms)
+            and _steady(_path(self, path, frame.fps))
+        )
+
+
+@kept_by_mode(4)
+def _chart(shape: tuple[int, int], camera: Camera, **look: Any) -> cone.Mapping:
+    return cone.Mapping(shape, camera, **look)
+
+
+@lru_cache(maxsize=32)
+def _steady(path: cone.Path) -> bool:
+    """Whether axis and stretch never change."""
+    return bool((path.axis == path.axis[0]).all() and (path.stretch == path.stretch[0]).all())
 
 
 @lru_cache(maxsize=32)
@@ -204,60 +224,3 @@ def _exposures(shutter: Number, frames: Float64) -> Float64:
 def tile_metres(radius: float, repeats: int) -> float:
     """Return the metres that a tile of the first layer stands for."""
     return 2.0 * math.pi * radius / repeats
-
-
-class Pose(NamedTuple):
-    """The values that a chart of a cone depends on: two frames of one pose share it."""
-
-    shape: tuple[int, int]
-    camera: Camera
-    axis: tuple[float, float, float]
-    stretch: float
-    slope: float
-    repeats: int
-    radius: float
-
-    def mapping(
-        self, *, rows: tuple[int, int] | None = None, depth: Array | None = None
-    ) -> cone.Mapping:
-        """Return the chart of rows of the picture, in front of a depth."""
-        return cone.Mapping(
-            self.shape,
-            self.camera,
-            axis=self.axis,
-            stretch=self.stretch,
-            slope=self.slope,
-            repeats=self.repeats,
-            radius=self.radius,
-            rows=rows,
-            depth=depth,
-        )
-
-
-# Poses that were asked for once; the second time a chart is made and kept. Two eyes take turns.
-_recent: list[Pose] = []
-_charts: dict[tuple[Pose, bool], cone.Mapping] = {}
-_MOST = 4
-
-# A chart is three words a pixel: those of large pictures are not kept.
-LARGEST_CHART = 1 << 22
-
-
-def chart(pose: Pose) -> cone.Mapping | None:
-    """Return a chart of a pose that stays, None for one that is new and may be gone at once."""
-    if pose.shape[0] * pose.shape[1] > LARGEST_CHART:
-        return None
-    # A chart of the reproducible mode is another one.
-    key = pose, reproducible()
-    found = _charts.get(key)
-    if found is not None:
-        return found
-    if pose not in _recent:
-        # New lists in place of changed ones: another thread may be reading.
-        _recent[:] = [pose, *_recent[: _MOST - 1]]
-        return None
-    made = pose.mapping()
-    while len(_charts) >= _MOST:
-        _charts.pop(next(iter(_charts)), None)
-    _charts[key] = made
-    return made

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import InitVar, dataclass, fields
+from dataclasses import InitVar, dataclass
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
 
-from flurries._contract import choice, flag, integer, real, seed_of, suggestion, vector
-from flurries.effects.bank import Bank
-from flurries.effects.checks import Check, length, one_of, optional, part, part_of, settle, share
-from flurries.effects.cloud import MOST, Cloud
+from flurries._contract import choice, flag, integer, real, seed_of, vector
+from flurries.effects.checks import Check, length, one_of, optional, part, settle, share
 from flurries.effects.color import AMBIENT, LOCAL, Color, as_color
 from flurries.effects.described import Described
-from flurries.effects.filling import Filling, values_of
 from flurries.effects.knobs import knobs
 from flurries.effects.looks import LOOKS, mist_density, severity_of
 from flurries.effects.presets import BANKS, MIST, MistLook
-from flurries.effects.sunlight import SCATTER, Law, Scatter
-from flurries.effects.vapor import Vapor
+from flurries.effects.sunlight import SCATTER, Law
+from flurries.effects.vapor import MOST, Vapor, values_of
 from flurries.gas.splatting import FOOTPRINTS, Footprint
-from flurries.motion.keys import Number, Vector, as_number, as_vector, value_at
+from flurries.motion.keys import Number, Vector, as_number, as_vector
 
 # The paper's fog: a radius of .45 in a box of 5.
 RADIUS = 0.09
@@ -62,8 +59,8 @@ def _of_severity(value: object, given: Mapping[str, Any]) -> dict[str, Any]:
         raise TypeError("severity and visibility say the same: give one of them")
     if "density" in given:
         raise TypeError("severity and density say the same: give one of them")
-    box = Mist(**given)
-    thick = box.filling.extinction(1.0) * box.parts.cloud.through
+    vapor = Mist(**given).parts
+    thick = vapor.extinction(1.0) * vapor.through
     return {"density": mist_density(severity, thick)}
 
 
@@ -201,34 +198,12 @@ class Mist(metaclass=Described):
         settle(self, _CHECKS)
         if self.top is not None and self.structure == 0.0:
             raise ValueError("top is of mist with structure: give a structure above 0 as well")
-        self.filling.require()
-
-    @cached_property
-    def filling(self) -> Filling:
-        """The gas that fills the box."""
-        return Filling(
-            asked=self.count,
-            visibility=self.visibility,
-            opacity=self.density,
-            radius=self.radius,  # type: ignore[arg-type]
-            volume=float(np.prod(self.box)),  # type: ignore[arg-type]
-        )
+        self.parts.require()
 
     @cached_property
     def parts(self) -> Vapor:
         """The parts of the effect."""
-        filling, bank = self.filling, None
-        cloud = part_of(
-            Cloud,
-            self,
-            sides=self.box,
-            count=filling.count,
-            scatter=Scatter(self.scatter, self.asymmetry, self.forward),
-        )
-        if self.structure > 0.0:
-            thick = filling.extinction(filling.density(0.0))
-            bank = part_of(Bank, self, cloud=cloud, extinction=thick)
-        return part_of(Vapor, self, name=self.NAME, filling=filling, cloud=cloud, bank=bank)
+        return Vapor(self)
 
     def _sides(self) -> tuple[float, float, float]:
         if self.box is None:
@@ -250,34 +225,26 @@ class Mist(metaclass=Described):
         Further arguments replace single values of it; a `visibility` replaces its count.
         """
         values: dict[str, Any] = dict(cls.PRESETS[choice("preset", name, tuple(cls.PRESETS))])
-        if changes.get("visibility_m") is not None:
-            if "visibility" in changes:
-                raise TypeError("visibility_m and visibility say the same: give one of them")
-            changes["visibility"] = real("visibility_m", changes.pop("visibility_m"), above=0.0)
+        far = changes.get("visibility") or changes.get("visibility_m")
         if changes.get("severity") is not None:
             # The rest of the look stays.
             values.pop("density", None)
-        unknown = set(changes) - {f.name for f in fields(cls)} - {"severity"}
-        if unknown:
-            near = suggestion(min(unknown), [f.name for f in fields(cls)])
-            raise TypeError(f"Mist has no field {min(unknown)!r}{near}")
-        if changes.get("visibility") is not None:
+        if far is not None:
             # The look keeps its grain: particles grow with the box.
             values.pop("count", None)
-            if "radius" in values and "box" not in changes and "radius" not in changes:
-                values["radius"] = (
-                    values["radius"] / 5.0 * REACH * max(values_of(changes["visibility"]))
-                )
+            values.pop("visibility", None)
+            if "radius" in values and "box" not in changes:
+                box = REACH * max(values_of(_VISIBILITY("visibility", far)))
+                values["radius"] = values["radius"] / 5.0 * box
         return cls(**{**values, **changes})
 
     def particles_in_box(self) -> int:
         """Return the number of particles in the box of the given sides."""
-        return self.filling.count
+        return self.parts.count
 
     def extinction(self, t: float = 0.0) -> float:
         """Return beta at `t`, per metre; see :func:`flurries.gas.extinction`."""
-        filling = self.filling
-        return filling.extinction(float(value_at(self.amount, t)) * filling.density(t))
+        return self.parts.extinction(self.parts.density(t))
 
 
 def _depths(depths: Any) -> tuple[float, float]:

@@ -29,43 +29,40 @@ TAKEN, STEEP = 0.45, 0.5
 
 
 class Skylight:
-    """The sky's light in the slices of a bank, as the eye sees them, from the nearest on.
+    """The sky's light in the slices of a bank of a mean extinction, from the nearest on.
 
-    Parameters
-    ----------
-    frame : Frame
-    extinction : float
-        Mean of the gas, per metre.
-    has_top : bool
-        Gas without one has the same light everywhere.
+    Gas that has no top has the same light everywhere.
     """
 
     def __init__(self, frame: Frame, extinction: float, *, has_top: bool) -> None:
-        height, width = frame.shape
-        self.cell = max(height, width)
-        if has_top:
-            self.cell = COARSE * math.ceil(self.cell / (COARSE * CELLS))
+        longest = max(frame.shape)
+        self.cell = COARSE * math.ceil(longest / (COARSE * CELLS)) if has_top else longest
         self.extinction, self.has_top = extinction, has_top
-        self.size = -(-height // self.cell), -(-width // self.cell)
+        size = tuple(-(-side // self.cell) for side in frame.shape)
         self.ground: float | Array = math.inf
         if frame.depth is not None:
             rows, columns = (
                 np.minimum(np.arange(count) * self.cell + self.cell // 2, side - 1)
-                for count, side in zip(self.size, frame.shape, strict=True)
+                for count, side in zip(size, frame.shape, strict=True)
             )
             self.ground = frame.depth[rows[:, None], columns]
         # Where nothing is seen it has the sky's light.
-        self.through, self.seen, self.bright = (np.full(self.size, v) for v in (1.0, 1e-6, 1e-6))
+        self.through, self.seen, self.bright = (np.full(size, v) for v in (1.0, 1e-6, 1e-6))
 
     def add(self, edges: list[float], density: Array) -> None:
         """Take slices behind the others, (n, rows, columns) extinction on the coarse grid."""
         if not self.has_top:
             return
-        for number, mean in enumerate(self._means(density)):
+        means = density[:, MARGIN:-MARGIN, MARGIN:-MARGIN]
+        for axis in (1, 2):
+            firsts = np.arange(0, means.shape[axis], self.cell // COARSE)
+            counts = np.diff(firsts, append=means.shape[axis]).reshape(-1, *(1,) * (2 - axis))
+            means = np.add.reduceat(means, firsts, axis=axis) / counts
+        for number, mean in enumerate(np.asarray(means, np.float64)):
             thick = np.clip(self.ground - edges[number], 0.0, edges[number + 1] - edges[number])
             passed = self.through * np.exp(-mean * thick)
             taken = self.through - passed
-            above = _above(self.size[0]) @ (mean / self.extinction)
+            above = _above(len(mean)) @ (mean / self.extinction)
             self.bright += taken * (1.0 - TAKEN * -np.expm1(-STEEP * above))
             self.seen += taken
             self.through = passed
@@ -74,15 +71,6 @@ class Skylight:
         """Return the color of the gas in a sky of a light, (3,) linear."""
         colors = ((self.bright / self.seen)[..., None] * light).astype(np.float32)
         return Shade(colors, float(self.cell), (frame.window[0], frame.window[2]))
-
-    def _means(self, density: Array) -> Float64:
-        """Return the means of cells, (n, rows, columns)."""
-        means = density[:, MARGIN:-MARGIN, MARGIN:-MARGIN]
-        for axis in (1, 2):
-            firsts = np.arange(0, means.shape[axis], self.cell // COARSE)
-            counts = np.diff(firsts, append=means.shape[axis]).reshape(-1, *(1,) * (2 - axis))
-            means = np.add.reduceat(means, firsts, axis=axis) / counts
-        return np.asarray(means, np.float64)
 
 
 @lru_cache(maxsize=8)
