@@ -214,12 +214,6 @@ CALLS: dict[str, Call] = {
     ),
     "gas.extinction": Call({"count": 300.0, "volume": 300.0, "radius": 0.5, "density": 0.3}),
     "gas.visibility": Call({"beta": 0.3}),
-    "gas.count_for_visibility": Call(
-        {"distance": 9.0, "volume": 300.0, "radius": 0.5, "density": 0.3}
-    ),
-    "gas.density_for_visibility": Call(
-        {"distance": 30.0, "count": 300.0, "volume": 300.0, "radius": 0.5}
-    ),
     "cone.rain_tile": Call(
         {"size": 16, "seed": 1},
         refused={"spread": (-1.0,), "size": (3,), "drops": (-1,), "length": (0.6,)},

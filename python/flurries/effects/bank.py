@@ -146,7 +146,7 @@ class Bank:
             return np.zeros(1)
         share = np.arange(count + 1) / count
         if mist.center is not None or self.extinction <= 0.0:
-            return low + (high - low) * share
+            return np.asarray(low + (high - low) * share)
         taken = -np.expm1(-self.extinction * (high - low))
         return np.append(low - np.log1p(-share[:-1] * taken) / self.extinction, high)
 

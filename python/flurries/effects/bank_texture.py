@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -110,7 +111,8 @@ class Waves:
 
         Waves longer than `outer`, px of the frame, have no more power than those of this length.
         """
-        frame, sizes = self._frame, {"tile": tiles[0], "overlap": tiles[1]}
+        frame = self._frame
+        sizes: dict[str, Any] = {"tile": tiles[0], "overlap": tiles[1]}
 
         def shift(then: Frame) -> Float64:
             eye = then.camera

@@ -85,8 +85,8 @@ class Mist(metaclass=Described):
     count : int, optional
         Particles in the box. If neither this nor `visibility` is given, the fog's 1200.
     visibility : float, optional
-        Distance in metres at which a black object keeps 5 % of its contrast, in place of a count
-        (:func:`flurries.gas.count_for_visibility`). Keyed: the density follows. With `count` the
+        Distance in metres at which a black object keeps 5 % of its contrast, in place of a count.
+        Keyed: the density follows. With `count` the
         density follows from both, in place of `density`.
     radius : float, optional
         Radius of a particle, three sigma, metres; 0.09 of the box if not given.

@@ -57,18 +57,18 @@ class Vapor:
         """The number of particles in the box of the given sides."""
         mist = self.mist
         if mist.count is not None:
-            return mist.count
+            return int(mist.count)
         # Of keyed values the pair that needs the most.
         least, most = min(values_of(mist.visibility)), max(values_of(mist.density))
         if most == 0.0:
             return 0
-        count = gas.count_for_visibility(least, self._volume, mist.radius, most)
+        count = gas.visibility(least) / gas.extinction(1.0, self._volume, mist.radius, most)
         if count > MOST:
             raise ValueError(
-                f"visibility: {least:g} m wants {count} particles of radius {mist.radius:g} in the "
-                f"box, at most {MOST} are drawn; a larger radius wants fewer"
+                f"visibility: {least:g} m wants {count:.0f} particles of radius {mist.radius:g} in "
+                f"the box, at most {MOST} are drawn; a larger radius wants fewer"
             )
-        return count
+        return round(count)
 
     @property
     def _volume(self) -> float:
@@ -82,11 +82,14 @@ class Vapor:
         far = float(value_at(mist.visibility, t))
         if mist.count is None:
             return opacity * min(values_of(mist.visibility)) / far
-        try:
-            count = max(mist.count, 1)
-            return gas.density_for_visibility(far, count, self._volume, mist.radius)
-        except ValueError as error:
-            raise ValueError(str(error).replace("distance", "visibility", 1)) from None
+        wanted = gas.visibility(far)
+        most = gas.extinction(max(mist.count, 1), self._volume, mist.radius, 1.0)
+        if wanted > most:
+            raise ValueError(
+                f"visibility must be at least {gas.visibility(most):.4g} with {mist.count} "
+                f"particles of radius {mist.radius:g}, got {far:g}"
+            )
+        return wanted / most
 
     def density(self, t: float) -> float:
         """Return the opacity of a particle's middle at `t`."""
@@ -112,10 +115,10 @@ class Vapor:
     @property
     def through(self) -> float:
         """The way of a look through the box, its fading rims half, metres."""
-        side: float = self.mist.box[2]
+        side, radius = float(self.mist.box[2]), float(self.mist.radius)
         if self.mist.center is not None:
             return side * (1.0 - RIM)
-        return max(side * (1.0 - 1.5 * RIM) - self.mist.radius, 0.0)
+        return max(side * (1.0 - 1.5 * RIM) - radius, 0.0)
 
     def needs(self, frame: Frame) -> Needs:
         """Return the needs of a frame: one step, "gas", or "lit gas" with its colors and a sort."""

@@ -7,20 +7,12 @@ and colors in linear light. :func:`splat` draws them for a camera, :func:`alpha`
 """
 
 from flurries.gas.billboards import parallax_error, projection_error
-from flurries.gas.footprint import (
-    count_for_visibility,
-    density_for_visibility,
-    extinction,
-    footprint_table,
-    visibility,
-)
+from flurries.gas.footprint import extinction, footprint_table, visibility
 from flurries.gas.lighting import light, phase
 from flurries.gas.splatting import alpha, splat
 
 __all__ = [
     "alpha",
-    "count_for_visibility",
-    "density_for_visibility",
     "extinction",
     "footprint_table",
     "light",

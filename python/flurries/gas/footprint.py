@@ -8,18 +8,9 @@ import numpy as np
 
 from flurries._contract import LARGEST, SMALLEST, Float64, choice, integer, output, real
 
-__all__ = [
-    "count_for_visibility",
-    "density_for_visibility",
-    "extinction",
-    "footprint_table",
-    "visibility",
-]
+__all__ = ["extinction", "footprint_table", "visibility"]
 
 _RIM = math.exp(-4.5)
-
-# More particles than this are no answer.
-_MOST = 2**53
 
 # The plane integral of a footprint in squares of sigma, by how it ends. "disc" is "square" as the
 # models that know only a distance cut it.
@@ -31,7 +22,7 @@ AREAS = {
 
 
 def footprint_table(size: int, *, intervals: int = 100, out: Float64 | None = None) -> Float64:
-    """Return the line integrals of the kernel over a square of [-3, 3] sigma (Eq. 4).
+    """Return the line integrals of the kernel over [-3, 3] sigma squared (Eq. 4).
 
     Parameters
     ----------
@@ -43,8 +34,8 @@ def footprint_table(size: int, *, intervals: int = 100, out: Float64 | None = No
     Returns
     -------
     (n, n) float64
-        Entry [j, i] is exp(-(x^2 + y^2)/2) at x = -3 + 6 i / (n - 1), y likewise from j: the
-        integral over its value at the origin, at most 1. A table of one entry is the origin.
+        exp(-(x^2 + y^2)/2) at x = -3 + 6 i / (n - 1) of column i, y likewise: over the value at the
+        origin, at most 1.
     """
     n = integer("size", size, low=1, high=8192)
     steps = integer("intervals", intervals, low=1, high=1_000_000)
@@ -68,14 +59,10 @@ def extinction(
 
     Parameters
     ----------
-    count : float
-        Particles.
-    volume : float
-        Volume that the particles fill evenly, world units cubed.
-    radius : float
-        Three sigma of a particle, world units.
-    density : float
-        Opacity in the middle of a particle, 0 to 1.
+    count, volume : float
+        Particles, and what they fill evenly, world units cubed.
+    radius, density : float
+        Of a particle, as in :func:`splat`.
     edge : {"taper", "square", "disc"}
         How footprints end: "disc" for `edge` "square" of the models "viewpoint" and "volume".
 
@@ -113,66 +100,9 @@ def visibility(beta: float, *, contrast: float = 0.05) -> float:
     Returns
     -------
     float
-        -log(contrast) / beta, world units: 2.996 / beta or 3.912 / beta.
+        -log(contrast) / beta, world units. As well the extinction that gives a visibility `beta`.
     """
     share = real("contrast", contrast, above=0.0)
     if share >= 1.0:
         raise ValueError(f"contrast must be less than 1, got {share!r}")
     return float(-np.log(share)) / real("beta", beta, low=SMALLEST)
-
-
-def density_for_visibility(distance: float, count: float, volume: float, radius: float) -> float:
-    """Return the particles' density, 0 to 1, that gives a :func:`visibility`.
-
-    Parameters
-    ----------
-    distance : float
-        The visibility, world units.
-    count, volume, radius
-        As in :func:`extinction`.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    ValueError
-        Also if that few particles cannot be as dense; the message says how many can.
-    """
-    length = real("distance", distance, low=SMALLEST, high=LARGEST)
-    most = extinction(count, volume, radius, 1.0)
-    wanted = visibility(1.0) / length
-    if wanted > most:
-        needed = wanted / extinction(1.0, volume, radius, 1.0)
-        raise ValueError(
-            f"distance must be at least {visibility(1.0) / most if most else math.inf:.4g} for "
-            f"{count:g} particles of radius {radius:g}, got {length:g}: that needs {needed:.0f}"
-        )
-    return wanted / most
-
-
-def count_for_visibility(distance: float, volume: float, radius: float, density: float) -> int:
-    """Return the number of particles that gives a :func:`visibility`, rounded.
-
-    Parameters
-    ----------
-    distance : float
-        The visibility, world units.
-    volume, radius, density
-        As in :func:`extinction`; the density above 0.
-
-    Returns
-    -------
-    int
-    """
-    length = real("distance", distance, low=SMALLEST, high=LARGEST)
-    opacity = real("density", density, above=0.0, high=1.0)
-    each = extinction(1.0, volume, radius, opacity)
-    number = visibility(1.0) / max(length * each, SMALLEST)
-    if number > _MOST:
-        raise ValueError(
-            f"distance must be farther, or density larger: {length:g} with particles of density "
-            f"{opacity:g} needs {number:.3g}"
-        )
-    return round(number)

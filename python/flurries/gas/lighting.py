@@ -23,10 +23,9 @@ def light(
     forward: float = 0.5,
     out: Float64 | None = None,
 ) -> Float64:
-    """Return the share of the light that reaches each particle through the others (self-shadowing).
+    """Return the share of the light that reaches each particle through the others.
 
-    Each particle takes ``density g(q)`` of the light of those behind it, q their distance across
-    the light in its sigma. The time grows with n^2: 2 ms for 1500 particles, 10 s for 100,000.
+    The time grows with n^2: 2 ms for 1500 particles, 10 s for 100,000.
 
     Parameters
     ----------
@@ -63,10 +62,9 @@ def phase(cosine: npt.ArrayLike, *, kind: str = "rayleigh", asymmetry: float = 0
     cosine : array
         Of the angle between the light's way and the way to the eye: 1 looks into the sun.
     kind : {"rayleigh", "henyey"}
-        ``3/4 (1 + c^2)``, or Henyey and Greenstein's
-        ``(1 - g^2) / (1 + g^2 - 2 g c)^(3/2)``, which is the one for droplets.
+        ``3/4 (1 + c^2)``, or Henyey and Greenstein's function, which is the one for droplets.
     asymmetry : float
-        g of the latter, -0.99 to 0.99; 0 scatters evenly, 0.85 is a cloud.
+        Of the latter, -0.99 to 0.99; 0 scatters evenly, 0.85 is a cloud.
 
     Returns
     -------

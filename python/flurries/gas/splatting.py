@@ -78,80 +78,60 @@ def splat(
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:
-    """Return the image of a gas as a layer for `over`.
+    """Return the image of a gas as a layer for `over` (Johnson 2005, sections 2 and 3).
 
     A particle is a Gaussian of sigma = radius / 3 in every direction. Its opacity on a pixel is
     ``density * g(q)``, q the distance from its middle in sigma as the `footprint` measures it.
 
     Parameters
     ----------
-    shape : (int, int)
-        (H, W), px.
+    shape : (H, W)
+        Pixels.
     centers : (n, 3)
-        Middles in camera axes (x right, y down, z forward), world units. ``camera.offset`` is
-        subtracted; ``camera.rotation`` is not applied.
+        Middles in camera axes (x right, y down, z forward), world units, not yet turned.
     radius : float or (n,)
         Three sigma, world units, positive.
     density : float or (n,)
         Opacity in the middle of a particle, 0 to 1.
     color : float, (3,), (n,) or (n, 3)
-        Linear light; one grey number, one color, a grey or a color for each particle (three
-        numbers are one color). If all particles have one color, they need no order and cost
-        half.
+        Linear light, one or for each; three numbers are one color, which costs half.
     camera : Camera
         Its focal length, principal point and offset are used.
     footprint : str
-        How q is measured, from cheap to exact (``docs/gas.md`` has times and errors):
+        From cheap to exact (``docs/gas.md`` has times and errors):
 
-        - "table": the paper's Eq. 2, a table of 65 x 65 laid over whole pixels, looked up at the
-          nearest entry. For reference: middles are off by up to half a pixel.
-        - "viewplane": the paper's billboard, parallel to the viewplane. Off the axis its optical
-          depth is too small by the cosine of the angle.
-        - "viewplane_c": the same, widened by (1 + |s|^2)^(1/4) for the slopes s = (x/z, y/z) of
-          its middle (held at 1.3 times the picture's), so that the mean optical depth is right.
+        - "table": the paper's Eq. 2, a table of 65 x 65 laid over whole pixels, for reference.
+        - "viewplane": the paper's billboard, too thin off the axis by the cosine of the angle.
+        - "viewplane_c": the same, widened so that the mean optical depth is right.
         - "viewpoint": a billboard that faces the eye, computed from each pixel's ray.
-        - "volume": the line integral of the Gaussian along each pixel's ray, from the near plane
-          to `depth`. Exact, also with the camera inside a particle.
-
-        The first three integrate footprints with a radius under 2 px over each pixel (and so do
-        the other two there), except for the table.
+        - "volume": the line integral along each pixel's ray, from the near plane to `depth`.
     edge : {"taper", "square"}
-        How a footprint ends at three sigma: "taper" lowers it so that it reaches zero there;
-        "square" cuts it as the paper does, |x|, |y| <= 3 sigma ("viewpoint" and "volume", which
-        know only a distance, at q = 3), and leaves a step of 1.1 % of the density.
+        "taper" lowers footprints so that they end at zero at three sigma; "square" cuts them there
+        as the paper does, with a step of 1.1 % of the density.
     near : float
         Depth before which nothing is drawn, world units, more than 0.
     near_mode : {"fade", "cull", "exact"}
-        "fade" lets particles come in over a third of their radius behind `near`; "cull" draws all
-        whose middle is not before it, as the paper does, and pops; "exact" draws particles nearer
-        than four radii as "volume" does, whatever the footprint: for cameras that fly through gas.
-        "volume" itself needs none of these: its integral begins at `near`.
+        "fade": particles come in over a third of their radius behind `near`; "cull", the paper's:
+        they pop; "exact": those nearer than four radii are drawn as "volume", for a camera in gas.
     depth : (H, W), optional
         Planar depth of what stands in the picture, world units; infinity where nothing does.
     occlusion : {"soft", "hard"}
         "soft" lets through the share of a particle that lies before `depth`; "hard" draws it where
-        its middle is nearer than `depth`, and cuts straight lines into walls. With "viewpoint" both
-        ask where the pixel's ray comes closest to the middle.
+        its middle is nearer, and cuts straight lines into walls.
     error : float, optional
-        A tile is finished once none of its pixels lets through more than this; alpha then errs by
-        at most as much. If not given, 1e-6 for float32 and 1e-13 for float64.
+        A tile of the picture is finished once no pixel lets through more than this, by which alpha
+        then errs. If not given, 1e-6 for float32 and 1e-13 for float64.
     smooth : float, optional
-        Tapered particles whose sigma on the picture is at least so many px are drawn on a lattice
-        of 13 x 13 samples for 64 x 64 px, wherever nothing stands in them: a fraction of the work
-        for gas that is near. Each errs by at most 41 / smooth^4 + .033 / smooth of its density,
-        at 24 px by .0015 of it. At least 8; all pixels are computed if not given.
+        Tapered particles whose sigma is at least so many px, 8 or more, are drawn on a lattice, for
+        a fraction of the work; each errs by 41 / smooth^4 + .033 / smooth of its density. No
+        particle if not given.
 
     Returns
     -------
     (H, W, 4) array
-        Linear RGB multiplied by alpha, and alpha = 1 - prod(1 - alpha_i), 0 to 1.
-
-    Notes
-    -----
-    Johnson 2005, sections 2-3, mended: ``docs/internals/deviations.md``. The mean transmittance of
-    a uniform gas over a length L is exp(-beta L), beta its :func:`extinction`. Bits do not depend
-    on the thread count. Of particles of several colors the nearer is in front ("viewpoint" and
-    "volume": by distance), then the one with the lower index.
+        Linear RGB multiplied by alpha, and alpha = 1 - prod(1 - alpha_i), 0 to 1. Of several colors
+        the nearer particle is in front ("viewpoint" and "volume": by distance), then the lower
+        index.
 
     Examples
     --------
@@ -216,7 +196,7 @@ def _drawn(
     """Return the light and alpha of a gas of colors, or its alpha alone."""
     size = shape_of("shape", shape)
     kind = float_dtype(dtype)
-    sight = lens_of(camera, size), manner_of(*manner, kind)
+    sight = lens_of(camera, size), manner_of(kind, *manner)
     ground = None
     if depth is not None:
         ground, _ = pixels("depth", depth, ndim=2)
@@ -239,7 +219,7 @@ def sorted_gas(
 ) -> _core.SortedGas:  # fmt: skip
     """Return a gas whose parts `gas_draw` draws, near particles by their line integral."""
     kind = np.dtype(np.float32)
-    manner = manner_of(footprint, "taper", near, "exact", "soft", None, SMOOTH, kind)
+    manner = manner_of(kind, footprint, "taper", near, "exact", "soft", None, SMOOTH)
     colors = colors_of(color, len(gas.centers))
     return _core.gas_sort(shape, gas, colors, lens_of(camera, shape), manner)
 
@@ -287,15 +267,9 @@ def lens_of(
 
 
 def manner_of(
-    footprint: str,
-    edge: str,
-    near: float,
-    near_mode: str,
-    occlusion: str,
-    error: float | None,
-    smooth: float | None,
-    kind: np.dtype[Any],
-) -> tuple[str, str, float, str, bool, float, float]:
+    kind: np.dtype[Any], footprint: str, edge: str, near: float, near_mode: str, occlusion: str,
+    error: float | None, smooth: float | None,
+) -> tuple[str, str, float, str, bool, float, float]:  # fmt: skip
     """Return the manner in which gas is drawn, as plain values."""
     limit = FINISHED[kind.name] if error is None else real("error", error, low=0.0, high=0.999)
     return (
