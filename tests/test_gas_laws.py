@@ -73,9 +73,7 @@ def test_extinction_and_visibility():
         assert abs(far - {0.4356: 6.88, 0.1611: 18.60, 0.5154: 5.81}[want]) < 6e-3
         assert abs(math.exp(-got * far) - 0.05) < 1e-15
         assert abs(fl.gas.visibility(got, contrast=0.02) * got - 3.912) < 1e-3
-        again = fl.gas.density_for_visibility(far, count, 125.0, radius)
-        assert abs(again - density) < 1e-12
-        assert fl.gas.count_for_visibility(far, 125.0, radius, density) == count
+        assert abs(fl.gas.visibility(far) - got) < 1e-12
     # The areas by quadrature.
     q = np.linspace(0, 3, 200_001)
     for edge, g in (("taper", twin.taper(np.exp(-q * q / 2))), ("disc", np.exp(-q * q / 2))):
@@ -83,8 +81,6 @@ def test_extinction_and_visibility():
         area = (heights[1:] + heights[:-1]).sum() / 2 * (q[1] - q[0])
         got = fl.gas.extinction(1.0, 1.0, 3.0, 1.0, edge=edge)
         assert abs(area - got) < 1e-8
-    with pytest.raises(ValueError, match=r"distance.*needs"):
-        fl.gas.density_for_visibility(0.5, 100, 125.0, 0.45)
     for bad in (0.0, 1.0, -1.0):
         with pytest.raises(ValueError, match="contrast"):
             fl.gas.visibility(1.0, contrast=bad)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from flurries import gas
 from flurries.io.color import encode_bytes, linear_to_srgb, srgb_to_linear, to_integer
-from flurries.light.phase import phase, within
+from flurries.light.phase import within
 from flurries.light.plate import plate_light
 from flurries.trace import tracing
 
@@ -20,6 +21,10 @@ W, H = 320, 240
 
 def scene(plate: Array, effect: Any, **more: Any) -> fl.Scene:
     return fl.Scene(None, plate, effects=[effect], seed=5, **more)
+
+
+def phase(asymmetry: float, cosine: Array) -> Array:
+    return gas.phase(cosine, kind="henyey", asymmetry=asymmetry) / (4.0 * math.pi)
 
 
 def picture() -> Array:

@@ -10,16 +10,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import (
-    LARGEST,
-    SMALLEST,
-    Float64,
-    integer,
-    moderate,
-    real,
-    require,
-    table,
-)
+from flurries._contract import LARGEST, SMALLEST, Float64, integer, moderate, real, require, table
 from flurries.cone.sheet import MOST_REPEATS, wrapped
 
 __all__ = ["Path", "State", "path"]
@@ -138,8 +129,7 @@ def path(
         C_f, how much of the camera's motion counts, 0 to 1; with 1 the apex of the cone is the
         focus of expansion.
     exposure : float or (n,)
-        Seconds, 0 or more; one at each time is linear between them. As one that grows makes streaks
-        longer, the phase goes slower by as much, so that drops at the equator keep their speed.
+        Seconds, 0 or more, at each time, linear between them.
     length : float
         Length of a drop, metres, more than 0.
     radius : float

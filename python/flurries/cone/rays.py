@@ -15,10 +15,10 @@ from flurries.camera.lens import Camera, expect_camera
 
 __all__ = ["Rays", "rays"]
 
-_Triple: TypeAlias = tuple[float, float, float]
-
 # What a kernel needs to know of a camera in a cone: focal, cx, cy, rotation, axis, slope, eye.
-Pose: TypeAlias = tuple[float, float, float, list[float], _Triple, float, _Triple]
+Pose: TypeAlias = tuple[
+    float, float, float, list[float], tuple[float, ...], float, tuple[float, ...]
+]
 
 # An eye further off the middle than this share of the radius may see the cone from outside.
 FARTHEST_EYE = 0.5
@@ -33,8 +33,8 @@ class Rays:
     azimuth : (H, W) float64
         Turns around the axis, in [0, 1).
     height : (H, W) float64
-        Along the axis, over the cone's radius: ``w = s / (c + slope |s|)`` for a ray with s along
-        the axis and c across it.
+        Along the axis over the cone's radius: ``s / (c + slope |s|)`` for a ray with s along the
+        axis and c across it.
     azimuth_step, height_step : (H, W) float64
         How much each changes from pixel to pixel: the lengths of their gradients in the picture.
     fade : (H, W) float64
@@ -61,17 +61,8 @@ def rays(
 
     Parameters
     ----------
-    shape : (H, W)
-        Size of the picture.
-    camera : Camera
-        Its lens, rotation and offset.
-    axis : (3,)
-        Direction of the cone, house axes.
-    slope : float
-        k, radius over height of the cone, 0 or more; 0 is a cylinder, on which images move exactly
-        as those of points in space. A cone's are faster by ``(1 + k tan e)^2`` at elevation e.
-    radius : float
-        Of the cone, world units; matters for a camera with an `offset` only.
+    shape, camera, axis, slope, radius
+        See :func:`layer`.
     points_px : (n, 2), optional
         Positions (x, y) in the picture, in place of every pixel's centre.
 
@@ -82,20 +73,17 @@ def rays(
     """
     size = shape_of("shape", shape)
     given = pose(size, camera, axis, slope, radius)
-    wanted: tuple[int, ...]
+    wanted: tuple[int, ...] = size
     if points_px is None:
-        places, wanted = np.empty((size[0] * size[1], 2)), size
-        places[:, 0] = np.tile(np.arange(size[1]) + 0.5, size[0])
-        places[:, 1] = np.repeat(np.arange(size[0]) + 0.5, size[1])
+        places = np.mgrid[: size[0], : size[1]][::-1].reshape(2, -1).T + 0.5
     else:
         places = table("points_px", points_px)
         wanted = (len(places),)
         if places.shape[1] != 2:
             raise ValueError(f"points_px must have shape (n, 2), got {places.shape}")
     values = np.empty((len(places), 5))
-    _core.cone_rays(values, places, given)
-    planes = [np.ascontiguousarray(column).reshape(wanted) for column in values.T]
-    return Rays(*planes)
+    _core.cone_rays(values, np.ascontiguousarray(places), given)
+    return Rays(*(np.ascontiguousarray(column).reshape(wanted) for column in values.T))
 
 
 def pose(
@@ -105,16 +93,18 @@ def pose(
     view = expect_camera(camera)
     x, y = view.principal(shape)
     cone = real("slope", slope, low=0.0, high=1e6)
-    eye, reach = np.zeros(3), reach_of(radius)
-    if any(view.offset) and reach != math.inf:
-        eye = np.array(view.offset) / reach
-        if float(np.linalg.norm(eye)) * (1.0 + cone) > FARTHEST_EYE:
-            raise ValueError(
-                f"radius must be at least {(1.0 + cone) / FARTHEST_EYE:g} times the length of "
-                f"camera.offset {view.offset}, got {radius!r}"
-            )
+    way = vector("axis", axis, 3)
+    if not way.any():
+        raise ValueError(f"axis must not be zero, got {tuple(way.tolist())}")
+    # No negative zeros.
+    eye = np.array(view.offset) / reach_of(radius) + 0.0
+    if float(np.linalg.norm(eye)) * (1.0 + cone) > FARTHEST_EYE:
+        raise ValueError(
+            f"radius must be at least {(1.0 + cone) / FARTHEST_EYE:g} times the length of "
+            f"camera.offset {view.offset}, got {radius!r}"
+        )
     rotation = view.matrix().ravel().tolist()
-    return view.focal, x, y, rotation, direction("axis", axis), cone, triple(eye)
+    return view.focal, x, y, rotation, tuple(way.tolist()), cone, tuple(eye.tolist())
 
 
 def reach_of(radius: object) -> float:
@@ -122,17 +112,3 @@ def reach_of(radius: object) -> float:
     if isinstance(radius, float) and radius == math.inf:
         return math.inf
     return real("radius", radius, above=0.0)
-
-
-def triple(values: Float64) -> _Triple:
-    """Return three floats."""
-    x, y, z = values.tolist()
-    return x, y, z
-
-
-def direction(name: str, value: npt.ArrayLike) -> _Triple:
-    """Return a vector that is not zero."""
-    given = vector(name, value, 3)
-    if not given.any():
-        raise ValueError(f"{name} must not be zero, got {tuple(given.tolist())}")
-    return triple(given)

@@ -18,6 +18,7 @@ from flurries._contract import (
     output,
     real,
     shape_of,
+    shares,
     vector,
 )
 from flurries._contract import pixels as pixels_of
@@ -51,7 +52,7 @@ def layer(
 
     A pixel at azimuth a (turns) and height w sees the texture around
     ``(a repeats + offset_x, repeats / (2 pi) w / stretch - phase + offset_y)``, tiles: the mean of
-    a box as large as the pixel, and at least one texel, from a summed-area table in float64.
+    a box as large as the pixel, and at least one texel, in float64.
 
     Parameters
     ----------
@@ -68,7 +69,8 @@ def layer(
     stretch : float
         L, how many times as long a drop is along the axis as in the tile, more than 0.
     slope : float
-        k, radius over height of the cone, 0 or more; 0 is a cylinder.
+        k, radius over height of the cone, 0 or more. On a cylinder, 0, images move exactly as those
+        of points in space, on a cone faster by ``(1 + k tan e)^2`` at elevation e.
     repeats : int
         Number of tiles around the cone, 1 to 4096.
     offset : (x, y)
@@ -76,21 +78,18 @@ def layer(
     gain : float
         Factor of the opacity, 0 or more.
     conserve : bool
-        Divide the opacity by `stretch`: longer streaks are fainter, and the light of a drop stays
-        the same. False keeps streaks bright.
+        Divide the opacity by `stretch`, so that the light of a drop stays the same.
     radius : float
-        Radius of the cone, world units. It matters for a camera with an `offset` only, which sees a
-        cone of that size from beside its middle (two eyes).
+        Of the cone, world units; it matters for a camera with an `offset` only.
 
     Returns
     -------
     (H, W) array
-        Alpha, 0 to 1.
+        Alpha, 0 to 1; against 10 x 10 supersampling the mean error is below 0.012.
 
     Notes
     -----
-    Wang 2004, corrected: ``docs/internals/deviations.md``. Against 10 x 10 supersampling the mean
-    error is below 0.012 even where textures are much reduced.
+    Wang 2004, corrected: ``docs/internals/deviations.md``.
 
     Examples
     --------
@@ -137,8 +136,5 @@ def texture_of(tile: Any) -> Float64:
     if len(texture) > LARGEST_TILE:
         raise ValueError(f"tile must be at most {LARGEST_TILE} texels wide, got {len(texture)}")
     texture = np.ascontiguousarray(texture, dtype=np.float64)
-    if not (texture.min() >= 0.0 and texture.max() <= 1.0):
-        raise ValueError(
-            f"tile must hold opacities from 0 to 1, got {texture.min()} to {texture.max()}"
-        )
+    shares("tile", texture)
     return texture

@@ -9,9 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import (
-    Array,
-)
+from flurries._contract import Array
 from flurries.cone.sheet import texture_of
 
 __all__ = ["Texture"]
