@@ -24,7 +24,7 @@ from flurries.effects.motion import Motion, air_course, camera_course
 from flurries.effects.passes import plane_motion, rays
 from flurries.frame.needs import LeftOut, Needs, Step
 from flurries.frame.view import Frame, Lap
-from flurries.motion.keys import Keys, Number
+from flurries.motion.keys import Keys
 
 # Below this speed, m/s, the air hardly moves relative to the camera; a cone that turned over there
 # would be seen to.
@@ -39,23 +39,12 @@ LARGEST_CHART = 1 << 22
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DoubleCone:
-    """Four layers of one texture; the fields are those of `ConeRain` and `ConeSnow` but for these.
-
-    Attributes
-    ----------
-    motion : Motion
-        What moves them.
-    make : callable, optional
-        Gives the texture of a seed; None where there are no drops.
-    length : float
-        Of a drop in still air, metres.
-    gains : (4,) floats
-        Of the layers, nearest first: what is large and near must not outshine the rest.
-    """
+    """Four layers of one texture; the last six fields are those of `ConeRain` and `ConeSnow`."""
 
     motion: Motion
-    make: Callable[..., cone.Texture] | None
-    length: float
+    make: Callable[..., cone.Texture] | None  # Gives the texture of a seed; None without drops.
+    length: float  # Of a drop in still air, metres.
+    # Of the layers, nearest first: what is large and near must not outshine the rest.
     gains: tuple[float, ...]
     gain: float
     conserve: bool
@@ -103,8 +92,9 @@ class DoubleCone:
         nearest = self.radius / np.maximum(aside + self.slope * np.abs(along), 1e-3)
         depth, through, shown = np.zeros(shape), np.ones(shape), np.zeros(shape)
         for number, gain in enumerate(self.gains):
-            gains = tuple(gain if place == number else 0.0 for place in range(len(self.gains)))
-            alpha = replace(self, gains=gains).alpha(frame, 1.0)
+            gains = np.zeros(len(self.gains))
+            gains[number] = self.gain * gain
+            alpha = self._drawn(frame, gains)
             share = through * alpha
             depth += share * nearest * 2.0**number
             shown += share
@@ -119,6 +109,9 @@ class DoubleCone:
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         """Return the joint alpha of the layers over the window, (h, w) float32."""
+        return self._drawn(frame, np.array([amount * self.gain * gain for gain in self.gains]))
+
+    def _drawn(self, frame: Frame, gains: Float64) -> Array:
         assert self.make is not None
         top, bottom, left, right = frame.window
         state = self.state(frame)
@@ -140,7 +133,7 @@ class DoubleCone:
             phase=state.phase,
             mapping=mapping,
             rows=(top, bottom),
-            gains=[amount * self.gain * layer for layer in self.gains],
+            gains=gains,
             conserve=self.conserve,
         )
         return alpha[:, left:right]
@@ -171,10 +164,13 @@ def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
     """Return the cone over a whole film; times are seconds."""
     motion = part.motion
     air, camera = air_course(fps, motion.fall, motion.mean_wind), camera_course(path, fps)
-    shutter = _shutter(motion.shutter)
+    shutter = motion.shutter
     knots = np.union1d(air.knots, camera.knots)
+    at: Any = [0.0]
+    exposures: Any = [shutter]
     if isinstance(shutter, Keys):
-        knots = np.union1d(knots, [frame for frame, _ in shutter.keys])
+        at, exposures = zip(*shutter.keys, strict=True)
+        knots = np.union1d(knots, at)
     # Frames between the first and the last knot, at which the axis is looked at; what lies outside
     # does not change.
     ends = np.array([*knots, 0.0])
@@ -187,7 +183,7 @@ def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
         twice / fps,
         *velocity,
         damping=part.damping,
-        exposure=_exposures(shutter, twice) / fps,
+        exposure=np.interp(twice, at, exposures) / fps,
         length=part.length,
         radius=part.radius,
         repeats=part.repeats,
@@ -204,23 +200,3 @@ def _beyond(path: cone.Path, fps: float, lap: Lap) -> tuple[float, float]:
     if whole == 0.0 and abs(passed) > 1e-6:
         whole = math.copysign(1.0, passed)
     return passed - whole, passed
-
-
-def _shutter(shutter: Number) -> Number:
-    """Return keys of one value as the number: the same times, and the same bits."""
-    if not isinstance(shutter, Keys):
-        return shutter
-    values = {value for _, value in shutter.keys}
-    return values.pop() if len(values) == 1 else shutter
-
-
-def _exposures(shutter: Number, frames: Float64) -> Float64:
-    if not isinstance(shutter, Keys):
-        return np.full(len(frames), shutter)
-    at, values = zip(*shutter.keys, strict=True)
-    return np.asarray(np.interp(frames, at, values))
-
-
-def tile_metres(radius: float, repeats: int) -> float:
-    """Return the metres that a tile of the first layer stands for."""
-    return 2.0 * math.pi * radius / repeats

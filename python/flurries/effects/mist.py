@@ -86,10 +86,9 @@ class Mist(metaclass=Described):
         Particles in the box. If neither this nor `visibility` is given, the fog's 1200.
     visibility : float, optional
         Distance in metres at which a black object keeps 5 % of its contrast, in place of a count.
-        Keyed: the density follows. With `count` the
-        density follows from both, in place of `density`.
+        Keyed: the density follows. With `count` the density follows from both.
     radius : float, optional
-        Radius of a particle, three sigma, metres; 0.09 of the box if not given.
+        Three sigma of a particle, metres; 0.09 of the box if not given.
     density : float
         Opacity in the middle of a particle, 0 to 1. Keyed.
     color : float, (r, g, b), "#rrggbb", "ambient" or "local"
@@ -102,32 +101,26 @@ class Mist(metaclass=Described):
         Sides of the box that the gas fills, metres. If not given, 5, or 1.2 times the visibility.
     center : (x, y, z), optional
         Middle of the box in the world, house axes, metres. If not given, the box goes with the
-        camera, which stands inside. It is then as wide as the view at its far end, and holds more
-        particles at the same density.
+        camera, which stands inside, and is as wide as the view at its far end.
     depths : (near, far), optional
         Only the gas between these depths, metres: one effect can stand behind flakes, and another
         of the same seed in front of them.
     footprint : str
-        See :func:`flurries.gas.splat`. Particles nearer than four radii are always drawn by their
-        line integral.
+        See :func:`flurries.gas.splat`; particles nearer than four radii are line integrals.
     near : float
         Depth before which nothing is drawn, metres.
     lit : bool
-        Whether the scene's sun lights the gas, and the gas shades itself. Lamps light it in any
-        case.
+        Whether the scene's sun lights the gas, and the gas shades itself. Lamps always light it.
     forward : float
         Share of the sun's light that a particle passes on to those behind it, 0 to 1.
-    scatter : {"rayleigh", "henyey", "even"}
+    scatter, asymmetry : {"rayleigh", "henyey", "even"}, float
         The phase function, see :func:`flurries.gas.phase`.
-    asymmetry : float
-        Asymmetry of "henyey", -0.99 to 0.99.
     structure : float
         Detail at every scale, from the size of the bank down to 4 px: the root mean square of the
-        logarithm of the density in a slice of the gas, 0 to 2. The gas is then not made of
-        particles: it is a bank with soft ends and the same mean extinction. 0 is the paper's gas.
+        logarithm of the density in a slice of the gas, 0 to 2. The gas is then no particles but a
+        bank with soft ends and the same mean extinction. 0 is the paper's gas.
     top : float, optional
         Height above which the mist thins, metres above the camera at frame 0, with `structure`.
-        Without it the mist has no top.
     falloff : float
         Height in metres over which the density falls from .73 to .27 at the top.
     look : {"v1"}
@@ -145,20 +138,12 @@ class Mist(metaclass=Described):
     ValueError, TypeError
         For an argument outside its range; the message names it.
 
-    Notes
-    -----
-    Johnson 2005, section 4: the presets "clouds", "mist" and "fog" have the paper's numbers. The
-    paper does not say how large its box was. With `structure` the logarithm of the density has the
-    spectrum of a passive gas in turbulence, k^(-11/3) in each slice (Kolmogorov 1941).
-
     Examples
     --------
     >>> import flurries as fl
     >>> fog = fl.Mist.preset("fog", wind=(0.4, 0.0, 0.0))
     >>> fog.count, round(fog.extinction(), 3)
     (1200, 0.515)
-    >>> round(fl.gas.visibility(fl.Mist(visibility=40.0).extinction()))
-    40
     """
 
     amount: Number = 1.0
@@ -217,12 +202,10 @@ class Mist(metaclass=Described):
 
     @classmethod
     def preset(cls, name: MistLook, **changes: Any) -> Mist:
-        """Return a look by name.
+        """Return a look by name; further arguments replace single values of it.
 
-        "clouds", "mist" and "fog" are the paper's, made of particles; "valley", "ground", "bank"
-        and "cumulus" have structure.
-
-        Further arguments replace single values of it; a `visibility` replaces its count.
+        "clouds", "mist" and "fog" are the paper's, of particles (Johnson 2005, section 4);
+        "valley", "ground", "bank" and "cumulus" have structure.
         """
         values: dict[str, Any] = dict(cls.PRESETS[choice("preset", name, tuple(cls.PRESETS))])
         far = changes.get("visibility") or changes.get("visibility_m")
