@@ -70,17 +70,6 @@ def test_visibility_and_count():
         fl.Mist(visibility=1.0, box=500.0, radius=0.05)
 
 
-@pytest.mark.parametrize("seed", [1, 6, 8, 15])
-def test_flying_through_the_fog_shows_no_pop(seed):
-    path = fl.CameraPath(fl.Camera(84.0), velocity=(0.0, 0.0, 0.05 * 30))
-    shown = scene(fl.Mist.preset("fog"), camera=path, seed=seed)
-    # The box is 5 units long: after 100 frames the gas is where it was.
-    frames = [cover(shown, t).mean() for t in range(251 if seed == 1 else 101)]
-    assert np.abs(np.diff(frames)).max() < 0.02
-    assert np.ptp(frames) > 0.05  # it does fly
-    assert abs(frames[100] - frames[0]) < 1e-6
-
-
 def test_wind_moves_the_gas_and_its_box_wraps():
     # Against a camera that moves the other way: the same pictures.
     blown = scene(fl.Mist.preset("fog", wind=(0.6, 0.0, 0.3)))
@@ -191,15 +180,6 @@ def test_two_eyes_see_the_same_gas():
     assert np.abs(0.5 * (a + b) - middle).max() < 0.02
     red = stereo.anaglyph(shown.render(9, eye=left), shown.render(9, eye=right))
     assert red.shape == (72, 96, 3)
-
-
-def test_a_camera_that_turns():
-    path = fl.CameraPath(
-        fl.Camera(FOCAL), orientation=fl.Keys([(0, (0.0, 0.0, 0.0)), (10, (0.0, 1.5, 0.0))])
-    )
-    shown = scene(fl.Mist.preset("fog"), camera=path)
-    means = [cover(shown, t).mean() for t in range(11)]
-    assert min(means) > 0.4 and np.abs(np.diff(means)).max() < 0.15
 
 
 def test_amount_fades_and_nothing_is_nothing():
