@@ -1,6 +1,8 @@
-"""One texture on the cone: the box, the seam, the pole, energy, and what is refused."""
+"""One texture on the cone: drops, the box, the seam, the pole, energy."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pytest
@@ -12,10 +14,6 @@ from flurries.camera import Camera
 
 SHAPE = (30, 40)
 CAMERA = Camera(30.0, rotation=(0.2, -0.4, 0.1))
-
-
-def noise(size, seed=0):
-    return np.random.default_rng(seed).random((size, size))
 
 
 @pytest.mark.parametrize(
@@ -30,7 +28,7 @@ def noise(size, seed=0):
 )
 @pytest.mark.parametrize("size", [8, 33])
 def test_a_layer_is_the_twins(given, size):
-    tile = noise(size)
+    tile = np.random.default_rng(0).random((size, size))
     got = cone.layer(SHAPE, CAMERA, tile, **given, dtype=np.float64)
     want = twin.layer(SHAPE, CAMERA, tile, **given)
     # The twin's footprints come from differences, right to 1e-7.
@@ -91,3 +89,43 @@ def test_longer_streaks_keep_the_light():
     dim = cone.layer(shape, camera, tile, **given, stretch=8.0)
     np.testing.assert_allclose(bright, 8.0 * dim, rtol=1e-12)
     assert short.max() > dim.max()
+
+
+def test_rain_is_the_twins():
+    size, count, width, length, spread, opacity = 48, 9, 0.05, 0.2, 0.6, 0.7
+    got = cone.rain_tile(
+        size, seed=11, drops=count, width=width, length=length, spread=spread, opacity=opacity,
+        dtype=np.float64,
+    )  # fmt: skip
+    u, v, s, o = (twin.unit(11, stream, count) for stream in (311, 312, 313, 314))
+    factor = 1 + spread * (s - 0.5)
+    places, peaks = [size * u, size * v], opacity * (1 - spread * o / 2)
+    sizes = [size * width / 2 * factor, size * length / 2 * factor]
+    rows = np.stack([*places, *sizes, peaks], axis=1)
+    # The kernel ends a Gaussian where it is 8e-7.
+    np.testing.assert_allclose(got, twin.drops(size, rows), atol=9 * 8e-7)
+
+
+def test_snow_is_the_twins():
+    got = cone.snow_tile(40, seed=-3, flakes=7, width=0.08, spread=0.0, opacity=0.5,
+                         dtype=np.float64)  # fmt: skip
+    u, v = (twin.unit(-3, stream, 7) for stream in (311, 312))
+    rows = np.stack([40 * u, 40 * v, np.full(7, 1.6), np.zeros(7), np.full(7, 0.5)], axis=1)
+    np.testing.assert_allclose(got, twin.drops(40, rows), atol=7 * 8e-7)
+
+
+@pytest.mark.parametrize("make", [cone.rain_tile, cone.snow_tile])
+def test_tiles_have_the_same_drops_at_any_resolution(make):
+    # Means of two by two texels agree.
+    fine, coarse = (make(size, seed=1, dtype=np.float64) for size in (256, 128))
+    halved = fine.reshape(128, 2, 128, 2).mean(axis=(1, 3))
+    assert abs(halved.mean() / coarse.mean() - 1.0) < 0.02
+    assert (make(128, seed=2, dtype=np.float64) != coarse).any()
+
+
+def test_drops_smaller_than_a_texel_keep_their_energy():
+    for size in (32, 64, 128):
+        tile = cone.snow_tile(size, seed=9, flakes=50, width=0.01, spread=0.0, opacity=0.01,
+                              dtype=np.float64)  # fmt: skip
+        wanted = 50 * 0.01 * 2 * math.pi * 0.005**2
+        assert abs(tile.mean() / wanted - 1.0) < 3e-3
