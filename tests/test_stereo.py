@@ -78,15 +78,6 @@ def test_flakes_have_their_own_disparity():
     )
 
 
-@pytest.mark.parametrize("effect", [Snow(flakes=300), fl.TentRain(drops=300)], ids=["snow", "rain"])
-def test_eyes_at_one_place_see_one_picture(effect: Any):
-    shown = Scene((128, 96), "#203040", effects=[effect])
-    left, right = shown.stereo(7.5, distance=0.0)
-    assert np.array_equal(left, right) and np.array_equal(left, shown.render(7.5))
-    left, right = shown.stereo(7.5, distance=0.01)
-    assert not np.array_equal(left, right)
-
-
 def test_convergence_moves_the_plane_of_the_picture():
     pair = halves(scene(SHARP), 5.0, distance=0.05, convergence=24.0)
     # The band that stands for 24 m is seen at one place by both.
