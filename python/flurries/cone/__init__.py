@@ -10,11 +10,9 @@ one texture, :func:`layers` four in one pass.
 """
 
 from flurries.cone.path import Path, State, path
-from flurries.cone.rays import Rays, rays
-from flurries.cone.sheet import layer
+from flurries.cone.sheet import Rays, layer, rays
 from flurries.cone.stack import Mapping, layers
-from flurries.cone.texture import Texture
-from flurries.cone.tiles import rain_tile, snow_tile
+from flurries.cone.tiles import Texture, rain_tile, snow_tile
 
 __all__ = [
     "Mapping",

@@ -25,9 +25,8 @@ from flurries._contract import (
 )
 from flurries._contract import pixels as pixels_of
 from flurries.camera.lens import Camera
-from flurries.cone.rays import pose, reach_of
-from flurries.cone.sheet import MOST_REPEATS, layer, wrapped
-from flurries.cone.texture import Table, Texture
+from flurries.cone.sheet import MOST_REPEATS, layer, pose, reach_of, wrapped
+from flurries.cone.tiles import Table, Texture
 
 __all__ = ["Mapping", "layers"]
 

@@ -7,8 +7,7 @@ and colors in linear light. :func:`splat` draws them for a camera, :func:`alpha`
 """
 
 from flurries.gas.billboards import parallax_error, projection_error
-from flurries.gas.footprint import extinction, footprint_table, visibility
-from flurries.gas.lighting import light, phase
+from flurries.gas.optics import extinction, footprint_table, light, phase, visibility
 from flurries.gas.splatting import alpha, splat
 
 __all__ = [
