@@ -10,7 +10,7 @@ import pytest
 
 import flurries as fl
 from flurries import gas
-from flurries.io.color import encode_bytes, linear_to_srgb, srgb_to_linear, to_integer
+from flurries.io.color import linear_to_srgb, srgb_to_linear
 from flurries.light.phase import within
 from flurries.light.plate import plate_light
 from flurries.trace import tracing
@@ -86,14 +86,6 @@ def test_a_flake_is_lit_by_what_is_behind_it_and_by_half_a_sky_and_half_a_ground
         assert np.abs(found[row] / wanted - 1.0).max() < 1e-3
 
 
-def test_flakes_glow_before_a_lamp():
-    plate = np.full((H, W, 3), 0.01, np.float32)
-    plate[100:108, 100:108] = 40.0
-    found = plate_light(plate, "linear").local(400.0, asymmetry=0.76, albedo=0.9)
-    cell = plate_light(plate, "linear").cell
-    assert found[104 // cell, 104 // cell, 0] > 5.0 * found[30 // cell, 280 // cell, 0]
-
-
 def test_fog_is_never_darker_than_what_is_behind_it():
     plate = srgb_to_linear(picture()).astype(np.float32)
     for level in (0.3, 0.9):
@@ -127,14 +119,6 @@ def test_the_phase_function_shares_light_out(asymmetry: float):
     part = 0.5 * (1.0 - low) * nodes + 0.5 * (1.0 + low)
     share = np.pi * (1.0 - low) * float(weights @ phase(asymmetry, part))
     assert abs(within(asymmetry, 0.4) - share) < 1e-9
-
-
-def test_bytes_round_as_the_formula():
-    rng = np.random.default_rng(1)
-    light = (rng.random((200, 300)) ** 3 * 1.2 - 0.05).astype(np.float32)
-    assert np.array_equal(encode_bytes(light), to_integer(linear_to_srgb(light), 8))
-    odd = np.array([np.nan, np.inf, -np.inf], np.float32)
-    assert encode_bytes(odd).tolist() == [0, 255, 0]
 
 
 def test_nothing_of_it_where_it_is_not_asked_for():

@@ -21,8 +21,8 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
-# Diameters in px at which the way changes: a point, two points, many points, samples of pixels.
-POINT, PAIR, LARGE = 0.12, 0.3, 2.0
+# Diameters in px at which the way changes: a point, many points, samples of pixels.
+POINT, LARGE = 0.2, 2.0
 
 # Points for each square pixel that a flake sweeps, at least so many; and samples along a pixel.
 POINTS, LEAST_POINTS, SAMPLES = 64.0, 128, 4
@@ -73,26 +73,15 @@ class Canvas:
         self.tau0 = middle_depth(opacity)
         self.depth = np.zeros(shape[0] * shape[1])
         self.chance = np.random.default_rng(seed)
-        r2 = (np.arange(4096) + 0.5) / 4096
-        seen = profile(r2, self.tau0)
-        # Deviation along an axis of what a flake covers, for a diameter of 1.
-        self.spread = 0.5 * math.sqrt(0.5 * float((r2 * seen).sum() / seen.sum()))
 
     def alpha(self) -> Floats:
         """Return the opacity of all flakes, (H, W)."""
         return -np.expm1(-self.depth).reshape(self.shape)
 
     def add(self, way: Floats, diameter: Floats, share: Floats) -> None:
-        """Add flakes.
+        """Add flakes of these diameters, px, and factors of the opacity, (n,).
 
-        Parameters
-        ----------
-        way : (3, 2, n)
-            Places (x, y) in px at the opening, the middle and the close.
-        diameter : (n,)
-            Pixels.
-        share : (n,)
-            Factor of each flake's opacity.
+        `way` has their places (x, y) in px at the opening, the middle and the close, (3, 2, n).
         """
         seen = share > 0.0
         for axis in range(2):
@@ -100,28 +89,19 @@ class Canvas:
             least, most = np.minimum.reduce(ends), np.maximum.reduce(ends)
             seen &= (most > -diameter) & (least < self.shape[1 - axis] + diameter)
         way, diameter, share = way[:, :, seen], diameter[seen], share[seen]
-        sizes = np.searchsorted([POINT, PAIR, LARGE], diameter, side="right")
-        for size, draw in enumerate((self._points, self._pairs, self._middle, self._large)):
+        sizes = np.searchsorted([POINT, LARGE], diameter, side="right")
+        for size, draw in enumerate((self._points, self._middle, self._large)):
             own = np.flatnonzero(sizes == size)
             if len(own):
                 draw(way[:, :, own], diameter[own], share[own])
 
     def _points(self, way: Floats, diameter: Floats, share: Floats) -> None:
-        area = share * self.opacity * 0.25 * math.pi * diameter**2
-        self._lines(way[0], way[2], area, area)
+        """Share flakes out over the pixels of lines by the lengths inside them.
 
-    def _pairs(self, way: Floats, diameter: Floats, share: Floats) -> None:
-        area = share * self.opacity * 0.25 * math.pi * diameter**2
-        angle = self.chance.uniform(0.0, math.pi, len(area))
-        aside = math.sqrt(2.0) * self.spread * diameter * [np.cos(angle), np.sin(angle)]
-        for side in (aside, -aside):
-            self._lines(way[0] + side, way[2] + side, 0.5 * area, area)
-
-    def _lines(self, start: Floats, end: Floats, weight: Floats, area: Floats) -> None:
-        """Share weights out over the pixels of lines, (2, n), by the lengths inside them.
-
-        The optical depth of a is a + a^2/2: the square by the parts of an `area` in each pixel.
+        The optical depth of a is a + a^2/2.
         """
+        area = share * self.opacity * 0.25 * math.pi * diameter**2
+        start, end = way[0], way[2]
         first, step = np.floor(start), end - start
         steps = np.abs(np.floor(end) - first).astype(np.int64)
         crossings = steps[0] + steps[1]
@@ -144,7 +124,7 @@ class Canvas:
                 part, middle = late - early, 0.5 * (late + early)
                 col, row = (np.floor(a[axis] + middle * d[axis]) for axis in range(2))
                 inside = (col >= 0.0) & (col < width) & (row >= 0.0) & (row < height)
-                depth = part * weight[own] * (1.0 + 0.5 * part * area[own])
+                depth = part * area[own] * (1.0 + 0.5 * part * area[own])
                 place = (row * width + col)[inside].astype(np.int64)
                 np.add.at(self.depth, place, depth[inside])
 
