@@ -65,12 +65,6 @@ def rain_tile(
     -------
     (n, n) array
         Opacities, 0 to 1: ``1 - prod(1 - alpha_i)``, without an edge.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> fl.cone.rain_tile(64, seed=7).shape
-    (64, 64)
     """
     rows = _sprites(size, "drops", drops, seed, width, spread, opacity)
     rows[:, 3] = 0.5 * size * real("length", length, low=0.0, high=0.5)

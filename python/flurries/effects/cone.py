@@ -213,18 +213,6 @@ tile, look, seed
     sway : (amplitude, rate)
         Amplitude in metres and rate in radians per second. Each flake in front swings with a phase
         of its own.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument outside its range; the message names it.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> snow = fl.ConeSnow.preset("heavy", wind=(1.0, 0.0, 0.0))
-    >>> snow.texture_flakes > fl.ConeSnow.preset("light").texture_flakes
-    True
     """
 
     fall: Number = 1.4

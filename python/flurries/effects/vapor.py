@@ -149,11 +149,11 @@ class Vapor:
     def render(self, frame: Frame) -> Layer:
         """Return the layer of a frame."""
         mist, run, lit = self.mist, frame.run or frame.steps_of(self), self._sunny(frame)
-        local = is_local(mist.color) and frame.plate is not None
+        plate = frame.plate if is_local(mist.color) else None
         color = color_at(mist.color, frame)
         base = Base.even(color)
-        if is_local(mist.color) and frame.plate is not None:
-            base = Base.airlight(frame.plate)
+        if plate is not None:
+            base = Base.airlight(plate)
             red, green, blue = linear_to_srgb(base.dim).tolist()
             color = red, green, blue
         density, bank = self.density(frame.t), self.bank
@@ -170,16 +170,15 @@ class Vapor:
             if made is not None:
                 alpha, light, sky = made
                 # What is kept of a picture has the light of the next.
-                shade = sky.shade(frame, base.dim) if local else shade
+                shade = shade if plate is None else sky.shade(frame, base.dim)
         if lit and light is not None and bank is None:
             layer = Layer(mist.NAME, alpha, rgb=light)
-        elif lit and light is not None:
-            # All of its light is a glow, which is mixed as light.
-            layer = Layer(mist.NAME, alpha, color, shade=even_shade(frame, BLACK), glow=light)
-        elif light is not None or local:
-            layer = Layer(mist.NAME, alpha, color, shade=shade, glow=light)
         else:
-            layer = Layer(mist.NAME, alpha, color)
+            if lit and light is not None:
+                # All of its light is a glow, which is mixed as light.
+                shade = even_shade(frame, BLACK)
+            even = light is None and plate is None
+            layer = Layer(mist.NAME, alpha, color, shade=None if even else shade, glow=light)
         if not frame.whole:
             return layer
         with current.get().stage("passes"):

@@ -48,12 +48,6 @@ def projection_error(
         (e_x, e_y): billboard parallel to the viewplane minus billboard that faces the eye, in the
         unit of `near`, to 1e-15 but near the second zero of e_x at C_x = -2 r or so. NaN where the
         edge of the latter does not lie in front of the eye: depth D <= 0, or D S <= r C_x.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> fl.gas.projection_error([(1.0, 0.5, 5.0)], 0.45).round(6).tolist()
-    [[-0.003431, -0.001797]]
     """
     x, y, depth, r = _each(centers, radius)
     distance = real("near", near, above=0.0)

@@ -34,12 +34,6 @@ class Sun:
         Display values, 0 to 1.
     ambient : float
         Share of the light that comes from all sides, 0 to 1.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> fl.Sun((0.0, 3.0, 4.0), (1.0, 0.9, 0.8)).unit().tolist()
-    [0.0, 0.6, 0.8]
     """
 
     direction: tuple[float, float, float] = (0.4, 1.0, 0.3)
