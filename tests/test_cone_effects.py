@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries import cone
 from flurries.frame.view import Frame
 from measure import cover
 
@@ -66,44 +65,6 @@ def test_the_cone_moves_as_the_flakes_do():
         # Camera minus flake per frame, the other way and per second.
         velocity = -effect.parts.motion.way(frame).rate * shown.fps
         np.testing.assert_allclose(np.array(state.axis) * state.speed, velocity, atol=1e-9)
-
-
-def tracked(phases, seconds, camera, shape, tile):
-    """Return pixels per second straight ahead: the shift under which two pictures agree best."""
-    first, second = (
-        cone.layer(shape, camera, tile, axis=(0, 1, 0), phase=p, repeats=16, dtype=np.float64)
-        for p in phases
-    )
-    height = shape[0]
-    errors = {}
-    for shift in range(-60, 61):
-        # The rows in the middle; those at the borders have gone.
-        ahead = second[60 + shift : height - 60 + shift]
-        errors[shift] = ((ahead - first[60 : height - 60]) ** 2).mean()
-    best = min(errors, key=errors.get)
-    before, here, after = (errors.get(best + k, np.inf) for k in (-1, 0, 1))
-    return (best + 0.5 * (before - after) / (before - 2 * here + after)) / seconds
-
-
-@pytest.mark.parametrize("stutter", [False, True])
-def test_the_fall_speed_does_not_depend_on_the_frame_rate(stutter):
-    # Measured on pictures: straight ahead a drop at 16 m that falls 5 m/s moves f v / R.
-    camera, shape, radius = fl.Camera(1200.0), (200, 60), 16.0
-    tile = cone.snow_tile(128, seed=4, flakes=400, width=0.03, dtype=np.float64)
-    speeds = []
-    for fps in (15, 24, 30, 60, 120):
-        times = np.arange(40) / fps
-        if stutter:
-            drop = np.random.default_rng(fps).choice([0.0, 0.0, 2.5 / fps], 40)
-            times = np.sort(times + drop)
-        moving = cone.path(times, (0.0, 5.0, 0.0), radius=radius, repeats=16, exposure=0.0)
-        for i in (10, 20, 30):
-            seconds = times[i + 1] - times[i]
-            if seconds > 1e-3:
-                pair = moving.phase[[i, i + 1]]
-                speeds.append(tracked(pair, seconds, camera, shape, tile))
-    wanted = 1200.0 * 5.0 / radius
-    assert len(speeds) > 10 and np.abs(np.array(speeds) / wanted - 1.0).max() < 0.03
 
 
 def test_the_scenes_depth_hides_what_is_behind():

@@ -1,4 +1,4 @@
-"""What a gas as a whole obeys: transmittance, visibility, light, grids, flight, the table."""
+"""What a gas as a whole obeys: transmittance, visibility, light, flight, the table."""
 
 from __future__ import annotations
 
