@@ -1,6 +1,8 @@
-"""Four layers at once: against their composition, and what a mapping may be used for."""
+"""Four layers at once: against their composition, and the chart that is kept."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import numpy as np
 import pytest
@@ -44,28 +46,32 @@ def test_float32_is_close_to_float64(axis, tile, focal):
 
 
 @every("axis", AXES)
-def test_a_mapping_changes_no_bit(axis):
-    shape, camera = (70, 101), Camera(80.0)
-    texture = cone.Texture(TILE)
-    given = {"axis": axis, "stretch": 1.3, "slope": 0.2}
-    kept = cone.Mapping(shape, camera, **given)
-    for phase in (0.0, 0.33, -7.5):
-        alone = cone.layers(shape, camera, texture, **given, phase=phase)
-        again = cone.layers(shape, camera, texture, **given, phase=phase, mapping=kept)
-        assert alone.tobytes() == again.tobytes()
+def test_a_chart_that_is_kept_changes_no_bit(axis):
+    texture, phases = cone.Texture(TILE), (0.0, 0.33, -7.5)
+    draw = partial(cone.layers, (70, 101), Camera(80.0), texture, axis=axis, stretch=1.3, slope=0.2)
+
+    def first(phase):
+        for focal in (1.0, 2.0, 3.0, 4.0):
+            # Four other eyes push what is kept out.
+            cone.layers((8, 8), Camera(focal), texture, axis=axis, phase=0.0)
+        return draw(phase=phase)
+
+    alone = [first(phase).tobytes() for phase in phases]
+    first(0.5)
+    assert [draw(phase=phase).tobytes() for phase in phases] == alone
 
 
 @every("rows", [(0, 16), (5, 37), (33, 34), (64, 70)])
 @every("offset", [(0, 0, 0), (0.03, 0, 0)])
-def test_a_part_has_the_bits_of_the_whole(rows, offset):
+@every("depth", [None, np.linspace(0.5, 20.0, 70 * 101).reshape(70, 101)])
+def test_a_part_has_the_bits_of_the_whole(rows, offset, depth):
     shape, camera = (70, 101), Camera(80.0, offset=offset)
-    texture, given = cone.Texture(TILE), {"axis": (0.2, 1, 0.4), "radius": 2.0}
-    whole = cone.layers(shape, camera, texture, **given, phase=0.2)
-    part = cone.Mapping(shape, camera, **given, rows=rows)
-    out = np.full((rows[1] - rows[0], 101), np.nan, np.float32)
-    given_out = cone.layers(shape, camera, texture, **given, phase=0.2, mapping=part, out=out)
-    assert given_out is out
-    assert out.tobytes() == whole[rows[0] : rows[1]].tobytes()
+    look = {"axis": (0.2, 1, 0.4), "radius": 2.0, "phase": 0.2, "depth": depth}
+    for dtype, tile in ((np.float32, cone.Texture(TILE)), (np.float64, TILE)):
+        whole = cone.layers(shape, camera, tile, **look, dtype=dtype)
+        out = np.full((rows[1] - rows[0], 101), np.nan, dtype)
+        assert cone.layers(shape, camera, tile, **look, dtype=dtype, rows=rows, out=out) is out
+        assert out.tobytes() == whole[rows[0] : rows[1]].tobytes()
 
 
 def test_two_eyes_are_layers_seen_from_beside():
@@ -84,9 +90,12 @@ def test_what_stands_in_the_picture_hides_the_layers_behind_it():
     depth[:, 20:40] = 5.0
     depth[:, 40:50] = 0.1
     depth[:, 50:] = np.nan
-    seen = cone.Mapping(shape, camera, axis=axis, radius=2.0, depth=depth)
     texture = cone.Texture(TILE)
-    alpha = cone.layers(shape, camera, texture, axis=axis, phase=0.3, mapping=seen)
+    alpha, exact = (
+        cone.layers(shape, camera, TILE, axis=axis, phase=0.3, radius=2.0, depth=depth, dtype=dtype)
+        for dtype in (np.float32, np.float64)
+    )
+    assert abs(alpha - exact).mean() < 0.011
     free = cone.layers(shape, camera, texture, axis=axis, phase=0.3)
     # On the cylinder straight ahead the radii are the depths: 2 and 4 m stand before 5 m.
     near = cone.layers(shape, camera, texture, axis=axis, phase=0.3, gains=(1, 1, 0, 0))

@@ -225,12 +225,6 @@ CALLS: dict[str, Call] = {
         heavy=("flakes",),
     ),
     "cone.Texture": Call({"tile": TILE}, refused=NO_TILE, then=lambda made: made.tile),
-    "cone.Mapping": Call(
-        {**SIGHT, "axis": DOWN, "depth": DEPTH, "radius": 3.0},
-        refused={"depth": (np.ones((3, 3)),), "radius": (0.0, np.inf), "rows": ((3, 99),)},
-        then=lambda made: fl.cone.layers(SHAPE, LENS, TILE, axis=DOWN, phase=0.0, mapping=made),
-        **HIDES,
-    ),
     "cone.rays": Call(
         {**SIGHT, "axis": ASIDE, "points_px": 20.0 * RNG.random((5, 2))},
         takes={"points_px": ("empty",)},
@@ -242,11 +236,12 @@ CALLS: dict[str, Call] = {
                  "offset": ((0, 0, 0),)},
     ),
     "cone.layers": Call(
-        {**SIGHT, "tile": TILE, "axis": ASIDE, "gains": FEW[:4],
-         "phase": 0.3},
+        {**SIGHT, "tile": TILE, "axis": ASIDE, "gains": FEW[:4], "phase": 0.3, "depth": DEPTH,
+         "radius": 3.0},
         refused={**NO_AXIS, **NO_TILE, "stretch": (0.0,), "repeats": (0,),
-                 "gains": ((1.0, 2.0), -1.0),
-                 "mapping": (fl.cone.Mapping((9, 9), LENS, axis=DOWN),)},
+                 "gains": ((1.0, 2.0), -1.0), "depth": (np.ones((3, 3)),),
+                 "radius": (0.0, np.inf), "rows": ((3, 99),)},
+        **HIDES,
     ),
     "cone.path": Call(
         {**ROUND, "exposure": np.array([0.01, 0.02, 0.03])},

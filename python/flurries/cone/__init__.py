@@ -11,11 +11,10 @@ one texture, :func:`layers` four in one pass.
 
 from flurries.cone.path import Path, State, path
 from flurries.cone.sheet import Rays, layer, rays
-from flurries.cone.stack import Mapping, layers
+from flurries.cone.stack import layers
 from flurries.cone.tiles import Texture, rain_tile, snow_tile
 
 __all__ = [
-    "Mapping",
     "Path",
     "Rays",
     "State",

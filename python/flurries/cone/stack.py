@@ -1,4 +1,4 @@
-"""Four layers of a cone at once, and the chart of their rays, kept while camera and axis stand."""
+"""Four layers of a cone at once; the chart of their rays is kept while camera and axis stand."""
 
 from __future__ import annotations
 
@@ -22,15 +22,20 @@ from flurries._contract import (
     real,
     shape_of,
     table,
+    vector,
 )
 from flurries._contract import pixels as pixels_of
-from flurries.camera.lens import Camera
-from flurries.cone.sheet import MOST_REPEATS, layer, pose, reach_of, wrapped
+from flurries._threads import kept_by_mode
+from flurries.camera.lens import Camera, expect_camera
+from flurries.cone.sheet import MOST_REPEATS, Pose, layer, pose, reach_of, wrapped
 from flurries.cone.tiles import Table, Texture
 
-__all__ = ["Mapping", "layers"]
+__all__ = ["layers"]
 
 BLOCK = 16
+
+# A chart is three words a pixel: of larger pictures only the rows that are asked for have one.
+LARGEST_CHART = 1 << 22
 
 # The first layer nearest, each of the others half as large and twice as far.
 MULTIPLES = (1, 2, 4, 8)
@@ -41,104 +46,11 @@ OFFSETS = ((0.0, 0.0), (0.37, 0.61), (0.71, 0.23), (0.13, 0.83))
 # Azimuth, height, fade, what the blocks are, footprints: see src/cone/chart.rs.
 Chart: TypeAlias = tuple[Array, Array, Array, Array, Array]
 
+# Tiles around, stretch, the first row.
+Course: TypeAlias = tuple[int, float, int]
+
 # Multiple, offsets as words, gain, log2 of the texels in a tile.
 Sheet: TypeAlias = tuple[int, int, int, float, float]
-
-
-class Mapping:
-    """The point of the textures that every pixel sees: the part of a frame that does not scroll.
-
-    While its arguments stay the same one mapping serves all frames. :func:`layers` does without
-    where none is given, with the same result to the last bit.
-
-    Parameters
-    ----------
-    shape, camera, axis, stretch, slope, repeats, radius
-        See :func:`layer`; the first layer's.
-    rows : (start, stop), optional
-        Only these rows of the picture, with the bits of the whole.
-    depth : (H, W) array, optional
-        Planar depth of what stands in the picture, world units, before layers of a `radius`.
-    """
-
-    def __init__(
-        self,
-        shape: tuple[int, int],
-        camera: Camera,
-        *,
-        axis: npt.ArrayLike,
-        stretch: float = 1.0,
-        slope: float = 0.0,
-        repeats: int = 4,
-        radius: float = math.inf,
-        rows: tuple[int, int] | None = None,
-        depth: npt.ArrayLike | None = None,
-    ) -> None:
-        self.shape = shape_of("shape", shape)
-        self.stretch = real("stretch", stretch, low=1e-6, high=1e6)
-        self.repeats = integer("repeats", repeats, low=1, high=MOST_REPEATS)
-        radius = reach_of(radius)
-        self.rows = _rows_of(rows, (0, self.shape[0]))
-        # Blocks lie where they lie in the whole picture.
-        self._top = self.rows[0] - self.rows[0] % BLOCK
-        self._course = self.repeats, self.stretch, self._top
-        self._poses = [
-            pose(self.shape, camera, axis, slope, radius * factor) for factor in MULTIPLES
-        ]
-        # From the middle all layers are seen alike.
-        self._together = self._poses[0][-1] == (0.0, 0.0, 0.0)
-        self._shown: Array | None = None
-        if depth is not None:
-            self._shown = self._before(depth, real("radius", radius, above=0.0))
-
-    @cached_property
-    def _charts(self) -> list[Chart]:
-        """One for all layers, or one for each."""
-        height, blocks = self.rows[1] - self._top, -(-self.shape[1] // BLOCK)
-        wide, charts = (height, blocks * BLOCK), []
-        for number, given in enumerate(self._poses[: 1 if self._together else None]):
-            across, along = np.empty(wide, np.uint32), np.empty(wide, np.uint32)
-            fade, state = np.empty(wide, np.float32), np.empty((height, blocks), np.uint8)
-            _core.cone_chart(across, along, fade, state, given, self._course)
-            charts.append((across, along, fade, state, self._footprints(number)))
-        return charts
-
-    def _footprints(self, number: int = 0) -> Array:
-        """Return log2 of a pixel's footprint in tiles for blocks of the picture, (.., .., 2)."""
-        height = self.rows[1] - self._top
-        steps = np.empty((-(-height // BLOCK), -(-self.shape[1] // BLOCK), 2), np.float32)
-        _core.cone_footprints(steps, self._poses[number], self._course)
-        return steps
-
-    def _before(self, depth: npt.ArrayLike, radius: float) -> Array:
-        """Return the number of layers, nearest first, that stand before the depth map."""
-        map_, _ = pixels_of("depth", depth, ndim=2)
-        if map_.shape != self.shape:
-            raise ValueError(f"depth must have shape {self.shape}, got {map_.shape}")
-        part = aligned(map_[self._top : self.rows[1]], np.float32)
-        counts = np.zeros((len(part), -(-self.shape[1] // BLOCK) * BLOCK), np.uint8)
-        radii = [radius * factor for factor in MULTIPLES]
-        _core.cone_shown(counts, part, self._poses[0], radii, self._top)
-        return counts
-
-    def _drawn(self, whole: Array, top: int, sheets: list[Sheet], texture: Texture) -> None:
-        """Draw rows from the first of a block on."""
-        lines = slice(top - self._top, top - self._top + len(whole))
-        blocks = slice(lines.start // BLOCK, -(-lines.stop // BLOCK))
-        parts = [sheets] if self._together else [[sheet] for sheet in sheets]
-        clear: Array | None = None
-        for index, (planes, drawn) in enumerate(zip(self._charts, parts, strict=True)):
-            across, along, fade, state = (plane[lines] for plane in planes[:4])
-            shown = None if self._shown is None else self._shown[lines]
-            if shown is not None and not self._together:
-                shown = (shown > index).astype(np.uint8)
-            chart, steps = (across, along, fade, state, shown), planes[4][blocks]
-            tables = _tables(texture, steps, drawn)
-            _core.cone_stack(whole, chart, None, steps, drawn, texture._levels, tables)
-            if not self._together:
-                clear = 1.0 - whole if clear is None else clear * (1.0 - whole)
-        if clear is not None:
-            np.subtract(1.0, clear, out=whole)
 
 
 def layers(
@@ -154,7 +66,7 @@ def layers(
     gains: npt.ArrayLike = 1.0,
     conserve: bool = True,
     radius: float = math.inf,
-    mapping: Mapping | None = None,
+    depth: npt.ArrayLike | None = None,
     rows: tuple[int, int] | None = None,
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
@@ -167,15 +79,15 @@ def layers(
     Parameters
     ----------
     shape, camera, axis, phase, stretch, slope, repeats, conserve, radius, dtype, out
-        See :func:`layer`.
+        See :func:`layer`. While all but the phase stays the same, the rays are looked up.
     tile : Texture or (n, n)
         Give a :class:`Texture` for many frames: from an array a new one is made at each call.
     gains : float or (4,)
         Factors of the opacity, 0 or more.
-    mapping : Mapping, optional
-        One of the same arguments; its own `rows` and `depth` count.
+    depth : (H, W) array, optional
+        Planar depth of what stands in the picture, world units, before layers of a `radius`.
     rows : (start, stop), optional
-        Only these rows of the picture, or of the mapping.
+        Only these rows of the picture, with the bits of the whole.
 
     Returns
     -------
@@ -185,75 +97,155 @@ def layers(
     Notes
     -----
     float32 looks into tables of 8 bits, filtered beforehand. float64 is the composition of
-    :func:`layer` (a mapping's `depth` is not used). The two differ by less than 0.011 in the mean.
+    :func:`layer`. The two differ by less than 0.011 in the mean.
 
     Examples
     --------
     >>> import flurries as fl
     >>> rain = fl.cone.Texture(fl.cone.rain_tile(128, seed=1))
-    >>> view = fl.Camera(focal=150.0)
-    >>> still = fl.cone.Mapping((90, 120), view, axis=(0, 1, 0))
-    >>> alpha = fl.cone.layers((90, 120), view, rain, axis=(0, 1, 0), phase=0.1, mapping=still)
+    >>> alpha = fl.cone.layers((90, 120), fl.Camera(150.0), rain, axis=(0, 1, 0), phase=0.1)
     """
     size = shape_of("shape", shape)
     kind = float_dtype(dtype)
-    chart = mapping
-    if chart is None:
-        chart = Mapping(
-            size, camera, axis=axis, stretch=stretch, slope=slope, repeats=repeats, radius=radius,
-            rows=rows,
-        )  # fmt: skip
-    elif not isinstance(chart, Mapping):
-        raise TypeError(f"mapping must be a Mapping, got {type(mapping).__name__}")
-    elif chart.shape != size:
-        raise ValueError(f"mapping must be of shape {size}, got {chart.shape}")
-    start, stop = _rows_of(rows, chart.rows)
+    eye, way = expect_camera(camera), tuple(vector("axis", axis, 3).tolist())
+    moved = wrapped(real("phase", phase))
+    length = real("stretch", stretch, low=1e-6, high=1e6)
+    around = integer("repeats", repeats, low=1, high=MOST_REPEATS)
+    lean, reach = real("slope", slope, low=0.0, high=1e6), reach_of(radius)
     strengths = table("gains", gains, ndim=None)
     if strengths.shape not in ((1,), (4,)) or not (strengths >= 0.0).all():
         raise ValueError("gains must be one number or 4, none negative")
     each = list(zip(MULTIPLES, OFFSETS, np.broadcast_to(strengths, 4).tolist(), strict=True))
     shared = flag("conserve", conserve)
-    moved = wrapped(real("phase", phase))
+    start, stop = _rows_of(rows, size[0])
+    # Blocks lie where they lie in the whole picture.
+    top = start - start % BLOCK
+    apart = depth is not None or size[0] * size[1] > LARGEST_CHART
+    course = around, length, top if apart else 0
+    view = _view(size, eye, way, lean, reach, course, stop if apart else size[0])
+    shown = None if depth is None else _before(depth, size, view, real("radius", reach))
     if kind == np.float64:
         exact = tile.tile if isinstance(tile, Texture) else tile
-        rest = np.ones(size)
-        for factor, place, strength in each:
-            rest *= 1.0 - layer(
-                size, camera, exact, axis=axis, phase=moved, stretch=chart.stretch, slope=slope,
-                repeats=chart.repeats * factor, offset=place, gain=strength, conserve=shared,
-                radius=radius * factor, dtype=kind,
-            )  # fmt: skip
-        result = output(out, (stop - start, size[1]), kind)
-        return np.subtract(1.0, rest[start:stop], out=result)
+        rest = np.ones((stop - start, size[1]))
+        for index, (factor, place, strength) in enumerate(each):
+            alpha = layer(
+                size, eye, exact, axis=way, phase=moved, stretch=length, slope=lean,
+                repeats=around * factor, offset=place, gain=strength, conserve=shared,
+                radius=reach * factor, dtype=kind,
+            )[start:stop]  # fmt: skip
+            if shown is not None:
+                alpha *= shown[start - top :, : size[1]] > index
+            rest *= 1.0 - alpha
+        return np.subtract(1.0, rest, out=output(out, rest.shape, kind))
     texture = tile if isinstance(tile, Texture) else Texture(tile)
     result = output(out, (stop - start, size[1]), kind)
-    top = start - start % BLOCK
     whole = result if top == start else np.empty((stop - top, size[1]), np.float32)
-    full, texels = texture._peak / (chart.stretch if shared else 1.0), math.log2(len(texture.tile))
+    full, texels = texture._peak / (length if shared else 1.0), math.log2(len(texture.tile))
     sheets = [
         (factor, _word(x), _word(y - moved), full * strength, texels)
         for factor, (x, y), strength in each
     ]
-    if mapping is None and chart._together:
-        steps, view = chart._footprints(), (chart._poses[0], chart._course)
+    if view.first(moved) and view.together and shown is None:
+        given = view.poses[0], (around, length, top)
+        steps = _footprints(*given, whole.shape)
         tables = _tables(texture, steps, sheets)
-        _core.cone_stack(whole, None, view, steps, sheets, texture._levels, tables)
+        _core.cone_stack(whole, None, given, steps, sheets, texture._levels, tables)
     else:
-        chart._drawn(whole, top, sheets, texture)
+        view.draw(whole, top, sheets, texture, shown)
     if whole is not result:
         # The rows above, of a block that was begun, are of no use to anybody.
         result[...] = whole[start - top :]
     return result
 
 
-def _rows_of(rows: Any, there: tuple[int, int]) -> tuple[int, int]:
-    """Return the rows that are asked for, of those that are there."""
+class _View:
+    """Rows of a picture of a cone, and the chart of their rays: what does not scroll."""
+
+    def __init__(self, poses: list[Pose], course: Course, shape: tuple[int, int]) -> None:
+        self.poses, self.course, self.shape = poses, course, shape
+        # From the middle all layers are seen alike.
+        self.together = poses[0][-1] == (0.0, 0.0, 0.0)
+        self._phase: float | None = None
+
+    def first(self, phase: float) -> bool:
+        """Whether no other moment was asked for: a camera that moves has no use for a chart."""
+        if self._phase is None:
+            self._phase = phase
+        return self._phase == phase
+
+    @cached_property
+    def _charts(self) -> list[Chart]:
+        """One for all layers, or one for each."""
+        blocks, charts = -(-self.shape[1] // BLOCK), []
+        wide = self.shape[0], blocks * BLOCK
+        for given in self.poses[: 1 if self.together else None]:
+            across, along = np.empty(wide, np.uint32), np.empty(wide, np.uint32)
+            fade, state = np.empty(wide, np.float32), np.empty((wide[0], blocks), np.uint8)
+            _core.cone_chart(across, along, fade, state, given, self.course)
+            steps = _footprints(given, self.course, self.shape)
+            charts.append((across, along, fade, state, steps))
+        return charts
+
+    def draw(
+        self, whole: Array, top: int, sheets: list[Sheet], texture: Texture, shown: Array | None
+    ) -> None:
+        """Draw rows from the first of a block on; `shown` layers stand before the picture."""
+        first = top - self.course[2]
+        lines = slice(first, first + len(whole))
+        blocks = slice(first // BLOCK, -(-lines.stop // BLOCK))
+        parts = [sheets] if self.together else [[sheet] for sheet in sheets]
+        clear: Array | None = None
+        for index, (planes, drawn) in enumerate(zip(self._charts, parts, strict=True)):
+            across, along, fade, state = (plane[lines] for plane in planes[:4])
+            before = shown
+            if shown is not None and not self.together:
+                before = (shown > index).astype(np.uint8)
+            chart, steps = (across, along, fade, state, before), planes[4][blocks]
+            tables = _tables(texture, steps, drawn)
+            _core.cone_stack(whole, chart, None, steps, drawn, texture._levels, tables)
+            if not self.together:
+                clear = 1.0 - whole if clear is None else clear * (1.0 - whole)
+        if clear is not None:
+            np.subtract(1.0, clear, out=whole)
+
+
+@kept_by_mode(4)
+def _view(
+    size: tuple[int, int], camera: Camera, axis: tuple[float, ...], slope: float, radius: float,
+    course: Course, stop: int,
+) -> _View:  # fmt: skip
+    poses = [pose(size, camera, axis, slope, radius * factor) for factor in MULTIPLES]
+    return _View(poses, course, (stop - course[2], size[1]))
+
+
+def _before(depth: npt.ArrayLike, size: tuple[int, int], view: _View, radius: float) -> Array:
+    """Return the number of layers, nearest first, before a depth map, of a view's rows."""
+    map_, _ = pixels_of("depth", depth, ndim=2)
+    if map_.shape != size:
+        raise ValueError(f"depth must have shape {size}, got {map_.shape}")
+    top, height = view.course[2], view.shape[0]
+    part = aligned(map_[top : top + height], np.float32)
+    counts = np.zeros((height, -(-size[1] // BLOCK) * BLOCK), np.uint8)
+    radii = [radius * factor for factor in MULTIPLES]
+    _core.cone_shown(counts, part, view.poses[0], radii, top)
+    return counts
+
+
+def _footprints(given: Pose, course: Course, shape: tuple[int, ...]) -> Array:
+    """Return log2 of a pixel's footprint in tiles for blocks of a picture, (.., .., 2)."""
+    steps = np.empty((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK), 2), np.float32)
+    _core.cone_footprints(steps, given, course)
+    return steps
+
+
+def _rows_of(rows: Any, height: int) -> tuple[int, int]:
+    """Return the rows that are asked for."""
     if rows is None:
-        return there
+        return 0, height
     if not is_pair(rows):
         raise TypeError(f"rows must be (start, stop), got {_came(rows)}")
-    start = integer("rows[0]", rows[0], low=there[0], high=there[1] - 1)
-    return start, integer("rows[1]", rows[1], low=start + 1, high=there[1])
+    start = integer("rows[0]", rows[0], low=0, high=height - 1)
+    return start, integer("rows[1]", rows[1], low=start + 1, high=height)
 
 
 def _word(tiles: float) -> int:

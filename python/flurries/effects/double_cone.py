@@ -1,8 +1,4 @@
-"""A texture on a double cone around the camera (Wang 2004), moved by the camera's way.
-
-Everything is a function of the scene and t. What is kept here is kept by content, to save time, and
-never changes a bit.
-"""
+"""A texture on a double cone around the camera (Wang 2004), moved by the camera's way."""
 
 from __future__ import annotations
 
@@ -16,8 +12,6 @@ import numpy as np
 
 from flurries import cone
 from flurries._contract import Array, Float64
-from flurries._threads import kept_by_mode
-from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.cone.sheet import wrapped
 from flurries.effects.motion import Motion, air_course, camera_course
@@ -32,9 +26,6 @@ STILL = 0.1
 
 # The cones of the four layers, against the first one's.
 FARTHEST = 8
-
-# A chart is three words a pixel: those of large pictures are not kept.
-LARGEST_CHART = 1 << 22
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -115,48 +106,22 @@ class DoubleCone:
         assert self.make is not None
         top, bottom, left, right = frame.window
         state = self.state(frame)
-        look: dict[str, Any] = {
-            "axis": state.axis, "stretch": state.stretch, "slope": self.slope,
-            "repeats": self.repeats, "radius": self.radius,
-        }  # fmt: skip
-        mapping: cone.Mapping | None = None
-        if frame.depth is not None:
-            rows, depth = (top, bottom), frame.depth
-            mapping = cone.Mapping(frame.shape, frame.camera, **look, rows=rows, depth=depth)
-        elif self._stands(frame):
-            mapping = _chart(frame.shape, frame.camera, **look)
         alpha = cone.layers(
             frame.shape,
             frame.camera,
             self.make(seed=frame.seed),
-            **look,
+            axis=state.axis,
             phase=state.phase,
-            mapping=mapping,
+            stretch=state.stretch,
+            slope=self.slope,
+            repeats=self.repeats,
+            radius=self.radius,
+            depth=frame.depth,
             rows=(top, bottom),
             gains=gains,
             conserve=self.conserve,
         )
         return alpha[:, left:right]
-
-    def _stands(self, frame: Frame) -> bool:
-        """Whether a chart serves all frames, and is small enough to be kept."""
-        path = frame.path
-        return (
-            frame.shape[0] * frame.shape[1] <= LARGEST_CHART
-            and not (path.turns or path.zooms)
-            and _steady(_path(self, path, frame.fps))
-        )
-
-
-@kept_by_mode(4)
-def _chart(shape: tuple[int, int], camera: Camera, **look: Any) -> cone.Mapping:
-    return cone.Mapping(shape, camera, **look)
-
-
-@lru_cache(maxsize=32)
-def _steady(path: cone.Path) -> bool:
-    """Whether axis and stretch never change."""
-    return bool((path.axis == path.axis[0]).all() and (path.stretch == path.stretch[0]).all())
 
 
 @lru_cache(maxsize=32)
