@@ -112,12 +112,11 @@ def path(
 ) -> Path:
     """Return axis, phase and stretch of the cone for a whole way of the camera.
 
-    With v = drop - damping camera the axis is v / |v|. Below `still` it stays what it was, and
-    where it would turn by more than a right angle from one time to the next, the drops go backwards
-    along the old one instead, so that nothing flips as v goes through zero; before the first time
-    it is (0, 1, 0). The phase is the integral of ``speed / (tile stretch)``, from 0 at the first
-    time, with ``tile = 2 pi radius / repeats`` metres: at the equator of the cone the image moves
-    as a drop's at that radius, whatever the frame rate.
+    With v = drop - damping camera the axis is v / |v|, at first (0, 1, 0). Below `still` it stays
+    what it was; where it would turn by more than a right angle, the drops go backwards along the
+    old one instead, so that nothing flips. The phase is the integral of ``speed / (tile stretch)``
+    with ``tile = 2 pi radius / repeats`` metres: at the equator of the cone the image moves as a
+    drop's at that radius, whatever the frame rate (Wang 2004, Eqs. 1-3, corrected).
 
     Parameters
     ----------
@@ -126,14 +125,13 @@ def path(
     drop, camera : (3,) or (n, 3)
         Velocities at those times, metres per second, house axes, linear between them.
     damping : float
-        C_f, how much of the camera's motion counts, 0 to 1; with 1 the apex of the cone is the
-        focus of expansion.
+        How much of the camera's motion counts, 0 to 1; with 1 the apex is the focus of expansion.
     exposure : float or (n,)
         Seconds, 0 or more, at each time, linear between them.
     length : float
         Length of a drop, metres, more than 0.
     radius : float
-        R0, radius of the first layer's cone, metres.
+        Radius of the first layer's cone, metres.
     repeats : int
         Number of tiles around the first layer.
     still : float
@@ -142,10 +140,6 @@ def path(
     Returns
     -------
     Path
-
-    Notes
-    -----
-    Wang 2004, Eqs. 1-3, corrected: ``docs/internals/deviations.md``.
 
     Examples
     --------

@@ -1,10 +1,4 @@
-"""Mist with structure: a bank of gas with soft ends, in slices whose density varies at every scale.
-
-A passive gas that turbulence stirs has a spectrum of density that falls as k^(-11/3) in three
-dimensions (Kolmogorov 1941, Obukhov 1949), and the optical depth of a slab that is thicker than the
-scales seen has the same slope in two. Each slice has a texture of that slope as the logarithm of
-its density; its mean stays what the extinction says.
-"""
+"""Mist with structure: slices of gas whose density has a spectrum of k^(-11/3), as turbulence makes."""
 
 from __future__ import annotations
 
@@ -63,11 +57,7 @@ class Bank:
     def draw(
         self, frame: Frame, extinction: float, base: Base, *, lit: bool
     ) -> tuple[Array, Array | None, Skylight]:
-        """Return opacity over the window (h, w), light (h, w, 3) times opacity or None, the sky's.
-
-        Where the sun lights it that is all of its light, of a gas that is as bright as `base` where
-        it is lit in full; else it is what lamps add to the sky's.
-        """
+        """Return opacity over the window (h, w), its light (h, w, 3) as `Vapor` has it, and the sky's."""
         alpha, light, sky = frame.once_each(
             self, "bank", lambda: self._whole(frame, extinction, base, lit=lit)
         )
@@ -94,10 +84,7 @@ class Bank:
     def _groups(
         self, frame: Frame, extinction: float
     ) -> Iterator[tuple[list[float], Array, tuple[Array, float]]]:
-        """Yield edges of some slices, their coarse extinction, and the short waves of all of them.
-
-        The short waves lie in one array, which the next group takes.
-        """
+        """Yield edges of some slices, their coarse extinction, and the short waves of all of them."""
         rays, edges = _Rays(frame, COARSE, MARGIN), self._edges(frame)
         places = (0.5 * (edges[:-1] + edges[1:])).tolist()
         # A bank has no waves that are longer than itself.
@@ -193,11 +180,7 @@ class Bank:
         return Shade(colors.astype(np.float32), float(CELL), (0, 0))
 
     def _sunward(self, frame: Frame, rays: _Rays, depth: float) -> Array:
-        """Return the way of the sun's light to a depth through the mean gas, (rows, columns).
-
-        In metres of gas of the extinction. What the structure adds evens out along the way: a lump
-        that shaded itself would be a dark hole in a bright cloud.
-        """
+        """Return the way of the sun's light to a depth through the mean gas, metres, (rows, columns)."""
         assert frame.sun is not None
         sun, way = frame.sun.unit(), np.zeros((len(rays.y), rays.x.size), np.float32)
         if self.mist.center is not None:
@@ -211,6 +194,7 @@ class Bank:
             height = self._height(frame, rays, depth)
             thick = self.mist.falloff * np.log1p(np.exp(-height)) * (1.0 + np.exp(height))
             way += thick / max(sun[1], LOWEST)
+        # What the structure adds evens out along the way: a lump that shaded itself would be a hole.
         way *= self._density(frame, rays, depth)
         return way
 
@@ -258,12 +242,7 @@ class _Rays:
 
 
 class Skylight:
-    """The sky's light in the slices of a bank of a mean extinction, from the nearest on.
-
-    Fog scatters light on without loss, so that it is nowhere dark. What dims a place is the gas
-    over it, up to a length that is a share of the picture, since from farther up light comes in
-    from the sides. Gas that has no top has the same light everywhere.
-    """
+    """The sky's light in the slices of a bank, from the nearest on; gas without a top has one light."""
 
     def __init__(self, frame: Frame, extinction: float, *, has_top: bool) -> None:
         longest = max(frame.shape)

@@ -55,15 +55,8 @@ def coarse_shape(frame: Frame) -> tuple[int, int]:
 
 
 class Waves:
-    """The waves of the slices of a gas in a frame.
-
-    Parameters
-    ----------
-    spread : float
-        Root mean square of the density's logarithm.
-    outer : float
-        Outer scale, in units of depth: longer waves have the power of this one (von Karman 1948).
-        Of endless gas the frame's own mean is 1, of other gas that of many frames.
+    """The waves of the slices of a gas: `spread` is the root mean square of the logarithm of the
+    density, `outer` the outer scale in units of depth (von Karman 1948).
     """
 
     def __init__(self, frame: Frame, wind: Vector, spread: float, outer: float) -> None:
@@ -91,11 +84,9 @@ class Waves:
         return field
 
     def short(self, depths: list[float], half: int, out: Array) -> tuple[Array, float]:
-        """Fill `out` (H, W) with the short waves of slices, variance 1; return it and their size.
-
-        The exponential of something so small is one more than it. Long waves of n slices have a
-        variance n times as small as those of one, which waves that all of them share must be told.
-        """
+        """Fill `out` (H, W) with the short waves of slices, variance 1; return it and their size."""
+        # Long waves of n slices have a variance n times as small as those of one, which waves that
+        # all of them share must be told.
         depth = sum(depths) / len(depths)
         share = _short_share(self._tile, self._frame.camera.focal * self._outer / depth)
         seed = (self._frame.seed + _STRIDE * half + _SHORT) % 2**62
@@ -107,10 +98,7 @@ class Waves:
         self, out: Array, depth: float, tiles: tuple[tuple[int, int], int],
         band: tuple[float, float], seed: int, scale: float, outer: float,
     ) -> None:  # fmt: skip
-        """Fill a grid with a field of variance 1 that moves as the air does at a depth.
-
-        Waves longer than `outer`, px of the frame, have no more power than those of this length.
-        """
+        """Fill a grid with a field of variance 1 that moves as the air does at a depth."""
         frame = self._frame
         sizes: dict[str, Any] = {"tile": tiles[0], "overlap": tiles[1]}
 
@@ -143,10 +131,7 @@ class Waves:
 
 @lru_cache(maxsize=32)
 def _short_share(tile: tuple[int, int], outer: float) -> float:
-    """Return the share of the power below `LONG`, for a tile of the coarse grid.
-
-    `outer` is the gas's outer scale, px of the frame.
-    """
+    """Return the share of the power below `LONG`, of a coarse tile and an outer scale, px."""
     height, width = (side * COARSE for side in tile)
     ky = np.arange(-(height // LONG), height // LONG + 1.0) / height
     kx = np.arange(-(width // LONG), width // LONG + 1.0) / width

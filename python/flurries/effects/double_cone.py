@@ -63,18 +63,11 @@ class DoubleCone:
         return replace(state, phase=wrapped(state.phase - rest))
 
     def beyond(self, path: CameraPath, fps: float, lap: Lap) -> tuple[float, float]:
-        """Return by how many tiles a round misses a whole number, and how many it passes.
-
-        The nearest one; where anything moves one at least, or rain would stand still.
-        """
+        """Return by how many tiles a round misses a whole number, and how many it passes."""
         return _beyond(_path(self, path, fps), fps, lap)
 
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
-        """Return motions to other frames (h, w, 2) and depth (h, w), means of the layers.
-
-        A layer lies where a pixel's ray meets its cone; each is weighed by what it shows before
-        those behind it.
-        """
+        """Return motions to other frames (h, w, 2) and depth (h, w), means of what the layers show."""
         top, bottom, left, right = frame.window
         shape = (bottom - top, right - left)
         way_of = rays(frame)
@@ -162,6 +155,7 @@ def _beyond(path: cone.Path, fps: float, lap: Lap) -> tuple[float, float]:
     steps = np.diff(phases)
     passed = float((steps - np.round(steps)).sum())
     whole = float(round(passed))
+    # Where anything moves one at least, or rain would stand still.
     if whole == 0.0 and abs(passed) > 1e-6:
         whole = math.copysign(1.0, passed)
     return passed - whole, passed

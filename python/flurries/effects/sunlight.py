@@ -39,10 +39,7 @@ def scattered(mist: Any, cosine: Any) -> Any:
 
 
 def sunlit(mist: Any, frame: Frame, points: Float64, shown: Float64, base: Base) -> Array:
-    """Return the linear color of each particle, (n, 3), of gas as bright as `base` in full light.
-
-    `points` are the middles in the eye's axes, `shown` the particles' densities.
-    """
+    """Return the linear color of particles at points of the eye, (n, 3), `base` in full light."""
     sun = frame.sun
     assert sun is not None
     # In house axes, so that a camera that only turns or moves has the same gas and light.

@@ -233,14 +233,11 @@ class Vapor:
         return np.ascontiguousarray(local[there]), shown[there]
 
     def _rounds(self, frame: Frame, count: int) -> list[tuple[float, Any]]:
-        """Return the times that are shown, and how much of each particle then.
-
-        Of a film that begins again two rounds: one by one particles of this one give way to those
-        of the next, which are there in full when it begins.
-        """
+        """Return the times that are shown, and how much of each particle then: of a loop two rounds."""
         lap = frame.lap
         if lap is None:
             return [(frame.t, 1.0)]
+        # One by one particles give way to those of the next round, which begins with all of them.
         rank = np.empty(count)
         _core.uniform(rank, frame.seed, RANKS)
         part = (1.0 + FADE) * lap.part(frame.t)
@@ -251,11 +248,7 @@ class Vapor:
     def _draw(
         self, frame: Frame, density: float, base: Base, *, lit: bool
     ) -> tuple[Array, Array | None]:
-        """Return opacity over the window (h, w), and light (h, w, 3) times opacity or None.
-
-        Where the sun lights it that is all of its light, of a gas that is as bright as `base` where
-        it is lit in full; else it is what lamps add.
-        """
+        """Return opacity over the window (h, w), and sunlit or else added light (h, w, 3) or None."""
         top, bottom, left, right = frame.window
         shape = (bottom - top, right - left)
 
@@ -283,12 +276,7 @@ class Vapor:
         return sorted_gas(frame.shape, grains, colors, frame.camera, **how)
 
     def _passes(self, frame: Frame, density: float) -> tuple[Array, Array, Array]:
-        """Return motion (h, w, 2), backward and depth (h, w) of what the window shows.
-
-        The depth is the mean of the particles', each weighed by what it shows before those behind
-        it: the gas is drawn once more, with depths in place of colors. The motion is that of the
-        air at this depth.
-        """
+        """Return motion (h, w, 2), backward and depth (h, w): a mean of the particles that show."""
         points, shown = frame.once(self, "particles", lambda: self.places(frame, density))
         top, bottom, left, right = frame.window
         layer = np.zeros((bottom - top, right - left, 4), np.float32)

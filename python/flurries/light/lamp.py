@@ -68,7 +68,7 @@ class Lamp:
     Parameters
     ----------
     place : (x, y, z), optional
-        Place in the house axes, metres: x right, y down, z forward of the camera at frame 0. Keyed.
+        Metres, house axes: x right, y down, z forward of the camera at frame 0. Keyed.
     direction : (x, y, z), optional
         Direction in which the light travels, of any length but 0. Keyed.
     angle : float, optional
@@ -124,15 +124,7 @@ class Lamp:
         settle(self, "carried", flag("carried", self.carried))
 
     def row(self, t: float, matrix: Float64, eye: Float64) -> Float64:
-        """Return the lamp at frame `t` as kernels read it, in the camera's axes.
-
-        Parameters
-        ----------
-        matrix : (3, 3)
-            From the camera's axes to the house's.
-        eye : (3,)
-            The camera's place in the house, metres.
-        """
+        """Return the lamp at frame `t` as kernels read it, in the axes of a camera at a place."""
         row = np.zeros(_ROW)
         turn = np.eye(3) if self.carried else matrix
         if self.place is None:
