@@ -1,7 +1,7 @@
 """Drops and flakes as textures on a double cone around the camera (Wang 2004).
 
-Its axis is the drops' way relative to the camera. Four textures on it scroll along the axis, each
-smaller and slower than the one before; the cost of a frame does not depend on how heavy the rain is.
+Its axis is the drops' way relative to the camera. Four textures scroll along it, each smaller and
+slower than the one before; the cost of a frame does not depend on how heavy the rain is.
 """
 
 from flurries.cone.path import Path, State, path

@@ -1,4 +1,4 @@
-"""Mist with structure: slices of gas whose density has a spectrum of k^(-11/3), as turbulence makes."""
+"""Mist with structure: slices of gas with the spectrum of turbulence, k^(-11/3), in their density."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Bank:
     def draw(
         self, frame: Frame, extinction: float, base: Base, *, lit: bool
     ) -> tuple[Array, Array | None, Skylight]:
-        """Return opacity over the window (h, w), its light (h, w, 3) as `Vapor` has it, and the sky's."""
+        """Return opacity over the window (h, w), light (h, w, 3) as `Vapor` has it, the sky's."""
         alpha, light, sky = frame.once_each(
             self, "bank", lambda: self._whole(frame, extinction, base, lit=lit)
         )
@@ -84,7 +84,7 @@ class Bank:
     def _groups(
         self, frame: Frame, extinction: float
     ) -> Iterator[tuple[list[float], Array, tuple[Array, float]]]:
-        """Yield edges of some slices, their coarse extinction, and the short waves of all of them."""
+        """Yield edges of some slices, their coarse extinction, and the short waves of all."""
         rays, edges = _Rays(frame, COARSE, MARGIN), self._edges(frame)
         places = (0.5 * (edges[:-1] + edges[1:])).tolist()
         # A bank has no waves that are longer than itself.
@@ -180,7 +180,7 @@ class Bank:
         return Shade(colors.astype(np.float32), float(CELL), (0, 0))
 
     def _sunward(self, frame: Frame, rays: _Rays, depth: float) -> Array:
-        """Return the way of the sun's light to a depth through the mean gas, metres, (rows, columns)."""
+        """Return the metres of the sun's light through the mean gas to a depth, (rows, columns)."""
         assert frame.sun is not None
         sun, way = frame.sun.unit(), np.zeros((len(rays.y), rays.x.size), np.float32)
         if self.mist.center is not None:
@@ -194,7 +194,7 @@ class Bank:
             height = self._height(frame, rays, depth)
             thick = self.mist.falloff * np.log1p(np.exp(-height)) * (1.0 + np.exp(height))
             way += thick / max(sun[1], LOWEST)
-        # What the structure adds evens out along the way: a lump that shaded itself would be a hole.
+        # What the structure adds evens out: a lump that shaded itself would be a hole.
         way *= self._density(frame, rays, depth)
         return way
 
@@ -242,7 +242,7 @@ class _Rays:
 
 
 class Skylight:
-    """The sky's light in the slices of a bank, from the nearest on; gas without a top has one light."""
+    """The sky's light in the slices of a bank, from the nearest on; without a top it is one."""
 
     def __init__(self, frame: Frame, extinction: float, *, has_top: bool) -> None:
         longest = max(frame.shape)

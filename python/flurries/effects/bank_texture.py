@@ -84,7 +84,7 @@ class Waves:
         return field
 
     def short(self, depths: list[float], half: int, out: Array) -> tuple[Array, float]:
-        """Fill `out` (H, W) with the short waves of slices, variance 1; return it and their size."""
+        """Fill `out` (H, W) with the short waves of slices, variance 1; add their size."""
         # Long waves of n slices have a variance n times as small as those of one, which waves that
         # all of them share must be told.
         depth = sum(depths) / len(depths)

@@ -67,7 +67,7 @@ class DoubleCone:
         return _beyond(_path(self, path, fps), fps, lap)
 
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
-        """Return motions to other frames (h, w, 2) and depth (h, w), means of what the layers show."""
+        """Return motions to other frames (h, w, 2) and depth (h, w): means of what shows."""
         top, bottom, left, right = frame.window
         shape = (bottom - top, right - left)
         way_of = rays(frame)

@@ -233,7 +233,7 @@ class Vapor:
         return np.ascontiguousarray(local[there]), shown[there]
 
     def _rounds(self, frame: Frame, count: int) -> list[tuple[float, Any]]:
-        """Return the times that are shown, and how much of each particle then: of a loop two rounds."""
+        """Return the times that are shown, of a loop two, and how much of each particle then."""
         lap = frame.lap
         if lap is None:
             return [(frame.t, 1.0)]
@@ -248,7 +248,7 @@ class Vapor:
     def _draw(
         self, frame: Frame, density: float, base: Base, *, lit: bool
     ) -> tuple[Array, Array | None]:
-        """Return opacity over the window (h, w), and sunlit or else added light (h, w, 3) or None."""
+        """Return opacity (h, w) and light (h, w, 3) of the window: all of it, or what lamps add."""
         top, bottom, left, right = frame.window
         shape = (bottom - top, right - left)
 
