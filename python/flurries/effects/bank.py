@@ -1,4 +1,4 @@
-"""Mist with structure: slices of gas with the spectrum of turbulence, k^(-11/3), in their density."""
+"""Mist with structure: slices of gas whose density has the spectrum of turbulence, k^(-11/3)."""
 
 from __future__ import annotations
 
