@@ -11,6 +11,7 @@ import twin_cone as twin
 from every import every
 from flurries import cone
 from flurries.camera import Camera
+from twin import hashed, unit
 
 SHAPE = (30, 40)
 CAMERA = Camera(30.0, rotation=(0.2, -0.4, 0.1))
@@ -86,7 +87,7 @@ def test_tiles_are_the_twins(length, spread):
         got = cone.snow_tile(size, flakes=count, **about)
     else:
         got = cone.rain_tile(size, drops=count, length=length, **about)
-    u, v, s, o = (twin.unit(-11, stream, count) for stream in (311, 312, 313, 314))
+    u, v, s, o = (unit(hashed(-11, stream, np.arange(count))) for stream in (311, 312, 313, 314))
     factor, peaks = 1 + spread * (s - 0.5), opacity * (1 - spread * o / 2)
     sizes = [size * width / 2 * factor, size * (length or 0.0) / 2 * factor]
     # The kernel ends a Gaussian where it is 8e-7.
