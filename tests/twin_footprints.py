@@ -56,7 +56,7 @@ def profile(square: Floats, tau0: float) -> Floats:
 
 
 class Canvas:
-    """A picture (H, W) that flakes of a mean opacity are added to; middle ones are random points."""
+    """A picture (H, W) that flakes of a mean opacity are added to, middle ones as points."""
 
     def __init__(self, shape: tuple[int, int], opacity: float, seed: int = 0) -> None:
         self.shape = shape
