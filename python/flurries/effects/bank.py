@@ -34,7 +34,6 @@ CELL = 8
 # The sine of the lowest sun: light that comes in flatter takes no longer way through mist.
 LOWEST = 0.1
 
-
 # Cells along the longer side of a picture, in which the sky's light is found.
 SKY_CELLS = 64
 
@@ -57,7 +56,7 @@ class Bank:
     def draw(
         self, frame: Frame, extinction: float, base: Base, *, lit: bool
     ) -> tuple[Array, Array | None, Skylight]:
-        """Return opacity over the window (h, w), light (h, w, 3) as `Vapor` has it, the sky's."""
+        """Return opacity (h, w) and light (h, w, 3) of the window as `Vapor._draw` does, the sky's."""
         alpha, light, sky = frame.once_each(
             self, "bank", lambda: self._whole(frame, extinction, base, lit=lit)
         )
