@@ -56,7 +56,7 @@ class Bank:
     def draw(
         self, frame: Frame, extinction: float, base: Base, *, lit: bool
     ) -> tuple[Array, Array | None, Skylight]:
-        """Return opacity (h, w) and light (h, w, 3) of the window as `Vapor._draw` does, the sky's."""
+        """Return opacity (h, w) and light (h, w, 3) of the window as `Vapor` does, and the sky."""
         alpha, light, sky = frame.once_each(
             self, "bank", lambda: self._whole(frame, extinction, base, lit=lit)
         )
