@@ -59,12 +59,6 @@ def test_the_mean_extinction_is_that_without_structure():
     np.testing.assert_allclose(thick, plain.extinction() * way, rtol=2e-4)
 
 
-def test_a_wall_is_seen_as_its_visibility_says():
-    mist = fl.Mist(visibility=50.0, structure=1e-9)
-    seen = np.exp(-depth_of(mist, (32, 32), depth=50.0 + mist.near)[16, 16])
-    assert abs(seen - 0.05) < 5e-4
-
-
 def test_a_bank_in_the_world_ends_softly_and_holds_what_its_box_did():
     mist = fl.Mist(visibility=20.0, structure=1e-9, box=(12.0, 8.0, 10.0), center=(0, 0, 60.0))
     depth = depth_of(mist, (256, 384))
@@ -95,23 +89,15 @@ def test_ground_mist_thins_above_its_top():
 
 def test_it_moves_with_the_wind_at_its_depth():
     """All of it goes right; what is near goes faster."""
-    mist = fl.Mist(visibility=60.0, structure=0.6, wind=(3.0, 0.0, 0.0))
     moved = []
-    for near, far in ((4.0, 5.0), (16.0, 20.0)):
-        layer = mist.__class__(**{**_fields(mist), "depths": (near, far), "box": (72.0,) * 3})
-        first, later = (depth_of(layer, (128, 128), t, seed=3) for t in (0.0, 6.0))
+    for depths in ((4.0, 5.0), (16.0, 20.0)):
+        mist = fl.Mist(visibility=60.0, structure=0.6, wind=(3.0, 0.0, 0.0), depths=depths, box=72)
+        first, later = (depth_of(mist, (128, 128), t, seed=3) for t in (0.0, 6.0))
         across = np.fft.ifft2(np.fft.fft2(later) * np.conj(np.fft.fft2(first))).real
         moved.append(np.unravel_index(across.argmax(), across.shape)[1])
     # Slices of one effect stand at depths of their own, so ask for the mean's neighbourhood.
     assert moved[0] > 2.5 * moved[1] > 0
     assert abs(moved[1] - 3.0 * 6.0 / 30.0 * FOCAL / 18.0) < 3.0
-
-
-def _fields(effect):
-    import dataclasses
-
-    return {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)
-            if f.name != "count"}  # fmt: skip
 
 
 def test_the_side_to_the_sun_is_bright_by_the_gas_before_it():
@@ -176,9 +162,7 @@ def test_presets_are_mist_with_structure(name, tmp_path):
     assert abs(fl.Mist.preset(name, visibility=33.0).extinction() - 2.996 / 33.0) < 1e-3
 
 
-@every("wrong", [{"structure": -0.1}, {"structure": 2.1}, {"structure": np.nan},
-                 {"structure": 0.5, "top": np.inf}, {"structure": 0.5, "falloff": 0.0},
-                 {"top": 1.0}])  # fmt: skip
+@every("wrong", [{"structure": np.nan}, {"structure": 0.5, "top": np.inf}, {"top": 1.0}])
 def test_refusals_name_the_argument(wrong):
     with pytest.raises(ValueError, match=list(wrong)[-1]):
         fl.Mist(**wrong)

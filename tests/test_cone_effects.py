@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries import cone
 from flurries.frame.view import Frame
 from measure import cover
 
@@ -18,13 +17,6 @@ FLYING = fl.CameraPath(
     fl.Camera(140.0),
     velocity=fl.Keys([(0, (0.0, 0.0, 0.0)), (20, (1.0, 0.0, 8.0)), (40, (0.0, -3.0, -4.0))]),
 )
-TURNING = fl.CameraPath(
-    fl.Camera(140.0), orientation=fl.Keys([(0, (0, 0, 0)), (30, (0.2, 1.5, 0))])
-)
-EFFECTS = [
-    fl.ConeRain(tile=64, drops=120),
-    fl.ConeSnow(tile=64, texture_flakes=120, flakes=40),
-]
 
 
 def scene(effect, **about):
@@ -39,25 +31,19 @@ def frame_of(shown, t):
                  camera=path.pose(path.camera, t), path=path, seed=shown.seed)  # fmt: skip
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])
 @pytest.mark.parametrize("camera", [None, FLYING], ids=["still", "flying"])
-def test_a_keyed_shutter(effect, camera, tmp_path):
+def test_a_keyed_shutter(camera, tmp_path):
     keys = fl.Keys([(0, 0.2), (10, 0.2), (20.5, 1.5), (33, 0.0)])
+    effect = fl.ConeSnow(tile=64, texture_flakes=120, flakes=40)
     keyed = replace(effect, shutter=keys)
     shown = scene(keyed, camera=camera)
-
-    def number(t):
-        return scene(replace(effect, shutter=keys.at(t)), camera=camera)
-
     # At every time the axis, speed and length of streaks are those of the number there.
     for t in (-5.0, 0.0, 7.5, 15.0, 20.5, 25.0, 33.0, 50.0):
-        got, want = (s.effects[0].parts.texture.state(frame_of(s, t)) for s in (shown, number(t)))
+        number = scene(replace(effect, shutter=keys.at(t)), camera=camera)
+        got, want = (s.effects[0].parts.texture.state(frame_of(s, t)) for s in (shown, number))
         np.testing.assert_allclose(got.axis, want.axis, atol=1e-12)
         assert got.speed == pytest.approx(want.speed, abs=1e-9)
         assert got.stretch == pytest.approx(want.stretch, rel=1e-9)
-    # As long as nothing has changed the picture is, too, but for the last bits of the phase.
-    early, later = ([cover(s, t) for s in (shown, number(t))] for t in (8, 19))
-    assert np.abs(early[0] - early[1]).max() < 1e-5 < 1e-4 < np.abs(later[0] - later[1]).max()
     # The phase is the sum of small steps, from the first time of the film on.
     times = np.linspace(0.0, 25.0, 25 * 80 + 1)
     states = [keyed.parts.texture.state(frame_of(shown, t)) for t in 0.5 * (times[1:] + times[:-1])]
@@ -67,9 +53,7 @@ def test_a_keyed_shutter(effect, camera, tmp_path):
     assert abs((last - first - gone + 0.5) % 1.0 - 0.5) < 1e-6
     # And it comes back from a file.
     shown.save(tmp_path / "scene.toml")
-    again = fl.Scene.load(tmp_path / "scene.toml")
-    assert again.effects == shown.effects
-    assert again.render(19).tobytes() == shown.render(19).tobytes()
+    assert fl.Scene.load(tmp_path / "scene.toml").effects == shown.effects
 
 
 def test_the_cone_moves_as_the_flakes_do():
@@ -83,67 +67,6 @@ def test_the_cone_moves_as_the_flakes_do():
         np.testing.assert_allclose(np.array(state.axis) * state.speed, velocity, atol=1e-9)
 
 
-def test_a_camera_that_turns_sees_the_same_rain_elsewhere():
-    # A pan by whole pixels' azimuths cannot be had in a plane picture: compare what rays see.
-    effect = fl.ConeRain(haze=0.0, wind=(0.0, 0.0, 0.0))
-    shown = scene(effect, camera=TURNING)
-    seen = []
-    for t in (0.0, 10.0):
-        frame = frame_of(shown, t)
-        state = effect.parts.texture.state(frame)
-        assert state.axis == (0.0, 1.0, 0.0)
-        seen.append(cone.rays(shown.shape, frame.camera, axis=state.axis).azimuth[45, 60])
-    forward = TURNING.turn(10.0)[:, 2]
-    wanted = (math.atan2(1.0, 0.0) - math.atan2(forward[2], forward[0])) / (2 * math.pi)
-    assert abs((seen[0] - seen[1] - wanted + 0.5) % 1.0 - 0.5) < 2e-3
-
-
-def tracked(phases, seconds, camera, shape, tile):
-    """Return pixels per second straight ahead: the shift under which two pictures agree best."""
-    first, second = (
-        cone.layer(shape, camera, tile, axis=(0, 1, 0), phase=p, repeats=16, dtype=np.float64)
-        for p in phases
-    )
-    height = shape[0]
-    errors = {}
-    for shift in range(-60, 61):
-        # The rows in the middle; those at the borders have gone.
-        ahead = second[60 + shift : height - 60 + shift]
-        errors[shift] = ((ahead - first[60 : height - 60]) ** 2).mean()
-    best = min(errors, key=errors.get)
-    before, here, after = (errors.get(best + k, np.inf) for k in (-1, 0, 1))
-    return (best + 0.5 * (before - after) / (before - 2 * here + after)) / seconds
-
-
-@pytest.mark.parametrize("stutter", [False, True])
-def test_the_fall_speed_does_not_depend_on_the_frame_rate(stutter):
-    # Measured on pictures: straight ahead a drop at 16 m that falls 5 m/s moves f v / R.
-    camera, shape, radius = fl.Camera(1200.0), (200, 60), 16.0
-    tile = cone.snow_tile(128, seed=4, flakes=400, width=0.03, dtype=np.float64)
-    speeds = []
-    for fps in (15, 24, 30, 60, 120):
-        times = np.arange(40) / fps
-        if stutter:
-            drop = np.random.default_rng(fps).choice([0.0, 0.0, 2.5 / fps], 40)
-            times = np.sort(times + drop)
-        moving = cone.path(times, (0.0, 5.0, 0.0), radius=radius, repeats=16, exposure=0.0)
-        for i in (10, 20, 30):
-            seconds = times[i + 1] - times[i]
-            if seconds > 1e-3:
-                pair = moving.phase[[i, i + 1]]
-                speeds.append(tracked(pair, seconds, camera, shape, tile))
-    wanted = 1200.0 * 5.0 / radius
-    assert len(speeds) > 10 and np.abs(np.array(speeds) / wanted - 1.0).max() < 0.03
-    # As printed the same pictures go at speeds that differ by almost two.
-    printed = []
-    for fps in (15, 120):
-        moving = cone.path(np.arange(3) / fps, (0, 6, 0), published=True, length=8.0, pixel=20.0,
-                           radius=radius, repeats=16)  # fmt: skip
-        step = (moving.phase[2] - moving.phase[1]) * moving.stretch[2]
-        printed.append(step * fps * moving.stretch[2])
-    assert printed[0] / printed[1] > 1.7
-
-
 def test_the_scenes_depth_hides_what_is_behind():
     depth = np.full((90, 120), np.inf, np.float32)
     depth[:, 60:] = 0.5
@@ -154,20 +77,21 @@ def test_the_scenes_depth_hides_what_is_behind():
     assert free[:, 60:].max() > 0.02 and behind[:, 60:].max() == 0.0
 
 
-def test_amounts_and_colors():
+def test_amounts_looks_and_colors():
     rain = fl.ConeRain(tile=64, haze=0.0)
-    none = scene(fl.ConeRain(tile=64, amount=0.0)).render(3)
-    np.testing.assert_array_equal(none, scene(fl.ConeRain(tile=64, gain=0.0, haze=0.0)).render(3))
-    assert (none == none[0, 0]).all()
-    more = [cover(scene(fl.ConeRain(tile=64, haze=0.0, amount=a)), 3).mean()
-            for a in (0.25, 0.5, 1.0)]  # fmt: skip
+    none = scene(replace(rain, amount=0.0)).render(3)
+    np.testing.assert_array_equal(none, scene(replace(rain, gain=0.0)).render(3))
+    more = [cover(scene(replace(rain, amount=a)), 3).mean() for a in (0.25, 0.5, 1.0)]
     assert more == sorted(more) and more[0] > 0
-    keyed = fl.ConeRain(tile=64, haze=0.0, amount=fl.Keys([(0, 0.0), (6, 1.0)]))
-    half = cover(scene(keyed), 3)
-    np.testing.assert_array_equal(half, cover(scene(fl.ConeRain(tile=64, haze=0.0, amount=0.5)), 3))
+    keyed = replace(rain, amount=fl.Keys([(0, 0.0), (6, 1.0)]))
+    half = cover(scene(replace(rain, amount=0.5)), 3)
+    np.testing.assert_array_equal(cover(scene(keyed), 3), half)
     red = fl.Scene(SIZE, "#000000", effects=[fl.ConeRain(color=(1.0, 0.0, 0.0))]).render(3)
     assert red[..., 0].max() > 20 and red[..., 1:].max() == 0
     assert scene(rain, seed=1).render(3).tobytes() != scene(rain, seed=2).render(3).tobytes()
+    for kind in (fl.ConeRain, fl.ConeSnow):
+        looks = [cover(scene(kind.preset(name, tile=64)), 4).mean() for name in kind.PRESETS]
+        assert looks == sorted(looks)
 
 
 def test_snow_in_front_is_the_same_as_snows_flakes():
@@ -177,23 +101,6 @@ def test_snow_in_front_is_the_same_as_snows_flakes():
                     wind=effect.wind, shutter=effect.shutter, flake_size=effect.flake_size,
                     flake_opacity=effect.flake_opacity, sway=effect.sway)  # fmt: skip
     np.testing.assert_array_equal(cover(scene(effect), 8), cover(scene(alone), 8))
-
-
-@pytest.mark.parametrize("kind", [fl.ConeRain, fl.ConeSnow])
-def test_presets_and_files(kind, tmp_path):
-    alphas = []
-    for name in kind.PRESETS:
-        shown = scene(kind.preset(name, tile=64))
-        shown.save(tmp_path / "scene.toml")
-        loaded = fl.Scene.load(tmp_path / "scene.toml")
-        assert loaded.effects == shown.effects
-        assert loaded.render(4).tobytes() == shown.render(4).tobytes()
-        alphas.append(cover(shown, 4).mean())
-    assert alphas == sorted(alphas)
-    with pytest.raises(ValueError, match="preset must be one of"):
-        kind.preset("none")
-    with pytest.raises(TypeError, match="no field 'speed'"):
-        kind.preset(next(iter(kind.PRESETS)), speed=1)
 
 
 def test_a_wind_with_gusts_counts_by_its_mean():

@@ -1,6 +1,8 @@
-"""One texture on the cone: the box, the seam, the pole, energy, and what is refused."""
+"""One texture on the cone: drops, the box, the seam, the pole, energy."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pytest
@@ -9,13 +11,10 @@ import twin_cone as twin
 from every import every
 from flurries import cone
 from flurries.camera import Camera
+from twin import hashed, unit
 
 SHAPE = (30, 40)
 CAMERA = Camera(30.0, rotation=(0.2, -0.4, 0.1))
-
-
-def noise(size, seed=0):
-    return np.random.default_rng(seed).random((size, size))
 
 
 @pytest.mark.parametrize(
@@ -30,7 +29,7 @@ def noise(size, seed=0):
 )
 @pytest.mark.parametrize("size", [8, 33])
 def test_a_layer_is_the_twins(given, size):
-    tile = noise(size)
+    tile = np.random.default_rng(0).random((size, size))
     got = cone.layer(SHAPE, CAMERA, tile, **given, dtype=np.float64)
     want = twin.layer(SHAPE, CAMERA, tile, **given)
     # The twin's footprints come from differences, right to 1e-7.
@@ -74,20 +73,31 @@ def test_nothing_happens_at_the_pole(dtype):
 
 
 def test_longer_streaks_keep_the_light():
-    shape, camera, tile = (64, 64), Camera(60.0), cone.rain_tile(128, seed=1, opacity=0.3)
-    given = {"axis": (0, 1, 0), "phase": 0.0, "dtype": np.float64}
-    short = cone.layer(shape, camera, tile, **given)
-    # A tile of eight times the height is not seen whole: many phases give its mean.
-    long = np.mean(
-        [
-            cone.layer(shape, camera, tile, **{**given, "phase": p}, stretch=8.0, offset=(u, 0.0))
-            for p in np.arange(16) / 16
-            for u in np.arange(8) / 8
-        ],
-        axis=0,
-    )
-    assert abs(long.mean() * 8.0 / tile.mean() - 1.0) < 0.01
-    bright = cone.layer(shape, camera, tile, **given, stretch=8.0, conserve=False)
-    dim = cone.layer(shape, camera, tile, **given, stretch=8.0)
+    given = {"axis": (0, 1, 0), "phase": 0.0, "stretch": 8.0, "dtype": np.float64}
+    tile = cone.rain_tile(128, seed=1, opacity=0.3)
+    bright, dim = (cone.layer(SHAPE, CAMERA, tile, **given, conserve=c) for c in (False, True))
     np.testing.assert_allclose(bright, 8.0 * dim, rtol=1e-12)
-    assert short.max() > dim.max()
+
+
+@pytest.mark.parametrize(("length", "spread"), [(0.2, 0.6), (None, 0.0)], ids=["rain", "snow"])
+def test_tiles_are_the_twins(length, spread):
+    size, count, width, opacity = 48, 9, 0.05, 0.7
+    about = {"seed": -11, "width": width, "spread": spread, "opacity": opacity, "dtype": np.float64}
+    if length is None:
+        got = cone.snow_tile(size, flakes=count, **about)
+    else:
+        got = cone.rain_tile(size, drops=count, length=length, **about)
+    u, v, s, o = (unit(hashed(-11, stream, np.arange(count))) for stream in (311, 312, 313, 314))
+    factor, peaks = 1 + spread * (s - 0.5), opacity * (1 - spread * o / 2)
+    sizes = [size * width / 2 * factor, size * (length or 0.0) / 2 * factor]
+    # The kernel ends a Gaussian where it is 8e-7.
+    want = twin.drops(size, np.stack([size * u, size * v, *sizes, peaks], axis=1))
+    np.testing.assert_allclose(got, want, atol=9 * 8e-7)
+
+
+def test_drops_smaller_than_a_texel_keep_their_energy():
+    for size in (32, 64, 128):
+        tile = cone.snow_tile(size, seed=9, flakes=50, width=0.01, spread=0.0, opacity=0.01,
+                              dtype=np.float64)  # fmt: skip
+        wanted = 50 * 0.01 * 2 * math.pi * 0.005**2
+        assert abs(tile.mean() / wanted - 1.0) < 3e-3

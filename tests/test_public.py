@@ -89,7 +89,6 @@ def test_a_function_that_is_forgotten_is_noticed(monkeypatch: pytest.MonkeyPatch
 # `test_flakes.py`, `test_cameras.py` and `test_augment.py` have more.
 UNTRIED = {
     "composite.join layers", "io.write_layers layers", "io.write_layer_views views",
-    "cone.path(published) exposure",
     "spectral.optical_depth patterns",
     "camera.importers.read_colmap down", "augment.Fog.record image",
     # A spectrum of one's own and rings exclude each other; the other row of the function has them.

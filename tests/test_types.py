@@ -103,7 +103,7 @@ def test_help_of_an_effect_shows_fields_and_what_users_call(kind: type[Any]):
     (lambda: fl.TentSnow(flake=3), "TentSnow has no 'flake'; did you mean 'flakes'?"),
     (lambda: fl.ConeRain(drop=3), "ConeRain has no 'drop'; did you mean 'drops'?"),
     (lambda: fl.Snow(severty=3), "Snow has no 'severty'; did you mean 'severity'?"),
-    (lambda: fl.Mist.preset("fog", visibilty=3), "Mist has no field 'visibilty'; did you mean "),
+    (lambda: fl.Mist.preset("fog", visibilty=3), "Mist has no 'visibilty'; did you mean "),
     (lambda: fl.Snow.preset("light", amuont=3), "Snow has no field 'amuont'; did you mean 'amount"),
     (lambda: fl.Scene(efects=()), "Scene has no 'efects'; did you mean 'effects'?"),
     (lambda: fl.Camera(foccal=3.0), "Camera has no 'foccal'; did you mean 'focal'?"),

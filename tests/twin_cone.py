@@ -127,19 +127,6 @@ def supersampled(shape, camera, tile, *, per_side=10, **given):
     return (total / per_side**2).reshape(shape)
 
 
-def unit(seed, stream, count):
-    """Return the package's numbers of one stream."""
-    from twin_particles import MASK, mix64
-
-    values = []
-    for index in range(count):
-        state = 0
-        for key in (seed, stream, index):
-            state = mix64(state ^ (key & MASK))
-        values.append((state >> 11) / 2**53)
-    return np.array(values)
-
-
 def drops(size, rows):
     """Return a toroidal texture of (u, v, sigma, half length, opacity), texel by texel."""
     y, x = np.mgrid[:size, :size] + 0.5

@@ -56,16 +56,7 @@ def profile(square: Floats, tau0: float) -> Floats:
 
 
 class Canvas:
-    """A picture that flakes are added to.
-
-    Parameters
-    ----------
-    shape : (H, W)
-    opacity : float
-        Of a flake, the mean over its disc.
-    seed : int
-        Of the points that stand for middle flakes.
-    """
+    """A picture (H, W) that flakes of a mean opacity are added to, middle ones as points."""
 
     def __init__(self, shape: tuple[int, int], opacity: float, seed: int = 0) -> None:
         self.shape = shape

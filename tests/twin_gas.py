@@ -43,8 +43,8 @@ def smoothstep(low, high, x):
     return t * t * (3 - 2 * t)
 
 
-def opacity(shape, place, radius, density, focal, center, *, footprint, edge, near, near_mode,
-            depth, occlusion):  # fmt: skip
+def opacity(shape, place, radius, density, focal, center, *, footprint="viewplane_c", edge="taper",
+            near=0.1, near_mode="fade", depth=None, occlusion="soft"):  # fmt: skip
     """Return alpha (H, W) of one particle at `place`, seen from the eye."""
     height, width = shape
     x, y, z = place
@@ -113,19 +113,14 @@ def opacity(shape, place, radius, density, focal, center, *, footprint, edge, ne
     return alpha
 
 
-def transmittance(shape, centers, radius, density, focal, *, center=None, offset=(0, 0, 0),
-                  footprint="viewplane_c", edge="taper", near=0.1, near_mode="fade", depth=None,
-                  occlusion="soft"):  # fmt: skip
+def transmittance(shape, centers, radius, density, focal, *, center=None, offset=(0, 0, 0), **look):
     """Return T (H, W) and the particles' alphas in the order of their indices."""
-    height, width = shape
-    center = (width / 2, height / 2) if center is None else center
-    count = len(centers)
-    radius, density = np.broadcast_to(radius, count), np.broadcast_to(density, count)
+    center = (shape[1] / 2, shape[0] / 2) if center is None else center
+    each = np.broadcast_arrays(radius, density, np.zeros(len(centers)))[:2]
     alphas = [
-        opacity(shape, np.subtract(c, offset), r, p, focal, center, footprint=footprint, edge=edge,
-                near=near, near_mode=near_mode, depth=depth, occlusion=occlusion)
-        for c, r, p in zip(centers, radius, density, strict=True)
-    ]  # fmt: skip
+        opacity(shape, np.subtract(place, offset), r, p, focal, center, **look)
+        for place, r, p in zip(centers, *each, strict=True)
+    ]
     through = np.ones(shape)
     for alpha in alphas:
         through = through * (1 - alpha)

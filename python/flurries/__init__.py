@@ -45,8 +45,7 @@ if TYPE_CHECKING:
     from flurries.frame.layer import Layer
     from flurries.frame.truth import Rendered
     from flurries.frame.view import Frame
-    from flurries.light.lamp import Lamp
-    from flurries.light.sun import Sun
+    from flurries.light.lamp import Lamp, Sun
     from flurries.motion.keys import Keys
     from flurries.motion.wind import Wind
     from flurries.scene import Scene
@@ -117,7 +116,7 @@ _FROM = {
     "Scene": "scene",
     "Lamp": "light.lamp",
     "Lens": "camera.optics",
-    "Sun": "light.sun",
+    "Sun": "light.lamp",
     "Wind": "motion.wind",
     "view": "viewer",
     "register": "effects",

@@ -4,7 +4,7 @@ from typing import Any, final
 import numpy as np
 import numpy.typing as npt
 
-from flurries.cone.rays import Pose
+from flurries.cone.sheet import Pose
 from flurries.effects.air import Air
 from flurries.gas.splatting import Gas
 from flurries.spectral.flakes import Request as FlakeRequest

@@ -8,6 +8,7 @@ import mpmath
 import numpy as np
 
 import flurries as fl
+from flurries import _core
 from hard.case import Case
 
 K = fl.cone
@@ -24,7 +25,7 @@ def turned(angle: float) -> Any:
             theta = mpmath.pi - mpmath.mpf(angle)
             across = mpmath.sin(theta) / mpmath.sqrt(2)
             axis = [float(across), float(mpmath.cos(theta)), float(across)]
-            first = K.frame(axis)[1]
+            first = _core.cone_basis(tuple(axis))[1]
             # Rodrigues about n = (1, 0, -1)/sqrt 2 with (0, 1, 0) x axis along it.
             n = [1 / mpmath.sqrt(2), mpmath.mpf(0), -1 / mpmath.sqrt(2)]
             c, s = mpmath.cos(theta), mpmath.sin(theta)

@@ -36,7 +36,7 @@ PARTS = {f"effects.{name}" for name in (
 # Classes that functions return and nobody makes.
 RESULTS = {
     "Frame", "InternalError", "Layer", "Rendered", "augment.Weathered", "augment.corrupt.Corrupted",
-    "cone.Path", "cone.Rays", "cone.State", "gas.grid.Particles",
+    "cone.Path", "cone.Rays", "cone.State",
     "io.Header", "io.Picture", "io.Source", "io.layers.deep.Deep",
     "output.write.Summary", "trace.Trace",
 }  # fmt: skip

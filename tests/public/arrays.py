@@ -201,9 +201,6 @@ CALLS: dict[str, Call] = {
     "gas.phase(henyey)": Call(
         {**COSINE, "kind": "henyey"}, of=fl.gas.phase, takes={"cosine": ("empty", "too deep")}
     ),
-    "gas.particles_of": Call(
-        {"volume": RNG.random((3, 4, 5)), "spacing": 0.5, "center": 3.0 * DOWN}
-    ),
     "gas.footprint_table": Call(
         {"size": 9, "intervals": 20}, refused={"size": (0, 10**9), "intervals": (0,)}
     ),
@@ -217,12 +214,6 @@ CALLS: dict[str, Call] = {
     ),
     "gas.extinction": Call({"count": 300.0, "volume": 300.0, "radius": 0.5, "density": 0.3}),
     "gas.visibility": Call({"beta": 0.3}),
-    "gas.count_for_visibility": Call(
-        {"distance": 9.0, "volume": 300.0, "radius": 0.5, "density": 0.3}
-    ),
-    "gas.density_for_visibility": Call(
-        {"distance": 30.0, "count": 300.0, "volume": 300.0, "radius": 0.5}
-    ),
     "cone.rain_tile": Call(
         {"size": 16, "seed": 1},
         refused={"spread": (-1.0,), "size": (3,), "drops": (-1,), "length": (0.6,)},
@@ -234,13 +225,6 @@ CALLS: dict[str, Call] = {
         heavy=("flakes",),
     ),
     "cone.Texture": Call({"tile": TILE}, refused=NO_TILE, then=lambda made: made.tile),
-    "cone.Mapping": Call(
-        {**SIGHT, "axis": DOWN, "depth": DEPTH, "radius": 3.0},
-        refused={"depth": (np.ones((3, 3)),), "radius": (0.0, np.inf), "rows": ((3, 99),)},
-        then=lambda made: fl.cone.layers(SHAPE, LENS, TILE, axis=DOWN, phase=0.0, mapping=made),
-        **HIDES,
-    ),
-    "cone.frame": Call({"axis": ASIDE}),
     "cone.rays": Call(
         {**SIGHT, "axis": ASIDE, "points_px": 20.0 * RNG.random((5, 2))},
         takes={"points_px": ("empty",)},
@@ -252,25 +236,18 @@ CALLS: dict[str, Call] = {
                  "offset": ((0, 0, 0),)},
     ),
     "cone.layers": Call(
-        {**SIGHT, "tile": TILE, "axis": ASIDE, "offsets": RNG.random((4, 2)), "gains": FEW[:4],
-         "phase": 0.3},
+        {**SIGHT, "tile": TILE, "axis": ASIDE, "gains": FEW[:4], "phase": 0.3, "depth": DEPTH,
+         "radius": 3.0},
         refused={**NO_AXIS, **NO_TILE, "stretch": (0.0,), "repeats": (0,),
-                 "multiples": ((1, 1), ()), "gains": ((1.0, 2.0), -1.0),
-                 "offsets": ((0.0, 1.0), np.zeros((3, 2))),
-                 "mapping": (fl.cone.Mapping((9, 9), LENS, axis=DOWN),)},
+                 "gains": ((1.0, 2.0), -1.0), "depth": (np.ones((3, 3)),),
+                 "radius": (0.0, np.inf), "rows": ((3, 99),)},
+        **HIDES,
     ),
     "cone.path": Call(
-        {**ROUND, "exposure": np.array([0.01, 0.02, 0.03])}, unused=("pixel",),
+        {**ROUND, "exposure": np.array([0.01, 0.02, 0.03])},
         refused={"times": ([], [0.0, -1.0, 2.0]), "drop": ((1, 2),), "camera": (np.zeros((2, 3)),),
                  "damping": (1.5,), "exposure": (-1.0, (0.1, -1.0, 0.1), (0.1, 0.1)),
                  "length": (0.0,), "radius": (0.0,), "repeats": (0,)},
-    ),
-    "cone.path(published)": Call(
-        {**ROUND, "published": True}, of=fl.cone.path, unused=("exposure", "still")
-    ),
-    "cone.travel": Call(
-        {"drop": np.stack([8.0 * DOWN] * 2), "camera": ASIDE, "dt": np.array([0.1, 0.2]),
-         "published": True}
     ),
     "composite.snow": Call(
         {"background": PICTURE, "alpha": COVER}, pictures=("background",), keeps="background",

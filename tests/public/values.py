@@ -167,7 +167,7 @@ TYPES: dict[str, Callable[[Any], bool]] = {
     # Classes, of which none is among the hostile values.
     **dict.fromkeys(
         ("Camera", "Scene", "Budget", "Population", "Match", "Ground", "Lamp", "Lens", "Output",
-         "Sun", "Mapping", "Texture", "Wind"), lambda value: isinstance(value, dict),
+         "Sun", "Texture", "Wind"), lambda value: isinstance(value, dict),
     ),
     # Of what is left, sequences and such, only the plainest is known.
     "Any": lambda value: True, "Depth": lambda value: True,

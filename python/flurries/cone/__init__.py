@@ -1,35 +1,23 @@
 """Drops and flakes as textures on a double cone around the camera (Wang 2004).
 
-A cone whose axis is the drops' way relative to the camera surrounds the eye, so that precipitation
-falls towards a moving camera and nothing breaks as it turns. Textures on it scroll along the axis;
-four of them, each smaller and slower than the one before, give depth. The cost of a frame does not
-depend on how heavy the rain is.
-
-:func:`path` gives the axis, the phase and the stretch of a whole way at once, :func:`layer` draws
-one texture, :func:`layers` several in one pass.
+Its axis is the drops' way relative to the camera. Four textures scroll along it, each smaller and
+slower than the one before; the cost of a frame does not depend on how heavy the rain is.
 """
 
-from flurries.cone.mapping import Mapping
-from flurries.cone.motion import travel
 from flurries.cone.path import Path, State, path
-from flurries.cone.rays import Rays, frame, rays
-from flurries.cone.sheet import layer
+from flurries.cone.sheet import Rays, layer, rays
 from flurries.cone.stack import layers
-from flurries.cone.texture import Texture
-from flurries.cone.tiles import rain_tile, snow_tile
+from flurries.cone.tiles import Texture, rain_tile, snow_tile
 
 __all__ = [
-    "Mapping",
     "Path",
     "Rays",
     "State",
     "Texture",
-    "frame",
     "layer",
     "layers",
     "path",
     "rain_tile",
     "rays",
     "snow_tile",
-    "travel",
 ]

@@ -10,19 +10,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import (
-    LARGEST,
-    SMALLEST,
-    Float64,
-    flag,
-    integer,
-    moderate,
-    real,
-    rectangular,
-    require,
-    table,
-)
-from flurries.cone.motion import FRAME, travel
+from flurries._contract import LARGEST, SMALLEST, Float64, integer, moderate, real, require, table
 from flurries.cone.sheet import MOST_REPEATS, wrapped
 
 __all__ = ["Path", "State", "path"]
@@ -81,36 +69,33 @@ class Path:
     _blur: Float64
     _tile: float
     _still: float
-    _published: bool
 
     def at(self, time: float) -> State:
         """Return the state at a time in seconds.
 
         Before the first and after the last time velocity and exposure stay what they are there;
-        between two times they are linear, and the phase an integral. A path as printed has only the
-        moments that it was made of, and gives the last one before `time`.
+        between two times they are linear, and the phase an integral.
         """
         t = real("time", time)
         times = self.times
         i = max(bisect.bisect_right(times, t) - 1, 0)
-        if self._published or t == times[i]:
-            return self._state(i)
-        velocity, blur = self._velocity, self._blur.tolist()
-        start = end = velocity[i]
-        first = last = blur[i]
+        part = 0.0
         if i + 1 < len(times) and t > times[0]:
-            part = (t - times[i]) / (times[i + 1] - times[i])
-            end = start + part * (velocity[i + 1] - start)
-            last = first + part * (blur[i + 1] - first)
-        axis, speed = _tilt(end, self.axis[i], self._still)
-        gone = _gone(start, end, t - times[i], self.axis[i], (first, last)) / self._tile
-        stretch = 1.0 + last * abs(speed)
+            part = float((t - times[i]) / (times[i + 1] - times[i]))
+        j = i + 1 if part > 0.0 else i
+        velocity, blur = (
+            np.stack([row[i], row[i] + part * (row[j] - row[i])])
+            for row in (self._velocity, self._blur)
+        )
+        axis, speed = self.axis[i], float(self.speed[i])
+        phase, stretch = float(self.phase[i]), float(self.stretch[i])
+        if t != times[i]:
+            step = np.array([t - times[i]])
+            phase = wrapped(phase + float(_gone(velocity, blur, axis[None], step)[0]) / self._tile)
+            axis, speed = _tilt(velocity[1], axis, self._still)
+            stretch = 1.0 + float(blur[1]) * abs(speed)
         x, y, z = axis.tolist()
-        return State((x, y, z), wrapped(self.phase[i] + gone), float(stretch), float(speed))
-
-    def _state(self, i: int) -> State:
-        x, y, z = self.axis[i].tolist()
-        return State((x, y, z), float(self.phase[i]), float(self.stretch[i]), float(self.speed[i]))
+        return State((x, y, z), phase, stretch, speed)
 
 
 def path(
@@ -124,17 +109,14 @@ def path(
     radius: float = 2.0,
     repeats: int = 4,
     still: float = STILL,
-    published: bool = False,
-    pixel: float = 50.0,
 ) -> Path:
     """Return axis, phase and stretch of the cone for a whole way of the camera.
 
-    With v = drop - damping camera the axis is v / |v|. Below `still` it stays what it was, and
-    where it would turn by more than a right angle from one time to the next, the drops go backwards
-    along the old one instead, so that nothing flips as v goes through zero; before the first time
-    it is (0, 1, 0). The phase is the integral of ``speed / (tile stretch)``, from 0 at the first
-    time, with ``tile = 2 pi radius / repeats`` metres: at the equator of the cone the image moves
-    as a drop's at that radius, whatever the frame rate.
+    With v = drop - damping camera the axis is v / |v|, at first (0, 1, 0). Below `still` it stays
+    what it was; where it would turn by more than a right angle, the drops go backwards along the
+    old one instead, so that nothing flips. The phase is the integral of ``speed / (tile stretch)``
+    with ``tile = 2 pi radius / repeats`` metres: at the equator of the cone the image moves as a
+    drop's at that radius, whatever the frame rate (Wang 2004, Eqs. 1-3, corrected).
 
     Parameters
     ----------
@@ -143,33 +125,21 @@ def path(
     drop, camera : (3,) or (n, 3)
         Velocities at those times, metres per second, house axes, linear between them.
     damping : float
-        C_f, how much of the camera's motion counts, 0 to 1; with 1 the apex of the cone is the
-        focus of expansion.
+        How much of the camera's motion counts, 0 to 1; with 1 the apex is the focus of expansion.
     exposure : float or (n,)
-        Seconds, 0 or more; one at each time is linear between them. As one that grows makes streaks
-        longer, the phase goes slower by as much, so that drops at the equator keep their speed.
+        Seconds, 0 or more, at each time, linear between them.
     length : float
         Length of a drop, metres, more than 0.
     radius : float
-        R0, radius of the first layer's cone, metres.
+        Radius of the first layer's cone, metres.
     repeats : int
         Number of tiles around the first layer.
     still : float
         Metres per second, more than 0: what is slower has no direction.
-    published : bool
-        Everything as printed: a sum in Eq. 1, frame times where an exposure and a speed are meant.
-        `length` is S_streak in tiles' pixels, of which there are `pixel` to a metre. Rows of `axis`
-        where the clock stands still are NaN. See ``docs/internals/deviations.md``.
-    pixel : float
-        C_pixel of the printed form.
 
     Returns
     -------
     Path
-
-    Notes
-    -----
-    Wang 2004, Eqs. 1-3, corrected. Phases are computed in float64 and reduced at every time.
 
     Examples
     --------
@@ -180,50 +150,39 @@ def path(
     ...                       axis=state.axis, phase=state.phase, stretch=state.stretch)
     """
     moments = moderate("times", table("times", times, ndim=1))
-    if len(moments) == 0:
-        raise ValueError("times must hold at least one time, got none")
-    rising = np.diff(moments, prepend=moments[0]) >= 0.0
-    require("times", moments, rising, "no less than the time before")
     count = len(moments)
-    rows = [_rows(name, value, count) for name, value in (("drop", drop), ("camera", camera))]
+    if count == 0:
+        raise ValueError("times must hold at least one time, got none")
+    steps = np.diff(moments)
+    rising = np.append(True, steps >= 0.0)
+    require("times", moments, rising, "no less than the time before")
+    fallen, moved = _rows("drop", drop, (count, 3)), _rows("camera", camera, (count, 3))
+    velocity = fallen - real("damping", damping, low=0.0, high=1.0) * moved
     around = integer("repeats", repeats, low=1, high=MOST_REPEATS)
     tile = 2.0 * math.pi * real("radius", radius, low=SMALLEST, high=LARGEST) / around
-    streak = real("length", length, above=0.0, high=LARGEST)
-    if flag("published", published):
-        scale = real("pixel", pixel, low=SMALLEST, high=LARGEST)
-        return _printed(moments, rows, damping, streak, scale, tile)
-    velocity = travel(*rows, damping=damping)
     slow = real("still", still, above=0.0)
-    blur = _exposures(exposure, count) / streak
+    seconds = _rows("exposure", exposure, (count,))
+    require("exposure", seconds, seconds >= 0.0, "at least 0")
+    blur = seconds / real("length", length, above=0.0, high=LARGEST)
     axis, speed = np.empty((count, 3)), np.empty(count)
     last = DOWN
     for i, rate in enumerate(velocity):
         axis[i], speed[i] = _tilt(rate, last, slow)
         last = axis[i]
-    steps = _all_gone(velocity, np.diff(moments), axis, blur) / tile
     phase = np.zeros(count)
-    for i, step in enumerate(steps.tolist()):
+    for i, step in enumerate((_gone(velocity, blur, axis[:-1], steps) / tile).tolist()):
         phase[i + 1] = wrapped(phase[i] + math.fmod(step, 1.0))
     stretch = 1.0 + blur * np.abs(speed)
-    return Path(moments, axis, phase, stretch, speed, velocity, blur, tile, slow, False)
+    return Path(moments, axis, phase, stretch, speed, velocity, blur, tile, slow)
 
 
-def _rows(name: str, value: npt.ArrayLike, count: int) -> Float64:
-    given = table(name, value, ndim=None)
-    if given.shape not in ((3,), (count, 3)):
-        raise ValueError(f"{name} must be (3,) or ({count}, 3), got shape {given.shape}")
-    return moderate(name, np.array(np.broadcast_to(given, (count, 3))))
-
-
-def _exposures(value: npt.ArrayLike, count: int) -> Float64:
-    if rectangular("exposure", value).ndim == 0:
-        return np.full(count, real("exposure", value, low=0.0))
-    given = moderate("exposure", table("exposure", value, ndim=1))
-    if given.shape != (count,):
-        raise ValueError(f"exposure must be a number or ({count},), got shape {given.shape}")
-    if not (given >= 0.0).all():
-        raise ValueError(f"exposure must be at least 0, got {given.min()}")
-    return given
+def _rows(name: str, value: npt.ArrayLike, shape: tuple[int, ...]) -> Float64:
+    """Return a row for each time, of one for all or one for each."""
+    given = moderate(name, table(name, value, ndim=None))
+    one = shape[1:] or (1,)
+    if given.shape not in (one, shape):
+        raise ValueError(f"{name} must be {one} or {shape}, got shape {given.shape}")
+    return np.array(np.broadcast_to(given, shape))
 
 
 def _tilt(velocity: Float64, last: Float64, still: float) -> tuple[Float64, float]:
@@ -235,32 +194,40 @@ def _tilt(velocity: Float64, last: Float64, still: float) -> tuple[Float64, floa
     return (axis, pace) if axis @ last >= 0.0 else (-axis, -pace)
 
 
-def _gone(
-    start: Float64, end: Float64, dt: float, axis: Float64, blur: tuple[float, float]
-) -> float:
-    """Return metres of the texture's scroll over a time in which velocity and blur are linear."""
+def _gone(velocity: Float64, blur: Float64, axis: Float64, steps: Float64) -> Float64:
+    """Return metres of scroll of each step; velocity (n + 1, 3) and blur (n + 1,) are linear."""
     # The integral of s |v| / (1 + blur |v|), s the sign along `axis`. |v| has a kink, or nearly
     # one, where v is least, and the whole a pole beyond the time at which the blur would be 0:
-    # pieces double in length from there on.
-    change, longer = end - start, blur[1] - blur[0]
-    square = float(change @ change)
-    edges = {0.0, 1.0}
-    if square > 0.0:
-        least = -float(start @ change) / square
-        slowest = float(np.linalg.norm(start + least * change)) / math.sqrt(square)
-        edges |= _around(least, slowest)
-        along, turning = float(start @ axis), float(change @ axis)
-        if turning != 0.0:
-            edges.add(-along / turning)
-    if longer != 0.0:
-        fastest = float(np.linalg.norm(start)) + 4.0 * math.sqrt(square)
-        edges |= _around(-blur[0] / longer, 1.0 / max(abs(longer) * fastest, 1.0))
-    inside = sorted(edge for edge in edges if 0.0 <= edge <= 1.0)
-    total = 0.0
-    rows = start[None], change[None], axis[None], np.array(blur[:1]), np.array([longer])
-    for low, high in pairwise(inside):
-        total += float(_pieces(*rows, low, high)[0])
-    return total * dt
+    # near either, pieces double in length from there on.
+    start, change = velocity[:-1], np.diff(velocity, axis=0)
+    first, longer = blur[:-1], np.diff(blur)
+    size = np.linalg.norm(change, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        least = -np.einsum("nc,nc->n", start, change) / size**2
+        slowest = np.linalg.norm(start + least[:, None] * change, axis=1) / size
+        turn = -np.einsum("nc,nc->n", start, axis) / np.einsum("nc,nc->n", change, axis)
+        pole = -first / longer
+        fastest = np.linalg.norm(start, axis=1) + 4.0 * size
+        beyond = 1.0 / np.maximum(np.abs(longer) * fastest, 1.0)
+    kinks = np.stack([turn, least, slowest, pole, beyond], axis=1).tolist()
+    pieces: list[tuple[int, float, float]] = []
+    for i in np.flatnonzero(steps):
+        edges = {0.0, 1.0, kinks[i][0]}
+        for place, distance in (kinks[i][1:3], kinks[i][3:]):
+            if math.hypot(place - 0.5, distance) <= 1.25:
+                edges |= _around(place, distance)
+        inside = sorted(edge for edge in edges if 0.0 <= edge <= 1.0)
+        pieces += [(int(i), low, high) for low, high in pairwise(inside)]
+    row = np.array([piece[0] for piece in pieces], int)
+    low, high = np.array([piece[1:] for piece in pieces]).reshape(-1, 2).T
+    half = 0.5 * (high - low)
+    at = 0.5 * (low + high)[:, None] + half[:, None] * _NODES
+    rate = start[row, None, :] + at[..., None] * change[row, None, :]
+    pace = np.sqrt(np.einsum("nkc,nkc->nk", rate, rate))
+    sign = np.where(np.einsum("nkc,nc->nk", rate, axis[row]) >= 0.0, 1.0, -1.0)
+    blurred = 1.0 + (first[row, None] + at * longer[row, None]) * pace
+    sums = half * np.einsum("nk,k->n", sign * pace / blurred, _WEIGHTS)
+    return np.bincount(row, sums, minlength=len(steps)) * steps
 
 
 def _around(place: float, distance: float) -> set[float]:
@@ -274,63 +241,3 @@ def _around(place: float, distance: float) -> set[float]:
             width *= 0.5
         edges.add(place + side * width)
     return edges
-
-
-def _pieces(
-    start: Float64, change: Float64, axis: Float64, blur: Float64, longer: Float64,
-    low: float, high: float,
-) -> Float64:  # fmt: skip
-    """Return the integrals over [low, high] of rows of velocities, by one Gauss rule each."""
-    middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    at = middle + half * _NODES
-    velocity = start[:, None, :] + at[:, None] * change[:, None, :]
-    pace = np.sqrt(np.einsum("nkc,nkc->nk", velocity, velocity))
-    sign = np.where(np.einsum("nkc,nc->nk", velocity, axis) >= 0.0, 1.0, -1.0)
-    blurred = 1.0 + (blur[:, None] + at * longer[:, None]) * pace
-    return np.asarray(half * (sign * pace / blurred) @ _WEIGHTS)
-
-
-def _all_gone(velocity: Float64, steps: Float64, axis: Float64, blur: Float64) -> Float64:
-    """Return `_gone` of every step; those without a kink or a pole nearby in one go."""
-    start, change, axis = velocity[:-1], np.diff(velocity, axis=0), axis[:-1]
-    first, longer = blur[:-1], np.diff(blur)
-    square = np.einsum("nc,nc->n", change, change)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        least = np.where(square > 0.0, -np.einsum("nc,nc->n", start, change) / square, np.inf)
-        closest = start + np.where(np.isfinite(least), least, 0.0)[:, None] * change
-        slowest = np.linalg.norm(closest, axis=1) / np.sqrt(square)
-        fastest = np.linalg.norm(start, axis=1) + 4.0 * np.sqrt(square)
-        pole = np.where(longer != 0.0, -first / longer, np.inf)
-        beyond = np.where(longer != 0.0, 1.0 / (np.abs(longer) * fastest), np.inf)
-    far = np.minimum(np.hypot(least - 0.5, slowest), np.hypot(pole - 0.5, beyond)) > 1.25
-    along = np.einsum("nc,nc->n", start, axis)
-    turned = np.einsum("nc,nc->n", start + change, axis)
-    plain = far & ((along >= 0.0) == (turned >= 0.0))
-    gone = np.zeros(len(steps))
-    of = [part[plain] for part in (start, change, axis, first, longer)]
-    gone[plain] = _pieces(of[0], of[1], of[2], of[3], of[4], 0.0, 1.0) * steps[plain]
-    for i in np.flatnonzero(~plain):
-        ends = float(blur[i]), float(blur[i + 1])
-        gone[i] = _gone(velocity[i], velocity[i + 1], float(steps[i]), axis[i], ends)
-    return gone
-
-
-def _printed(
-    moments: Float64,
-    rows: list[Float64],
-    damping: float,
-    streak: float,
-    pixel: float,
-    tile: float,
-) -> Path:
-    """Return the path by the equations as printed, frame after frame."""
-    dt = np.diff(moments, prepend=moments[0])
-    vectors = travel(*rows, damping=damping, published=True, dt=dt)
-    length = np.linalg.norm(vectors, axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        axis = vectors / length[:, None]
-        speed = length / dt
-    stretch = 1.0 + pixel * length / streak
-    moved = streak * dt / (FRAME * pixel * tile)
-    phase = np.array([wrapped(value) for value in np.cumsum(moved).tolist()])
-    return Path(moments, axis, phase, stretch, speed, vectors, np.zeros(len(dt)), tile, STILL, True)

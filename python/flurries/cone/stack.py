@@ -1,10 +1,10 @@
-"""Several layers of a cone at once."""
+"""Four layers of a cone at once; the chart of their rays is kept while camera and axis stand."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TypeAlias
+from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -12,31 +12,42 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import (
     Array,
+    _came,
+    aligned,
     flag,
     float_dtype,
     integer,
+    is_pair,
     output,
     real,
     shape_of,
     table,
+    vector,
 )
-from flurries.camera.lens import Camera
-from flurries.cone.mapping import (
-    BLOCK,
-    MULTIPLES,
-    Mapping,
-    footprints_of,
-    multiples_of,
-    two_of,
-)
-from flurries.cone.rays import pose
-from flurries.cone.sheet import MOST_REPEATS, layer, wrapped
-from flurries.cone.texture import Table, Texture
+from flurries._contract import pixels as pixels_of
+from flurries._threads import kept_by_mode
+from flurries.camera.lens import Camera, expect_camera
+from flurries.cone.sheet import MOST_REPEATS, Pose, layer, pose, reach_of, wrapped
+from flurries.cone.tiles import Table, Texture
 
 __all__ = ["layers"]
 
+BLOCK = 16
+
+# A chart is three words a pixel: of larger pictures only the rows that are asked for have one.
+LARGEST_CHART = 1 << 22
+
+# The first layer nearest, each of the others half as large and twice as far.
+MULTIPLES = (1, 2, 4, 8)
+
 # Tiles by which the layers are set apart: no two of them repeat at one place.
 OFFSETS = ((0.0, 0.0), (0.37, 0.61), (0.71, 0.23), (0.13, 0.83))
+
+# Azimuth, height, fade, what the blocks are, footprints: see src/cone/chart.rs.
+Chart: TypeAlias = tuple[Array, Array, Array, Array, Array]
+
+# Tiles around, stretch, the first row.
+Course: TypeAlias = tuple[int, float, int]
 
 # Multiple, offsets as words, gain, log2 of the texels in a tile.
 Sheet: TypeAlias = tuple[int, int, int, float, float]
@@ -52,39 +63,31 @@ def layers(
     stretch: float = 1.0,
     slope: float = 0.0,
     repeats: int = 4,
-    multiples: Sequence[int] = MULTIPLES,
-    offsets: npt.ArrayLike | None = None,
     gains: npt.ArrayLike = 1.0,
     conserve: bool = True,
     radius: float = math.inf,
-    mapping: Mapping | None = None,
+    depth: npt.ArrayLike | None = None,
     rows: tuple[int, int] | None = None,
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:
-    """Return the joint alpha of several layers of one texture, each smaller and farther away.
+    """Return the joint alpha of four layers of one texture, each smaller and farther away.
 
-    Layer i repeats ``repeats * multiples[i]`` times around and stands for a cone ``multiples[i]``
-    times as large: it shows smaller drops that move slower. All share axis and phase.
+    They repeat 1, 2, 4 and 8 times `repeats` times around, and stand for cones as many times as
+    large: each shows smaller drops that move slower. All share axis and phase.
 
     Parameters
     ----------
     shape, camera, axis, phase, stretch, slope, repeats, conserve, radius, dtype, out
-        See :func:`flurries.cone.layer`.
+        See :func:`layer`. While all but the phase stays the same, the rays are looked up.
     tile : Texture or (n, n)
         Give a :class:`Texture` for many frames: from an array a new one is made at each call.
-    multiples : sequence of int
-        One for each layer, increasing.
-    offsets : (layers, 2), optional
-        Tiles. Four that hide the repetition if not given.
-    gains : float or (layers,)
+    gains : float or (4,)
         Factors of the opacity, 0 or more.
-    mapping : Mapping, optional
-        A mapping of the same shape, camera and axis, to be used again while these stay the same.
-        Its own `rows` and `depth` count.
+    depth : (H, W) array, optional
+        Planar depth of what stands in the picture, world units, before layers of a `radius`.
     rows : (start, stop), optional
-        Only these rows of the picture, or of the mapping; they have the same bits as in the whole
-        picture.
+        Only these rows of the picture, with the bits of the whole.
 
     Returns
     -------
@@ -93,106 +96,156 @@ def layers(
 
     Notes
     -----
-    float32 looks into tables of 8 bits (of the texture's largest value) that are filtered
-    beforehand for footprints in steps of the square root of two, and goes linearly between their
-    entries; a look-up costs the same whatever the footprint. float64 is the composition of
-    :func:`layer`, exact boxes and all (a mapping's `depth` is not used). On textures of the
-    package's own the two differ by less than 0.011 in the mean, by 0.004 where a pixel is no wider
-    than a texel of the nearest layer.
+    float32 looks into tables of 8 bits, filtered beforehand. float64 is the composition of
+    :func:`layer`. The two differ by less than 0.011 in the mean.
 
     Examples
     --------
     >>> import flurries as fl
     >>> rain = fl.cone.Texture(fl.cone.rain_tile(128, seed=1))
-    >>> view = fl.Camera(focal=150.0)
-    >>> still = fl.cone.Mapping((90, 120), view, axis=(0, 1, 0))
-    >>> frames = [
-    ...     fl.cone.layers((90, 120), view, rain, axis=(0, 1, 0), phase=p, mapping=still)
-    ...     for p in (0.0, 0.1, 0.2)
-    ... ]
+    >>> alpha = fl.cone.layers((90, 120), fl.Camera(150.0), rain, axis=(0, 1, 0), phase=0.1)
     """
     size = shape_of("shape", shape)
     kind = float_dtype(dtype)
-    if mapping is not None:
-        if not isinstance(mapping, Mapping):
-            raise TypeError(f"mapping must be a Mapping, got {type(mapping).__name__}")
-        if mapping.shape != size:
-            raise ValueError(f"mapping must be of shape {size}, got {mapping.shape}")
-        multiples, stretch, repeats = mapping.multiples, mapping.stretch, mapping.repeats
-    factors = multiples_of(multiples)
-    places = table("offsets", _offsets(len(factors)) if offsets is None else offsets)
-    if places.shape != (len(factors), 2):
-        raise ValueError(f"offsets must have shape ({len(factors)}, 2), got {places.shape}")
-    strengths = table("gains", gains, ndim=None)
-    if strengths.shape not in ((1,), (len(factors),)) or not (strengths >= 0.0).all():
-        raise ValueError(f"gains must be one number or {len(factors)}, none negative")
-    strengths = np.broadcast_to(strengths, (len(factors),))
-    length = real("stretch", stretch, low=1e-6, high=1e6)
-    shared = flag("conserve", conserve)
+    eye, way = expect_camera(camera), tuple(vector("axis", axis, 3).tolist())
     moved = wrapped(real("phase", phase))
-    start, stop = _wanted(rows, (0, size[0]) if mapping is None else mapping.rows)
-    if kind == np.float64:
-        exact = tile.tile if isinstance(tile, Texture) else tile
-        rest = np.ones(size)
-        for factor, place, strength in zip(factors, places, strengths, strict=True):
-            rest *= 1.0 - layer(
-                size, camera, exact, axis=axis, phase=moved, stretch=length, slope=slope,
-                repeats=repeats * factor, offset=tuple(place), gain=float(strength),
-                conserve=shared, radius=radius * factor, dtype=kind,
-            )  # fmt: skip
-        rest = rest[start:stop]
-        result = output(out, rest.shape, kind)
-        np.subtract(1.0, rest, out=result)
-        return result
-    texture = tile if isinstance(tile, Texture) else Texture(tile)
-    result = output(out, (stop - start, size[1]), kind)
+    length = real("stretch", stretch, low=1e-6, high=1e6)
+    around = integer("repeats", repeats, low=1, high=MOST_REPEATS)
+    lean, reach = real("slope", slope, low=0.0, high=1e6), reach_of(radius)
+    strengths = table("gains", gains, ndim=None)
+    if strengths.shape not in ((1,), (4,)) or not (strengths >= 0.0).all():
+        raise ValueError("gains must be one number or 4, none negative")
+    each = list(zip(MULTIPLES, OFFSETS, np.broadcast_to(strengths, 4).tolist(), strict=True))
+    shared = flag("conserve", conserve)
+    start, stop = _rows_of(rows, size[0])
     # Blocks lie where they lie in the whole picture.
     top = start - start % BLOCK
+    apart = depth is not None or size[0] * size[1] > LARGEST_CHART
+    course = around, length, top if apart else 0
+    view = _view(size, eye, way, lean, reach, course, stop if apart else size[0])
+    shown = None if depth is None else _before(depth, size, view, real("radius", reach))
+    if kind == np.float64:
+        exact = tile.tile if isinstance(tile, Texture) else tile
+        rest = np.ones((stop - start, size[1]))
+        for index, (factor, place, strength) in enumerate(each):
+            alpha = layer(
+                size, eye, exact, axis=way, phase=moved, stretch=length, slope=lean,
+                repeats=around * factor, offset=place, gain=strength, conserve=shared,
+                radius=reach * factor, dtype=kind,
+            )[start:stop]  # fmt: skip
+            if shown is not None:
+                alpha *= shown[start - top :, : size[1]] > index
+            rest *= 1.0 - alpha
+        return np.subtract(1.0, rest, out=output(out, rest.shape, kind))
+    texture = tile if isinstance(tile, Texture) else Texture(tile)
+    result = output(out, (stop - start, size[1]), kind)
     whole = result if top == start else np.empty((stop - top, size[1]), np.float32)
-    texels = math.log2(len(texture.tile))
+    full, texels = texture._peak / (length if shared else 1.0), math.log2(len(texture.tile))
     sheets = [
-        (
-            factor,
-            _word(float(place[0])),
-            _word(float(place[1]) - moved),
-            texture._peak * float(strength) / (length if shared else 1.0),
-            texels,
-        )
-        for factor, place, strength in zip(factors, places, strengths, strict=True)
+        (factor, _word(x), _word(y - moved), full * strength, texels)
+        for factor, (x, y), strength in each
     ]
-    given = pose(size, camera, axis, slope, radius)
-    if mapping is None and given[-1] == (0.0, 0.0, 0.0):
-        course = (integer("repeats", repeats, low=1, high=MOST_REPEATS), length, top)
-        steps = footprints_of(whole.shape, given, course)
+    if view.first(moved) and view.together and shown is None:
+        given = view.poses[0], (around, length, top)
+        steps = _footprints(*given, whole.shape)
         tables = _tables(texture, steps, sheets)
-        view = given, course
-        _core.cone_stack(whole, None, view, steps, sheets, texture._levels, tables)
+        _core.cone_stack(whole, None, given, steps, sheets, texture._levels, tables)
     else:
-        if mapping is None:
-            mapping = Mapping(
-                size, camera, axis=axis, stretch=length, slope=slope, repeats=repeats,
-                radius=radius, multiples=factors, rows=(start, stop),
-            )  # fmt: skip
-        _stacked(whole, top, mapping, sheets, texture)
+        view.draw(whole, top, sheets, texture, shown)
     if whole is not result:
         # The rows above, of a block that was begun, are of no use to anybody.
         result[...] = whole[start - top :]
     return result
 
 
-def _wanted(rows: object, there: tuple[int, int]) -> tuple[int, int]:
-    """Return the rows that are asked for, of those that are there."""
+class _View:
+    """Rows of a picture of a cone, and the chart of their rays: what does not scroll."""
+
+    def __init__(self, poses: list[Pose], course: Course, shape: tuple[int, int]) -> None:
+        self.poses, self.course, self.shape = poses, course, shape
+        # From the middle all layers are seen alike.
+        self.together = poses[0][-1] == (0.0, 0.0, 0.0)
+        self._phase: float | None = None
+
+    def first(self, phase: float) -> bool:
+        """Whether no other moment was asked for: a camera that moves has no use for a chart."""
+        if self._phase is None:
+            self._phase = phase
+        return self._phase == phase
+
+    @cached_property
+    def _charts(self) -> list[Chart]:
+        """One for all layers, or one for each."""
+        blocks, charts = -(-self.shape[1] // BLOCK), []
+        wide = self.shape[0], blocks * BLOCK
+        for given in self.poses[: 1 if self.together else None]:
+            across, along = np.empty(wide, np.uint32), np.empty(wide, np.uint32)
+            fade, state = np.empty(wide, np.float32), np.empty((wide[0], blocks), np.uint8)
+            _core.cone_chart(across, along, fade, state, given, self.course)
+            steps = _footprints(given, self.course, self.shape)
+            charts.append((across, along, fade, state, steps))
+        return charts
+
+    def draw(
+        self, whole: Array, top: int, sheets: list[Sheet], texture: Texture, shown: Array | None
+    ) -> None:
+        """Draw rows from the first of a block on; `shown` layers stand before the picture."""
+        first = top - self.course[2]
+        lines = slice(first, first + len(whole))
+        blocks = slice(first // BLOCK, -(-lines.stop // BLOCK))
+        parts = [sheets] if self.together else [[sheet] for sheet in sheets]
+        clear: Array | None = None
+        for index, (planes, drawn) in enumerate(zip(self._charts, parts, strict=True)):
+            across, along, fade, state = (plane[lines] for plane in planes[:4])
+            before = shown
+            if shown is not None and not self.together:
+                before = (shown > index).astype(np.uint8)
+            chart, steps = (across, along, fade, state, before), planes[4][blocks]
+            tables = _tables(texture, steps, drawn)
+            _core.cone_stack(whole, chart, None, steps, drawn, texture._levels, tables)
+            if not self.together:
+                clear = 1.0 - whole if clear is None else clear * (1.0 - whole)
+        if clear is not None:
+            np.subtract(1.0, clear, out=whole)
+
+
+@kept_by_mode(4)
+def _view(
+    size: tuple[int, int], camera: Camera, axis: tuple[float, ...], slope: float, radius: float,
+    course: Course, stop: int,
+) -> _View:  # fmt: skip
+    poses = [pose(size, camera, axis, slope, radius * factor) for factor in MULTIPLES]
+    return _View(poses, course, (stop - course[2], size[1]))
+
+
+def _before(depth: npt.ArrayLike, size: tuple[int, int], view: _View, radius: float) -> Array:
+    """Return the number of layers, nearest first, before a depth map, of a view's rows."""
+    map_, _ = pixels_of("depth", depth, ndim=2)
+    if map_.shape != size:
+        raise ValueError(f"depth must have shape {size}, got {map_.shape}")
+    top, height = view.course[2], view.shape[0]
+    part = aligned(map_[top : top + height], np.float32)
+    counts = np.zeros((height, -(-size[1] // BLOCK) * BLOCK), np.uint8)
+    radii = [radius * factor for factor in MULTIPLES]
+    _core.cone_shown(counts, part, view.poses[0], radii, top)
+    return counts
+
+
+def _footprints(given: Pose, course: Course, shape: tuple[int, ...]) -> Array:
+    """Return log2 of a pixel's footprint in tiles for blocks of a picture, (.., .., 2)."""
+    steps = np.empty((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK), 2), np.float32)
+    _core.cone_footprints(steps, given, course)
+    return steps
+
+
+def _rows_of(rows: Any, height: int) -> tuple[int, int]:
+    """Return the rows that are asked for."""
     if rows is None:
-        return there
-    first, last = two_of("rows", rows)
-    start = integer("rows[0]", first, low=there[0], high=there[1] - 1)
-    return start, integer("rows[1]", last, low=start + 1, high=there[1])
-
-
-def _offsets(count: int) -> list[tuple[float, float]]:
-    """Return places that no two layers share."""
-    rest = [(0.618034 * i % 1.0, 0.754878 * i % 1.0) for i in range(len(OFFSETS), count)]
-    return [*OFFSETS, *rest][:count]
+        return 0, height
+    if not is_pair(rows):
+        raise TypeError(f"rows must be (start, stop), got {_came(rows)}")
+    start = integer("rows[0]", rows[0], low=0, high=height - 1)
+    return start, integer("rows[1]", rows[1], low=start + 1, high=height)
 
 
 def _word(tiles: float) -> int:
@@ -210,33 +263,3 @@ def _tables(
         (across, along, texture._table(across, along))
         for across, along in np.argwhere(needed).tolist()
     ]
-
-
-def _stacked(
-    whole: Array,
-    top: int,
-    mapping: Mapping,
-    sheets: list[Sheet],
-    texture: Texture,
-) -> None:
-    """Draw rows of a mapping, from the first of a block on."""
-    above = top - mapping._top
-    lines = slice(above, above + len(whole))
-    blocks = slice(above // BLOCK, -(-lines.stop // BLOCK))
-    parts = [(mapping._charts[0], sheets)]
-    if not mapping._together:
-        parts = [(chart, [sheet]) for chart, sheet in zip(mapping._charts, sheets, strict=True)]
-    clear: Array | None = None
-    for index, (planes, drawn) in enumerate(parts):
-        across, along, fade, state = (plane[lines] for plane in planes[:4])
-        steps = planes[4][blocks]
-        tables = _tables(texture, steps, drawn)
-        shown = None if mapping._shown is None else mapping._shown[lines]
-        if shown is not None and not mapping._together:
-            shown = (shown > index).astype(np.uint8)
-        chart = across, along, fade, state, shown
-        _core.cone_stack(whole, chart, None, steps, drawn, texture._levels, tables)
-        if not mapping._together:
-            clear = 1.0 - whole if clear is None else clear * (1.0 - whole)
-    if clear is not None:
-        np.subtract(1.0, clear, out=whole)

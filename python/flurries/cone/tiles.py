@@ -1,6 +1,9 @@
-"""Toroidal textures of rain and snow, drawn from a seed."""
+"""Toroidal textures of rain and snow, and the filtered tables made of them as they are needed."""
 
 from __future__ import annotations
+
+import math
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +19,9 @@ from flurries._contract import (
     real,
     seed_of,
 )
-from flurries.cone.sheet import LARGEST_TILE
+from flurries.cone.sheet import LARGEST_TILE, texture_of
 
-__all__ = ["rain_tile", "snow_tile"]
+__all__ = ["Texture", "rain_tile", "snow_tile"]
 
 # Streams of counter-based numbers: places, sizes, opacities.
 ACROSS, ALONG, SIZE, OPACITY = 311, 312, 313, 314
@@ -49,7 +52,8 @@ def rain_tile(
     drops : int
         How many.
     width : float
-        Width of a drop, two sigma of a Gaussian, tiles.
+        Width of a drop, two sigma of a Gaussian, tiles. A thinner one than a texel is drawn wider
+        and fainter.
     length : float
         Length of a drop along the axis, tiles, 0 to 0.5; the cone's `stretch` makes it longer.
     spread : float
@@ -60,22 +64,12 @@ def rain_tile(
     Returns
     -------
     (n, n) array
-        Opacities, 0 to 1: ``1 - prod(1 - alpha_i)``. Every distance is the shortest around the
-        torus, so that the tile has no edge. A drop thinner than a texel is drawn wider and
-        fainter, with the same energy.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> tile = fl.cone.rain_tile(64, seed=7)
-    >>> bool(tile.max() <= 1.0) and tile.shape == (64, 64)
-    True
+        Opacities, 0 to 1: ``1 - prod(1 - alpha_i)``, without an edge.
     """
-    texels, count = _size(size), _count("drops", drops)
-    rows = _sprites(texels, count, seed, width, spread, opacity)
-    rows[:, 3] = 0.5 * texels * real("length", length, low=0.0, high=0.5)
-    rows[:, 3] *= rows[:, 2] / max(0.5 * texels * width, 1e-300)
-    return _drawn(texels, rows, dtype, out)
+    rows = _sprites(size, "drops", drops, seed, width, spread, opacity)
+    rows[:, 3] = 0.5 * size * real("length", length, low=0.0, high=0.5)
+    rows[:, 3] *= rows[:, 2] / max(0.5 * size * width, 1e-300)
+    return _drawn(size, rows, dtype, out)
 
 
 def snow_tile(
@@ -93,22 +87,16 @@ def snow_tile(
 
     Parameters and result are those of :func:`rain_tile`; `width` is two sigma of a flake, tiles.
     """
-    texels, count = _size(size), _count("flakes", flakes)
-    return _drawn(texels, _sprites(texels, count, seed, width, spread, opacity), dtype, out)
-
-
-def _size(size: int) -> int:
-    return integer("size", size, low=4, high=LARGEST_TILE)
-
-
-def _count(name: str, value: int) -> int:
-    return integer(name, value, low=0, high=MOST_DROPS)
+    rows = _sprites(size, "flakes", flakes, seed, width, spread, opacity)
+    return _drawn(size, rows, dtype, out)
 
 
 def _sprites(
-    size: int, count: int, seed: int, width: float, spread: float, opacity: float
+    size: int, name: str, many: int, seed: int, width: float, spread: float, opacity: float
 ) -> Float64:
     """Return rows (u, v, sigma, half length, opacity) in texels."""
+    texels = integer("size", size, low=4, high=LARGEST_TILE)
+    count = integer(name, many, low=0, high=MOST_DROPS)
     chosen = seed_of(seed)
     draw = np.empty((4, count))
     for row, stream in zip(draw, (ACROSS, ALONG, SIZE, OPACITY), strict=True):
@@ -116,8 +104,8 @@ def _sprites(
     differ = real("spread", spread, low=0.0, high=1.0)
     peak = real("opacity", opacity, low=0.0, high=1.0)
     rows = np.zeros((count, 5))
-    rows[:, 0], rows[:, 1] = size * draw[0], size * draw[1]
-    rows[:, 2] = 0.5 * size * real("width", width, above=0.0, high=1.0)
+    rows[:, 0], rows[:, 1] = texels * draw[0], texels * draw[1]
+    rows[:, 2] = 0.5 * texels * real("width", width, above=0.0, high=1.0)
     rows[:, 2] *= 1.0 + differ * (draw[2] - 0.5)
     rows[:, 4] = peak * (1.0 - differ * draw[3] / 2.0)
     return rows
@@ -127,3 +115,78 @@ def _drawn(size: int, rows: Float64, dtype: npt.DTypeLike, out: Array | None) ->
     result = output(out, (size, size), float_dtype(dtype))
     _core.cone_tile(result, aligned(rows, np.float64))
     return result
+
+
+# Words of four neighbours: see src/cone/table.rs.
+Table: TypeAlias = npt.NDArray[np.uint32]
+
+# Memory of filtered tables that a texture keeps, in words.
+MOST_WORDS = 1 << 26
+
+
+class Texture:
+    """A toroidal texture and its filtered copies, for use in many frames.
+
+    Parameters
+    ----------
+    tile : (n, n)
+        Opacities, 0 to 1; copied.
+    """
+
+    def __init__(self, tile: npt.ArrayLike) -> None:
+        self.tile = texture_of(tile).copy()
+        self.tile.flags.writeable = False
+        # Full scale of the tables; a texture without drops has no other.
+        self._peak = float(self.tile.max()) or 1.0
+        # A box larger than the tile is its mean: two levels to a factor of two.
+        self._levels = 2 * math.ceil(math.log2(len(self.tile))) + 1
+        self._tables: dict[tuple[int, int], Table] = {}
+
+    def __reduce__(self) -> tuple[type[Texture], tuple[Array]]:
+        return Texture, (np.array(self.tile),)
+
+    def _table(self, across: int, along: int) -> Table:
+        """Return the table of a level, made when first asked for."""
+        found = self._tables.get((across, along))
+        if found is not None:
+            return found
+        size = len(self.tile)
+        width, height = 2.0 ** (0.5 * across), 2.0 ** (0.5 * along)
+        # Two entries are at most half a box apart.
+        shape = _power(min(size, 2.0 * size / height)), _power(min(size, 2.0 * size / width))
+        entries = np.empty(shape, np.uint32)
+        narrow = _narrowed(width, size, shape[1]), _narrowed(height, size, shape[0])
+        _core.cone_table(entries, self.tile, narrow[0], narrow[1], self._peak)
+        if sum(kept.size for kept in self._tables.values()) + entries.size > MOST_WORDS:
+            # A new dictionary: another thread may be reading the old one.
+            self._tables = {}
+        self._tables[across, along] = entries
+        return entries
+
+
+def _narrowed(width: float, size: int, count: int) -> float:
+    """Return the box, in texels, that looks `width` wide where `count` entries are gone between."""
+    # Going linearly between entries h apart blurs by h^2 / 6 in the mean; a texel's own width is 1
+    # / 12. What is left of the variance of a box over texels is that of shares of whole texels.
+    step = size / count
+    wanted = (width**2 + 1.0) / 12.0 - step**2 / 6.0
+    low, high = 1.0, max(width, 1.0)
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _shares(middle, step) < wanted else (low, middle)
+    return 0.5 * (low + high)
+
+
+def _shares(width: float, step: float) -> float:
+    """Return the variance of a box over texels, around the place of an entry."""
+    # Entries stand in the middle of texels, or for an even number to an entry between two.
+    middle = 0.5 if step <= 1.0 else 0.5 * step % 1.0
+    edges = np.arange(-math.ceil(width), math.ceil(width) + 1.0)
+    low, high = np.maximum(edges, middle - width / 2), np.minimum(edges + 1, middle + width / 2)
+    part = np.maximum(high - low, 0.0) / width
+    return float(part @ (edges + 0.5 - middle) ** 2)
+
+
+def _power(count: float) -> int:
+    """Return the least power of two that is not less, 2 at least."""
+    return max(2, int(2 ** math.ceil(math.log2(count) - 1e-9)))

@@ -1,26 +1,20 @@
-"""Mist with structure: a bank of gas with soft ends, in slices whose density varies at every scale.
-
-A passive gas that turbulence stirs has a spectrum of density that falls as k^(-11/3) in three
-dimensions (Kolmogorov 1941, Obukhov 1949), and the optical depth of a slab that is thicker than the
-scales seen has the same slope in two. Each slice has a texture of that slope as the logarithm of
-its density; its mean stays what the extinction says.
-"""
+"""Mist with structure: slices of gas whose density has the spectrum of turbulence, k^(-11/3)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from flurries import _core, gas
+from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.effects.bank_texture import COARSE, MARGIN, coarse_shape, long_waves, short_waves
-from flurries.effects.cloud import Cloud
+from flurries.effects.bank_texture import COARSE, MARGIN, Waves, coarse_shape
 from flurries.effects.lighting import Base, add_light, lamp_shade, whole
-from flurries.effects.skylight import Skylight
+from flurries.effects.sunlight import optics_of, scattered
 from flurries.frame.layer import Shade
 from flurries.frame.view import Frame
 from flurries.io.color import srgb_to_linear
@@ -40,56 +34,44 @@ CELL = 8
 # The sine of the lowest sun: light that comes in flatter takes no longer way through mist.
 LOWEST = 0.1
 
+# Cells along the longer side of a picture, in which the sky's light is found.
+SKY_CELLS = 64
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+# The length over which gas dims what is below it, of the picture's height.
+REACH = 1.0 / 16.0
+
+# The share of the light that gas takes from what lies deep below it, and how thick it must be for
+# that: both by eye, on dark, bright and busy photographs. With more of either mist is smoke.
+TAKEN, STEEP = 0.45, 0.5
+
+
+@dataclass(frozen=True, eq=False)
 class Bank:
-    """A bank of mist.
+    """A bank of mist in the box of its particles; without a center it is all around the camera."""
 
-    Attributes
-    ----------
-    cloud : Cloud
-        The particles that it stands for: it has their box, wind and light. Without a center it is
-        all around the camera.
-    extinction : float
-        That by which slices are chosen, per metre: a slice takes as much of the light as another.
-    structure : float
-        Root mean square of the logarithm of a slice's density.
-    top : float, optional
-        Height in the world above which it thins, metres, up; endless if not given.
-    falloff : float
-        How fast it thins there, metres.
-    """
-
-    cloud: Cloud
+    mist: Any  # A `Mist`, settled.
+    # That by which slices are chosen, per metre: a slice takes as much of the light as another.
     extinction: float
-    structure: float
-    top: float | None
-    falloff: float
 
     def draw(
         self, frame: Frame, extinction: float, base: Base, *, lit: bool
     ) -> tuple[Array, Array | None, Skylight]:
-        """Return opacity over the window (h, w), light (h, w, 3) times opacity or None, the sky's.
-
-        Where the sun lights it that is all of its light, of a gas that is as bright as `base` where
-        it is lit in full; else it is what lamps add to the sky's.
-        """
+        """Return opacity (h, w) and light (h, w, 3) of the window as `Vapor` does, and the sky."""
         alpha, light, sky = frame.once_each(
             self, "bank", lambda: self._whole(frame, extinction, base, lit=lit)
         )
-        window = np.s_[frame.window[0] : frame.window[1], frame.window[2] : frame.window[3]]
-        plane = np.ascontiguousarray(alpha[window])
-        return plane, None if light is None else np.ascontiguousarray(light[window]), sky
+        plane = np.ascontiguousarray(frame.crop(alpha))
+        return plane, None if light is None else np.ascontiguousarray(frame.crop(light)), sky
 
     def _whole(
         self, frame: Frame, extinction: float, base: Base, *, lit: bool
     ) -> tuple[Array, Array | None, Skylight]:
         """Return opacity and light of the whole frame, and its share of the sky's light."""
-        has_top = self.top is not None or self.cloud.center is not None
+        has_top = self.mist.top is not None or self.mist.center is not None
         sky = Skylight(frame, extinction, has_top=has_top)
         if lit or frame.lights:
             return *self._lit(frame, extinction, base if lit else None, sky), sky
-        slopes, depth = _Rays.of(frame).slopes, frame.depth
+        slopes, depth = _Rays(frame).slopes, frame.depth
         total = np.zeros(frame.shape, np.float32)
         for edges, dense, detail in self._groups(frame, extinction):
             _core.gas_slices(total, dense, edges, detail, depth, slopes)
@@ -101,15 +83,13 @@ class Bank:
     def _groups(
         self, frame: Frame, extinction: float
     ) -> Iterator[tuple[list[float], Array, tuple[Array, float]]]:
-        """Yield edges of some slices, their coarse extinction, and the short waves of all of them.
-
-        The short waves lie in one array, which the next group takes.
-        """
-        rays, edges = _Rays.coarse(frame), self._edges(frame)
+        """Yield edges of some slices, their coarse extinction, and the short waves of all."""
+        rays, edges = _Rays(frame, COARSE, MARGIN), self._edges(frame)
         places = (0.5 * (edges[:-1] + edges[1:])).tolist()
         # A bank has no waves that are longer than itself.
-        outer = math.inf if self.cloud.center is None else min(self.cloud.sides)
-        waves = frame, self.cloud.wind, self.structure, outer
+        mist = self.mist
+        outer = math.inf if mist.center is None else min(mist.box)
+        waves = Waves(frame, mist.wind, mist.structure, outer)
         fine = np.empty(frame.shape, np.float32)
         for half, part in enumerate(np.array_split(np.arange(len(places)), HALVES)):
             numbers = part.tolist()
@@ -118,18 +98,17 @@ class Bank:
             dense = np.empty((len(numbers), *coarse_shape(frame)), np.float32)
             for slot, number in enumerate(numbers):
                 mean = np.float32(extinction) * self._density(frame, rays, places[number])
-                dense[slot] = mean * long_waves(*waves, places[number], number)
-            detail = short_waves(*waves, [places[number] for number in numbers], half, fine)
+                dense[slot] = mean * waves.long(places[number], number)
+            detail = waves.short([places[number] for number in numbers], half, fine)
             yield edges[numbers[0] : numbers[-1] + 2].tolist(), dense, detail
 
     def _lit(
         self, frame: Frame, extinction: float, base: Base | None, sky: Skylight
     ) -> tuple[Array, Array]:
         """Return opacity and light where the sun lights it, as bright as `base`, or lamps do."""
-        slopes, grid = _Rays.of(frame).slopes, _Rays.cells(frame)
+        slopes, grid = _Rays(frame).slopes, _Rays(frame, CELL)
         through = np.ones(frame.shape, np.float32)
         light = np.zeros((*frame.shape, 3), np.float32)
-        phase = None if base is None else self._phase(frame, grid)
         for edges, dense, detail in self._groups(frame, extinction):
             sky.add(edges, dense)
             for number in range(len(dense)):
@@ -141,97 +120,89 @@ class Bank:
                 passed *= through
                 taken = np.subtract(through, passed, out=through)
                 if base is not None:
-                    sunny = self._sunny(frame, grid, place, extinction, base, phase)
-                    add_light(light, taken, sunny)
+                    add_light(light, taken, self._sunny(frame, grid, place, extinction, base))
                 if frame.lights:
-                    glow = lamp_shade(whole(frame), [place], [1.0], self.cloud.scatter.optics)
+                    glow = lamp_shade(whole(frame), [place], [1.0], optics_of(self.mist))
                     add_light(light, taken, glow)
                 through = passed
         return np.subtract(np.float32(1.0), through, out=through), light
 
     def _edges(self, frame: Frame) -> Float64:
         """Return the edges of slices, planar depth."""
-        if self.cloud.center is None:
-            low, high, count = self.cloud.near, self.cloud.sides[2], AROUND
+        mist, sides = self.mist, np.array(self.mist.box)
+        if mist.center is None:
+            low, high, count = mist.near, float(sides[2]), AROUND
         else:
-            away = np.array(self.cloud.center) - frame.path.place(frame.t, fps=frame.fps)
+            away = np.array(mist.center) - frame.path.place(frame.t, fps=frame.fps)
             middle = float(frame.to_camera(away)[2])
-            reach = 0.75 * float(np.linalg.norm(self.cloud.sides)) / math.sqrt(3.0) * 1.2
-            low, high, count = max(middle - reach, self.cloud.near), middle + reach, OUTSIDE
-        if self.cloud.depths is not None:
-            low, high = max(low, self.cloud.depths[0]), min(high, self.cloud.depths[1])
+            reach = 0.75 * float(np.linalg.norm(sides)) / math.sqrt(3.0) * 1.2
+            low, high, count = max(middle - reach, mist.near), middle + reach, OUTSIDE
+        if mist.depths is not None:
+            low, high = max(low, mist.depths[0]), min(high, mist.depths[1])
         if not high > low:
             return np.zeros(1)
         share = np.arange(count + 1) / count
-        if self.cloud.center is not None or self.extinction <= 0.0:
-            return low + (high - low) * share
+        if mist.center is not None or self.extinction <= 0.0:
+            return np.asarray(low + (high - low) * share)
         taken = -np.expm1(-self.extinction * (high - low))
         return np.append(low - np.log1p(-share[:-1] * taken) / self.extinction, high)
 
-    def _density(self, frame: Frame, rays: _Rays, depth: float) -> Any:
+    def _density(self, frame: Frame, rays: _Rays, depth: float) -> Array:
         """Return the mean density at a depth, of the extinction, for each ray or row of them."""
         density: Any = np.float32(1.0)
-        if self.cloud.center is not None:
+        if self.mist.center is not None:
             squared = sum(part * part for part in self._from_middle(frame, rays, depth))
             # The Gaussian holds as much gas as the box did.
             peak = SIGMAS**3 / math.tau**1.5
             density = np.float32(peak) * np.exp(np.float32(-0.5) * squared)
-        if self.top is not None:
-            height = -(frame.path.place(frame.t, fps=frame.fps)[1] + rays.along(1) * depth)
-            density = density / (1.0 + np.exp(np.clip((height - self.top) / self.falloff, -60, 60)))
+        if self.mist.top is not None:
+            density = density / (1.0 + np.exp(self._height(frame, rays, depth)))
         return np.asarray(density, np.float32)
 
-    def _phase(self, frame: Frame, rays: _Rays) -> Any:
-        """Return the phase function of the sun's light towards the eye."""
-        assert frame.sun is not None
-        scatter = self.cloud.scatter
-        if scatter.kind == "even":
-            return 1.0
-        way, x, y = frame.to_camera(frame.sun.unit()), rays.x, rays.y
-        cosine = -(x * way[0] + y * way[1] + way[2]) / np.sqrt(1.0 + x * x + y * y)
-        return gas.phase(np.clip(cosine, -1.0, 1.0), kind=scatter.kind, asymmetry=scatter.asymmetry)
+    def _height(self, frame: Frame, rays: _Rays, depth: float) -> Any:
+        """Return how far rays at a depth are above the top, in its falloffs."""
+        height = -(frame.path.place(frame.t, fps=frame.fps)[1] + rays.along(1) * depth)
+        return np.clip((height - self.mist.top) / self.mist.falloff, -60.0, 60.0)
 
     def _sunny(
-        self, frame: Frame, rays: _Rays, depth: float, extinction: float, base: Base, phase: Any
+        self, frame: Frame, rays: _Rays, depth: float, extinction: float, base: Base
     ) -> Shade:
         """Return the light of a slice of opaque gas."""
         assert frame.sun is not None
-        sun, way = frame.sun, extinction * self._sunward(frame, rays, depth)
-        reaches = np.exp((self.cloud.scatter.forward - 1.0) * way) * phase
+        sun, x, y = frame.sun, rays.x, rays.y
+        way = frame.to_camera(sun.unit())
+        cosine = -(x * way[0] + y * way[1] + way[2]) / np.sqrt(1.0 + x * x + y * y)
+        thick = extinction * self._sunward(frame, rays, depth)
+        reaches = np.exp((self.mist.forward - 1.0) * thick) * scattered(self.mist, cosine)
         white = (1.0 - sun.ambient) * srgb_to_linear(np.asarray(sun.color, np.float64))
         colors = sun.ambient * base.dim + reaches[..., None] * (white * base.sunny)
         return Shade(colors.astype(np.float32), float(CELL), (0, 0))
 
     def _sunward(self, frame: Frame, rays: _Rays, depth: float) -> Array:
-        """Return the way of the sun's light to a depth through the mean gas, (rows, columns).
-
-        In metres of gas of the extinction. What the structure adds evens out along the way: a lump
-        that shaded itself would be a dark hole in a bright cloud.
-        """
+        """Return the metres of the sun's light through the mean gas to a depth, (rows, columns)."""
         assert frame.sun is not None
         sun, way = frame.sun.unit(), np.zeros((len(rays.y), rays.x.size), np.float32)
-        if self.cloud.center is not None:
+        if self.mist.center is not None:
             # Through a Gaussian it is the tail of the normal law over its density (Mills' ratio).
-            slant = -sun * SIGMAS / np.array(self.cloud.sides)
+            slant = -sun * SIGMAS / np.array(self.mist.box)
             along = np.linalg.norm(slant)
             parts = self._from_middle(frame, rays, depth)
             place = sum(part * to for part, to in zip(parts, slant / along, strict=True))
             way += _mills(np.maximum(place, -6.0)) / along
-        elif self.top is not None:
-            above = frame.path.place(frame.t, fps=frame.fps)[1] + rays.along(1) * depth
-            height = np.clip((-above - self.top) / self.falloff, -60.0, 60.0)
-            thick = self.falloff * np.log1p(np.exp(-height)) * (1.0 + np.exp(height))
+        elif self.mist.top is not None:
+            height = self._height(frame, rays, depth)
+            thick = self.mist.falloff * np.log1p(np.exp(-height)) * (1.0 + np.exp(height))
             way += thick / max(sun[1], LOWEST)
+        # What the structure adds evens out: a lump that shaded itself would be a hole.
         way *= self._density(frame, rays, depth)
         return way
 
     def _from_middle(self, frame: Frame, rays: _Rays, depth: float) -> list[Any]:
         """Return the distance of rays at a depth from the bank's middle, house axes, in sigma."""
-        assert self.cloud.center is not None
         place = frame.path.place(frame.t, fps=frame.fps)
+        center, sides = self.mist.center, self.mist.box
         return [
-            (place[axis] + rays.along(axis) * depth - self.cloud.center[axis])
-            * (SIGMAS / self.cloud.sides[axis])
+            (place[axis] + rays.along(axis) * depth - center[axis]) * (SIGMAS / sides[axis])
             for axis in range(3)
         ]
 
@@ -243,38 +214,18 @@ def _mills(a: Any) -> Any:
     return np.where(a < 0.0, math.sqrt(math.tau) * np.exp(0.5 * far * far) - ratio, ratio)
 
 
-@dataclass
 class _Rays:
-    """Slopes of rays: x of columns (1, W), y of rows (H, 1)."""
+    """Slopes of the rays of a frame's samples: x of columns (1, W), y of rows (H, 1)."""
 
-    x: Array
-    y: Array
-    matrix: Float64
-
-    @staticmethod
-    def of(frame: Frame) -> _Rays:
-        """Return the rays of the pixels."""
-        height, width = frame.shape
-        return _Rays._at(frame, np.arange(height) + 0.5, np.arange(width) + 0.5)
-
-    @staticmethod
-    def coarse(frame: Frame) -> _Rays:
-        """Return the rays of the coarse samples."""
-        down, across = ((np.arange(count) - MARGIN + 0.5) * COARSE for count in coarse_shape(frame))
-        return _Rays._at(frame, down, across)
-
-    @staticmethod
-    def cells(frame: Frame) -> _Rays:
-        """Return the rays of the cells in which the sun's light is found."""
-        down, across = ((np.arange(-(-side // CELL)) + 0.5) * CELL for side in frame.shape)
-        return _Rays._at(frame, down, across)
-
-    @staticmethod
-    def _at(frame: Frame, down: Any, across: Any) -> _Rays:
+    def __init__(self, frame: Frame, step: int = 1, margin: int = 0) -> None:
+        # A sample every `step` px, and `margin` of them beyond each border.
+        down, across = (
+            (np.arange(-(-side // step) + 2 * margin) - margin + 0.5) * step for side in frame.shape
+        )
         cx, cy = frame.camera.principal(frame.shape)
-        x = ((across - cx) / frame.camera.focal).astype(np.float32)[None, :]
-        y = ((down - cy) / frame.camera.focal).astype(np.float32)[:, None]
-        return _Rays(x, y, frame.camera.matrix())
+        self.x = ((across - cx) / frame.camera.focal).astype(np.float32)[None, :]
+        self.y = ((down - cy) / frame.camera.focal).astype(np.float32)[:, None]
+        self._matrix = frame.camera.matrix()
 
     @property
     def slopes(self) -> tuple[Array, Array]:
@@ -283,7 +234,60 @@ class _Rays:
 
     def along(self, axis: int) -> Any:
         """Return the way of rays along a house axis for a depth of 1, (H, W), a row or a column."""
-        across, down, ahead = self.matrix[axis].astype(np.float32)
+        across, down, ahead = self._matrix[axis].astype(np.float32)
         # Plain zeros keep a camera that is not rolled at a row or a column.
         sideways = across * self.x if across else 0.0
         return sideways + (down * self.y if down else 0.0) + ahead
+
+
+class Skylight:
+    """The sky's light in the slices of a bank, from the nearest on; without a top it is one."""
+
+    def __init__(self, frame: Frame, extinction: float, *, has_top: bool) -> None:
+        longest = max(frame.shape)
+        self.cell = COARSE * math.ceil(longest / (COARSE * SKY_CELLS)) if has_top else longest
+        self.extinction, self.has_top = extinction, has_top
+        size = tuple(-(-side // self.cell) for side in frame.shape)
+        self.ground: float | Array = math.inf
+        if frame.depth is not None:
+            rows, columns = (
+                np.minimum(np.arange(count) * self.cell + self.cell // 2, side - 1)
+                for count, side in zip(size, frame.shape, strict=True)
+            )
+            self.ground = frame.depth[rows[:, None], columns]
+        # Where nothing is seen it has the sky's light.
+        self.through, self.seen, self.bright = (np.full(size, v) for v in (1.0, 1e-6, 1e-6))
+
+    def add(self, edges: list[float], density: Array) -> None:
+        """Take slices behind the others, (n, rows, columns) extinction on the coarse grid."""
+        if not self.has_top:
+            return
+        means = density[:, MARGIN:-MARGIN, MARGIN:-MARGIN]
+        for axis in (1, 2):
+            firsts = np.arange(0, means.shape[axis], self.cell // COARSE)
+            counts = np.diff(firsts, append=means.shape[axis]).reshape(-1, *(1,) * (2 - axis))
+            means = np.add.reduceat(means, firsts, axis=axis) / counts
+        for number, mean in enumerate(np.asarray(means, np.float64)):
+            thick = np.clip(self.ground - edges[number], 0.0, edges[number + 1] - edges[number])
+            passed = self.through * np.exp(-mean * thick)
+            taken = self.through - passed
+            above = _above(len(mean)) @ (mean / self.extinction)
+            self.bright += taken * (1.0 - TAKEN * -np.expm1(-STEEP * above))
+            self.seen += taken
+            self.through = passed
+
+    def shade(self, frame: Frame, light: Float64) -> Shade:
+        """Return the color of the gas in a sky of a light, (3,) linear."""
+        colors = ((self.bright / self.seen)[..., None] * light).astype(np.float32)
+        return Shade(colors, float(self.cell), (frame.window[0], frame.window[2]))
+
+
+@lru_cache(maxsize=8)
+def _above(rows: int) -> Float64:
+    """Return the matrix of the mean of what is above each row, by the exponential law."""
+    keep = math.exp(-1.0 / (REACH * rows))
+    down = np.subtract.outer(np.arange(rows), np.arange(rows))
+    matrix = np.where(down >= 0, (1.0 - keep) * keep ** np.maximum(down, 0), 0.0)
+    # Above the picture it goes on as at its upper border.
+    matrix[:, 0] += keep ** np.arange(1, rows + 1)
+    return np.asarray(matrix)

@@ -48,69 +48,90 @@ RINGS = 24
 _STRIDE, _SHORT = 7919, 1_000_003
 
 
-def long_waves(
-    frame: Frame, wind: Vector, spread: float, outer: float, depth: float, number: int
-) -> Array:
-    """Return the density of a slice over its mean in its long waves, coarse, float32.
-
-    Parameters
-    ----------
-    spread : float
-        Root mean square of the density's logarithm.
-    outer : float
-        Outer scale, in units of depth: longer waves have the power of this one (von Karman 1948).
-        Of endless gas the frame's own mean is 1, of other gas that of many frames.
-    depth, number
-        Of the slice.
-    """
-    shape = coarse_shape(frame)
-    tile, overlap = _tiles(frame, wind, shape)
-    seed = (frame.seed + _STRIDE * number) % 2**62
-    band = (LONG / COARSE, float(max(tile)))
-    field = np.empty(shape, np.float32)
-    size = frame.camera.focal * outer / depth
-    _field(frame, wind, depth, (tile, overlap), band, seed, 1.0 / COARSE, field, size)
-    variance = spread * spread * (1.0 - short_share(tile, size))
-    field *= np.float32(math.sqrt(variance))
-    np.exp(field, out=field)
-    inside = field[MARGIN:-MARGIN, MARGIN:-MARGIN]
-    field /= inside.mean() if math.isinf(outer) else np.float32(math.exp(0.5 * variance))
-    return field
-
-
-def short_waves(
-    frame: Frame, wind: Vector, spread: float, outer: float, depths: list[float], half: int,
-    out: Array,
-) -> tuple[Array, float]:  # fmt: skip
-    """Fill `out` (H, W) with the short waves of slices, variance 1; return it and their size.
-
-    The exponential of something so small is one more than it. Long waves of n slices have a
-    variance n times as small as those of one, which waves that all of them share must be told.
-    """
-    depth = sum(depths) / len(depths)
-    size = frame.camera.focal * outer / depth
-    share = short_share(_tiles(frame, wind, coarse_shape(frame))[0], size)
-    seed = (frame.seed + _STRIDE * half + _SHORT) % 2**62
-    tiles = FINE_APART if _flows(frame, wind) else FINE
-    _field(frame, wind, depth, tiles, (SHORTEST, LONG), seed, 1.0, out)
-    return out, spread * math.sqrt(share / len(depths))
-
-
 def coarse_shape(frame: Frame) -> tuple[int, int]:
     """Return the shape of the coarse samples, (rows, columns)."""
     height, width = (-(-side // COARSE) + 2 * MARGIN for side in frame.shape)
     return height, width
 
 
-@lru_cache(maxsize=32)
-def short_share(tile: tuple[int, int], outer: float) -> float:
-    """Return the share of the power below `LONG`, for a tile of the coarse grid, of gas of a size.
-
-    Parameters
-    ----------
-    outer : float
-        Outer scale, px of the frame.
+class Waves:
+    """The waves of the slices of a gas: `spread` is the root mean square of the logarithm of the
+    density, `outer` the outer scale in units of depth (von Karman 1948).
     """
+
+    def __init__(self, frame: Frame, wind: Vector, spread: float, outer: float) -> None:
+        self._frame, self._wind, self._spread, self._outer = frame, wind, spread, outer
+        path, axis = frame.path, frame.camera.matrix()[:, 2]
+        # Whether the view does not move as one.
+        self._flows = path.turns or path.zooms or comes_nearer(path, axis, 0.0, wind)
+        shape = coarse_shape(frame)
+        self._tile, self._overlap = (APART[0], APART[0]), APART[1]
+        if max(shape) <= (APART[0] if self._flows else TILE):
+            self._tile, self._overlap = (_quick(ROOM * shape[0]), _quick(ROOM * shape[1])), 0
+
+    def long(self, depth: float, number: int) -> Array:
+        """Return the density of a slice over its mean in its long waves, coarse, float32."""
+        seed = (self._frame.seed + _STRIDE * number) % 2**62
+        band = (LONG / COARSE, float(max(self._tile)))
+        field = np.empty(coarse_shape(self._frame), np.float32)
+        size = self._frame.camera.focal * self._outer / depth
+        self._fill(field, depth, (self._tile, self._overlap), band, seed, 1.0 / COARSE, size)
+        variance = self._spread * self._spread * (1.0 - _short_share(self._tile, size))
+        field *= np.float32(math.sqrt(variance))
+        np.exp(field, out=field)
+        inside = field[MARGIN:-MARGIN, MARGIN:-MARGIN]
+        field /= inside.mean() if math.isinf(self._outer) else np.float32(math.exp(0.5 * variance))
+        return field
+
+    def short(self, depths: list[float], half: int, out: Array) -> tuple[Array, float]:
+        """Fill `out` (H, W) with the short waves of slices, variance 1; add their size."""
+        # Long waves of n slices have a variance n times as small as those of one, which waves that
+        # all of them share must be told.
+        depth = sum(depths) / len(depths)
+        share = _short_share(self._tile, self._frame.camera.focal * self._outer / depth)
+        seed = (self._frame.seed + _STRIDE * half + _SHORT) % 2**62
+        tiles = FINE_APART if self._flows else FINE
+        self._fill(out, depth, tiles, (SHORTEST, LONG), seed, 1.0, math.inf)
+        return out, self._spread * math.sqrt(share / len(depths))
+
+    def _fill(
+        self, out: Array, depth: float, tiles: tuple[tuple[int, int], int],
+        band: tuple[float, float], seed: int, scale: float, outer: float,
+    ) -> None:  # fmt: skip
+        """Fill a grid with a field of variance 1 that moves as the air does at a depth."""
+        frame = self._frame
+        sizes: dict[str, Any] = {"tile": tiles[0], "overlap": tiles[1]}
+
+        def shift(then: Frame) -> Float64:
+            eye = then.camera
+            camera = eye if scale == 1.0 else _coarse(eye, then.shape, scale)
+            travel = then.travel(wind=self._wind)
+            moved = tile_drift(out.shape, travel, camera, near_depth=depth, **sizes)
+            if then.path.turns:
+                moved = moved + tile_shift(out.shape, then.rotation(), camera, **sizes)
+            return np.asarray(moved + scale * np.array(eye.center_shift))
+
+        edges = gains = None
+        if not math.isinf(outer):
+            edges = np.geomspace(*band, RINGS + 1)
+            gains = _gain(np.sqrt(edges[1:] * edges[:-1]), scale * outer)
+        asked = request(
+            out.shape, drift=NOWHERE, shift=shift(frame), seed=seed, **sizes, wavelengths=band,
+            exponent=EXPONENT, velocity=None, shift_rate=None, alias="keep", soft_from=SOFT_FROM,
+            shutter=0.0, jitter=False, shortest=None, ring_edges=edges, ring_gains=gains,
+            blend="power", enveloped=False,
+        )  # fmt: skip
+        lap = frame.lap
+        if lap is not None:
+            begin, end = (shift(frame.later(t - frame.t)) for t in (lap.first, lap.end))
+            whole = np.ascontiguousarray((end - begin)[:, :, None])
+            asked = asked._replace(lap=(np.zeros_like(whole), whole, lap.part(frame.t)))
+        _core.field(out, asked, None, False)
+
+
+@lru_cache(maxsize=32)
+def _short_share(tile: tuple[int, int], outer: float) -> float:
+    """Return the share of the power below `LONG`, of a coarse tile and an outer scale, px."""
     height, width = (side * COARSE for side in tile)
     ky = np.arange(-(height // LONG), height // LONG + 1.0) / height
     kx = np.arange(-(width // LONG), width // LONG + 1.0) / width
@@ -129,79 +150,12 @@ def _gain(wavelength: Float64, outer: float) -> Float64:
     return np.asarray((1.0 + (wavelength / outer) ** 2) ** (-0.5 * EXPONENT))
 
 
-def _tiles(frame: Frame, wind: Vector, shape: tuple[int, int]) -> tuple[tuple[int, int], int]:
-    """Return tile and overlap of the coarse grid: one tile, if the view moves as one."""
-    if max(shape) > TILE or (max(shape) > APART[0] and _flows(frame, wind)):
-        return (APART[0], APART[0]), APART[1]
-    down, across = (_quick(math.ceil(ROOM * side)) for side in shape)
-    return (down, across), 0
-
-
-def _flows(frame: Frame, wind: Vector) -> bool:
-    """Whether the view does not move as one."""
-    path, axis = frame.path, frame.camera.matrix()[:, 2]
-    return path.turns or path.zooms or comes_nearer(path, axis, 0.0, wind)
-
-
-def _quick(side: int) -> int:
+def _quick(length: float) -> int:
     """Return the next even size that a Fourier transform is quick for."""
-    side = max(side + side % 2, 16)
-    while _rest(side) > 1:
+    side = max(2 * math.ceil(math.ceil(length) / 2), 16)
+    while 60**20 % side:
         side += 2
     return side
-
-
-def _rest(size: int) -> int:
-    """Return a size divided by all its factors 2, 3 and 5."""
-    for factor in (2, 3, 5):
-        while size % factor == 0:
-            size //= factor
-    return size
-
-
-def _field(
-    frame: Frame, wind: Vector, depth: float, tiles: tuple[Any, int], band: tuple[float, float],
-    seed: int, scale: float, out: Array, outer: float = math.inf,
-) -> None:  # fmt: skip
-    """Fill a grid with a field of variance 1 that moves as the air does at a depth.
-
-    Waves longer than `outer`, px of the frame, have no more power than those of this length.
-    """
-    shape = out.shape
-
-    def shift_at(then: Frame) -> Float64:
-        return _shift(then, wind, depth, shape, tiles, scale)
-
-    edges = gains = None
-    if not math.isinf(outer):
-        edges = np.geomspace(*band, RINGS + 1)
-        gains = _gain(np.sqrt(edges[1:] * edges[:-1]), scale * outer)
-    asked = request(
-        shape, drift=NOWHERE, shift=shift_at(frame), seed=seed, tile=tiles[0], overlap=tiles[1],
-        wavelengths=band, exponent=EXPONENT, velocity=None, shift_rate=None, alias="keep",
-        soft_from=SOFT_FROM, shutter=0.0, jitter=False, shortest=None, ring_edges=edges,
-        ring_gains=gains, blend="power", enveloped=False,
-    )  # fmt: skip
-    lap = frame.lap
-    if lap is not None:
-        begin, end = (shift_at(frame.later(t - frame.t)) for t in (lap.first, lap.end))
-        whole = np.ascontiguousarray((end - begin)[:, :, None])
-        asked = asked._replace(lap=(np.zeros_like(whole), whole, lap.part(frame.t)))
-    _core.field(out, asked, None, False)
-
-
-def _shift(
-    frame: Frame, wind: Vector, depth: float, shape: tuple[int, int], tiles: tuple[Any, int],
-    scale: float,
-) -> Float64:  # fmt: skip
-    """Return the shift of the gas at a depth at each tile of a grid, (rows, cols, 2)."""
-    eye = frame.camera
-    camera = eye if scale == 1.0 else _coarse(eye, frame.shape, scale)
-    sizes: dict[str, Any] = {"tile": tiles[0], "overlap": tiles[1]}
-    shift = tile_drift(shape, frame.travel(wind=wind), camera, near_depth=depth, **sizes)
-    if frame.path.turns:
-        shift = shift + tile_shift(shape, frame.rotation(), camera, **sizes)
-    return np.asarray(shift + scale * np.array(eye.center_shift))
 
 
 def _coarse(eye: Camera, shape: tuple[int, int], scale: float) -> Camera:

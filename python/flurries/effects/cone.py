@@ -6,12 +6,14 @@ Fall, wind, shutter and the size of drops mean what they mean in `TentRain` and 
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from typing import Any, ClassVar
 
 from flurries import cone
-from flurries._contract import flag, integer, real, suggesting
+from flurries._contract import Array, flag, integer, real, suggesting
 from flurries.effects.checks import (
     FALL,
     Check,
@@ -26,7 +28,7 @@ from flurries.effects.checks import (
 )
 from flurries.effects.color import Color
 from flurries.effects.described import Described
-from flurries.effects.double_cone import FARTHEST, DoubleCone, tile_metres
+from flurries.effects.double_cone import FARTHEST, DoubleCone
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import preset
 from flurries.effects.motion import Motion
@@ -63,27 +65,60 @@ _SNOW: dict[str, Check] = {
 }
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Cone(metaclass=Described):
+    """What rain and snow on a cone share."""
+
+    amount: Number = 1.0
+    fall: Number = 8.0
+    wind: Vector | Wind = (0.56, 0.0, 0.0)
+    color: Color = (0.86, 0.88, 0.92)
+    haze: Number = 0.08
+    shutter: Number = 0.5
+    gain: float = 3.0
+    conserve: bool = True
+    damping: float = 1.0
+    radius: float = 3.0
+    repeats: int = 5
+    slope: float = 0.0
+    tile: int = 512
+    look: str = "v1"
+    seed: int | None = None
+
+    NAME: ClassVar[str]
+    PRESETS: ClassVar[Mapping[str, dict[str, Any]]]
+
+    @property
+    def _tile_metres(self) -> float:
+        """The metres that a tile of the first layer stands for."""
+        return 2.0 * math.pi * self.radius / self.repeats
+
+    def _parts(
+        self, make: Callable[..., cone.Texture] | None, length: float, gains: tuple[float, ...],
+        flakes: Flakes | None = None,
+    ) -> Precipitation[DoubleCone]:  # fmt: skip
+        motion = Motion(self.fall, self.wind, self.shutter)
+        sheet = part_of(DoubleCone, self, motion=motion, make=make, length=length, gains=gains)
+        veil = Veil(self.haze, FARTHEST * self.radius)
+        return part_of(
+            Precipitation, self, name=self.NAME, motion=motion, texture=sheet, flakes=flakes,
+            veil=veil,
+        )  # fmt: skip
+
+
 @suggesting
 @dataclass(frozen=True, kw_only=True)
-class ConeRain(metaclass=Described):
+class ConeRain(_Cone):
     """Rain on a double cone: the cost of a frame does not depend on how heavy it is.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.
 
     Parameters
     ----------
-    amount : float
-        Strength of the whole effect, 0 to 1. Keyed.
-    fall : float
-        Fall speed, metres per second. Keyed.
+    amount, fall, color, haze, look, seed
+        As in :class:`TentRain`.
     wind : (x, y, z) or Wind
-        Air velocity, metres per second, x right, y down, z away from the camera. Keyed. A
-        :class:`flurries.Wind` counts with its mean velocity, because a cone has one axis.
-    color : float, (r, g, b), "#rrggbb" or "ambient"
-        Display values, 0 to 1. Keyed. "ambient" as in :class:`TentSnow`.
-    haze : float
-        Opacity of an even veil, 0 to 1; in a scene with a depth, of the veil in front of the
-        farthest rain. Keyed.
+        As there; a :class:`flurries.Wind` counts with its mean velocity, as a cone has one axis.
     shutter : float
         Exposure in frames, centred on the frame: how long the streaks are. Keyed: streaks grow and
         shrink about the cone's equator, and drops keep their speed there.
@@ -110,19 +145,11 @@ class ConeRain(metaclass=Described):
         Radius over height of the cone; 0 is a cylinder, in exact perspective.
     tile : int
         Side of the texture's tile in texels, 16 to 2048.
-    look : {"v1"}
-        Version of the presets.
-    seed : int, optional
-        Seed of this effect; the scene's seed if not given.
 
     Raises
     ------
     ValueError, TypeError
         For an argument outside its range; the message names it.
-
-    Notes
-    -----
-    Wang 2004, corrected: ``docs/internals/deviations.md``. Two eyes see each layer at its distance.
 
     Examples
     --------
@@ -132,32 +159,17 @@ class ConeRain(metaclass=Described):
     (120, 160, 3)
     """
 
-    amount: Number = 1.0
-    fall: Number = 8.0
-    wind: Vector | Wind = (0.56, 0.0, 0.0)
-    color: Color = (0.86, 0.88, 0.92)
-    haze: Number = 0.08
-    shutter: Number = 0.5
-    gain: float = 3.0
-    conserve: bool = True
     drops: int = 700
     drop_size: float = 0.004
     drop_length: float = 0.05
     spread: float = 0.7
-    damping: float = 1.0
-    radius: float = 3.0
-    repeats: int = 5
-    slope: float = 0.0
-    tile: int = 512
-    look: str = "v1"
-    seed: int | None = None
 
     NAME: ClassVar[str] = "cone_rain"
-    PRESETS: ClassVar[dict[str, dict[str, Any]]] = CONE_RAIN
+    PRESETS: ClassVar[Mapping[str, dict[str, Any]]] = CONE_RAIN
 
     def __post_init__(self) -> None:
         settle(self, _RAIN)
-        most = 0.5 * tile_metres(self.radius, self.repeats)
+        most = 0.5 * self._tile_metres
         if self.drop_length > most:
             raise ValueError(
                 f"drop_length must be at most half a tile ({most:g} m), got {self.drop_length!r}"
@@ -171,101 +183,52 @@ class ConeRain(metaclass=Described):
     @cached_property
     def parts(self) -> Precipitation[DoubleCone]:
         """The parts of the effect."""
-        motion = Motion(self.fall, self.wind, self.shutter)
-        metres = tile_metres(self.radius, self.repeats)
-        sheet = part_of(
-            DoubleCone,
-            self,
-            motion=motion,
-            make=partial(
-                _rain, self.tile, drops=self.drops, width=self.drop_size / metres,
-                length=self.drop_length / metres, spread=self.spread,
-            ),
-            length=self.drop_length,
-            gains=(0.3, 0.55, 0.8, 1.0),
+        metres = self._tile_metres
+        make = partial(
+            _texture, cone.rain_tile, self.tile, drops=self.drops, width=self.drop_size / metres,
+            length=self.drop_length / metres, spread=self.spread,
         )  # fmt: skip
-        return part_of(
-            Precipitation,
-            self,
-            name=self.NAME,
-            motion=motion,
-            texture=sheet,
-            flakes=None,
-            veil=Veil(self.haze, FARTHEST * self.radius),
-        )
+        return self._parts(make, self.drop_length, (0.3, 0.55, 0.8, 1.0))
 
 
 @suggesting
 @dataclass(frozen=True, kw_only=True)
-class ConeSnow(metaclass=Described):
-    """Snow on a double cone, with flakes that sway in front.
-
-    All flakes of a texture move alike, but light snow sways; particles show that, as in the paper.
-    `flakes` of them fall in front of the cone, with the same fall speed and wind.
-
-    Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.
+class ConeSnow(_Cone):
+    """Snow on a double cone, with flakes that sway in front, since those of a texture move alike.
 
     Parameters
     ----------
-    amount, wind, color, haze, gain, conserve, damping, radius, repeats, slope, tile, look, seed
+    amount, fall, wind, color, haze, shutter, gain, conserve, damping, radius, repeats, slope, \
+tile, look, seed
         As in :class:`ConeRain`.
-    fall : float
-        Fall speed in still air, metres per second. Keyed.
-    shutter : float
-        Exposure in frames. Keyed.
     texture_flakes : int
         Flakes in a tile of the cone's texture; 0 leaves the cone out.
     flakes : int
         Number of flakes that are drawn one by one up to the depth `radius`; 0 draws none.
     flake_size : (smallest, largest)
-        Smallest and largest diameter in metres, of the flakes in the texture and of those in front.
+        Diameters in metres, of the flakes in the texture and of those in front.
     flake_opacity : float
         Opacity of a flake, 0 to 1: the mean over the disc of those in front, .99 at most, and that
         of the middle of those in the texture.
     sway : (amplitude, rate)
         Amplitude in metres and rate in radians per second. Each flake in front swings with a phase
         of its own.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument outside its range; the message names it.
-
-    Notes
-    -----
-    Wang 2004, corrected: ``docs/internals/deviations.md``.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> snow = fl.ConeSnow.preset("heavy", wind=(1.0, 0.0, 0.0))
-    >>> snow.texture_flakes > fl.ConeSnow.preset("light").texture_flakes
-    True
     """
 
-    amount: Number = 1.0
     fall: Number = 1.4
     wind: Vector | Wind = (0.36, 0.0, 0.0)
     color: Color = 0.98
     haze: Number = 0.04
     shutter: Number = 0.35
     gain: float = 5.0
-    conserve: bool = True
     texture_flakes: int = 1500
     flakes: int = 300
     flake_size: tuple[float, float] = (0.008, 0.018)
     flake_opacity: float = 0.9
     sway: tuple[float, float] = (0.06, 2.0)
-    damping: float = 1.0
-    radius: float = 3.0
-    repeats: int = 5
-    slope: float = 0.0
-    tile: int = 512
-    look: str = "v1"
-    seed: int | None = None
 
     NAME: ClassVar[str] = "cone_snow"
-    PRESETS: ClassVar[dict[str, dict[str, Any]]] = CONE_SNOW
+    PRESETS: ClassVar[Mapping[str, dict[str, Any]]] = CONE_SNOW
 
     def __post_init__(self) -> None:
         settle(self, _SNOW)
@@ -278,25 +241,16 @@ class ConeSnow(metaclass=Described):
     @cached_property
     def parts(self) -> Precipitation[DoubleCone]:
         """The parts of the effect."""
-        motion = Motion(self.fall, self.wind, self.shutter)
         small, large = self.flake_size
         mean = 0.5 * (small + large)
         # A flake's radius is three sigma; the width of a tile's flake is two.
-        width = mean / 3.0 / tile_metres(self.radius, self.repeats)
-        spread = min(2.0 * (large - small) / (large + small), 1.0)
-        sheet = part_of(
-            DoubleCone,
-            self,
-            motion=motion,
-            make=partial(
-                _snow, self.tile, flakes=self.texture_flakes, width=width, spread=spread,
-                opacity=self.flake_opacity,
-            ) if self.texture_flakes else None,
-            length=mean,
-            gains=(0.8, 1.0, 1.0, 1.0),
+        make = partial(
+            _texture, cone.snow_tile, self.tile, flakes=self.texture_flakes,
+            width=mean / 3.0 / self._tile_metres, opacity=self.flake_opacity,
+            spread=min(2.0 * (large - small) / (large + small), 1.0),
         )  # fmt: skip
         flakes = Flakes(
-            motion=motion,
+            motion=Motion(self.fall, self.wind, self.shutter),
             keyed=isinstance(self.amount, Keys),
             number=self.flakes,
             reach=self.radius,
@@ -304,30 +258,10 @@ class ConeSnow(metaclass=Described):
             opacity=self.flake_opacity,
             sway=self.sway,
         )
-        return part_of(
-            Precipitation,
-            self,
-            name=self.NAME,
-            motion=motion,
-            texture=sheet,
-            flakes=flakes,
-            veil=Veil(self.haze, FARTHEST * self.radius),
-        )
+        shown = make if self.texture_flakes else None
+        return self._parts(shown, mean, (0.8, 1.0, 1.0, 1.0), flakes)
 
 
-@lru_cache(maxsize=8)
-def _rain(
-    size: int, seed: int, drops: int, width: float, length: float, spread: float
-) -> cone.Texture:
-    return cone.Texture(
-        cone.rain_tile(size, seed=seed, drops=drops, width=width, length=length, spread=spread)
-    )
-
-
-@lru_cache(maxsize=8)
-def _snow(
-    size: int, seed: int, flakes: int, width: float, spread: float, opacity: float
-) -> cone.Texture:
-    return cone.Texture(
-        cone.snow_tile(size, seed=seed, flakes=flakes, width=width, spread=spread, opacity=opacity)
-    )
+@lru_cache(maxsize=16)
+def _texture(make: Callable[..., Array], size: int, *, seed: int, **about: Any) -> cone.Texture:
+    return cone.Texture(make(size, seed=seed, **about))

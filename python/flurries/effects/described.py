@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 # What frames ask of an effect, and users do not.
-INNER = {"KNOBS", "NAME", "filling", "parts"}
+INNER = {"KNOBS", "NAME", "parts"}
 
 
 class Described(type):

@@ -1,8 +1,4 @@
-"""A texture on a double cone around the camera (Wang 2004), moved by the camera's way.
-
-Everything is a function of the scene and t. What is kept here is kept by content, to save time, and
-never changes a bit.
-"""
+"""A texture on a double cone around the camera (Wang 2004), moved by the camera's way."""
 
 from __future__ import annotations
 
@@ -10,21 +6,19 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from flurries import cone
 from flurries._contract import Array, Float64
-from flurries._threads import reproducible
-from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.cone.sheet import wrapped
 from flurries.effects.motion import Motion, air_course, camera_course
 from flurries.effects.passes import plane_motion, rays
 from flurries.frame.needs import LeftOut, Needs, Step
 from flurries.frame.view import Frame, Lap
-from flurries.motion.keys import Keys, Number
+from flurries.motion.keys import Keys
 
 # Below this speed, m/s, the air hardly moves relative to the camera; a cone that turned over there
 # would be seen to.
@@ -36,23 +30,12 @@ FARTHEST = 8
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DoubleCone:
-    """Four layers of one texture; the fields are those of `ConeRain` and `ConeSnow` but for these.
-
-    Attributes
-    ----------
-    motion : Motion
-        What moves them.
-    make : callable, optional
-        Gives the texture of a seed; None where there are no drops.
-    length : float
-        Of a drop in still air, metres.
-    gains : (4,) floats
-        Of the layers, nearest first: what is large and near must not outshine the rest.
-    """
+    """Four layers of one texture; the last six fields are those of `ConeRain` and `ConeSnow`."""
 
     motion: Motion
-    make: Callable[[int], cone.Texture] | None
-    length: float
+    make: Callable[..., cone.Texture] | None  # Gives the texture of a seed; None without drops.
+    length: float  # Of a drop in still air, metres.
+    # Of the layers, nearest first: what is large and near must not outshine the rest.
     gains: tuple[float, ...]
     gain: float
     conserve: bool
@@ -80,18 +63,11 @@ class DoubleCone:
         return replace(state, phase=wrapped(state.phase - rest))
 
     def beyond(self, path: CameraPath, fps: float, lap: Lap) -> tuple[float, float]:
-        """Return by how many tiles a round misses a whole number, and how many it passes.
-
-        The nearest one; where anything moves one at least, or rain would stand still.
-        """
+        """Return by how many tiles a round misses a whole number, and how many it passes."""
         return _beyond(_path(self, path, fps), fps, lap)
 
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
-        """Return motions to other frames (h, w, 2) and depth (h, w), means of the layers.
-
-        A layer lies where a pixel's ray meets its cone; each is weighed by what it shows before
-        those behind it.
-        """
+        """Return motions to other frames (h, w, 2) and depth (h, w): means of what shows."""
         top, bottom, left, right = frame.window
         shape = (bottom - top, right - left)
         way_of = rays(frame)
@@ -100,8 +76,9 @@ class DoubleCone:
         nearest = self.radius / np.maximum(aside + self.slope * np.abs(along), 1e-3)
         depth, through, shown = np.zeros(shape), np.ones(shape), np.zeros(shape)
         for number, gain in enumerate(self.gains):
-            gains = tuple(gain if place == number else 0.0 for place in range(len(self.gains)))
-            alpha = replace(self, gains=gains).alpha(frame, 1.0)
+            gains = np.zeros(len(self.gains))
+            gains[number] = self.gain * gain
+            alpha = self._drawn(frame, gains)
             share = through * alpha
             depth += share * nearest * 2.0**number
             shown += share
@@ -116,31 +93,25 @@ class DoubleCone:
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         """Return the joint alpha of the layers over the window, (h, w) float32."""
+        return self._drawn(frame, np.array([amount * self.gain * gain for gain in self.gains]))
+
+    def _drawn(self, frame: Frame, gains: Float64) -> Array:
         assert self.make is not None
         top, bottom, left, right = frame.window
-        rows, state = (top, bottom), self.state(frame)
-        pose = Pose(
-            frame.shape, frame.camera, state.axis, state.stretch, self.slope, self.repeats,
-            self.radius,
-        )  # fmt: skip
-        if frame.depth is None:
-            # Asked for once for all bands of a frame, which are not frames of one pose.
-            mapping = frame.once_each(self, "chart", lambda: chart(pose))
-        else:
-            mapping = pose.mapping(rows=rows, depth=frame.depth)
+        state = self.state(frame)
         alpha = cone.layers(
-            pose.shape,
-            pose.camera,
-            self.make(frame.seed),
-            axis=pose.axis,
+            frame.shape,
+            frame.camera,
+            self.make(seed=frame.seed),
+            axis=state.axis,
             phase=state.phase,
-            stretch=pose.stretch,
-            slope=pose.slope,
-            repeats=pose.repeats,
-            radius=pose.radius,
-            mapping=mapping,
-            rows=rows,
-            gains=[amount * self.gain * layer for layer in self.gains],
+            stretch=state.stretch,
+            slope=self.slope,
+            repeats=self.repeats,
+            radius=self.radius,
+            depth=frame.depth,
+            rows=(top, bottom),
+            gains=gains,
             conserve=self.conserve,
         )
         return alpha[:, left:right]
@@ -151,10 +122,13 @@ def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
     """Return the cone over a whole film; times are seconds."""
     motion = part.motion
     air, camera = air_course(fps, motion.fall, motion.mean_wind), camera_course(path, fps)
-    shutter = _shutter(motion.shutter)
+    shutter = motion.shutter
     knots = np.union1d(air.knots, camera.knots)
+    at: Any = [0.0]
+    exposures: Any = [shutter]
     if isinstance(shutter, Keys):
-        knots = np.union1d(knots, [frame for frame, _ in shutter.keys])
+        at, exposures = zip(*shutter.keys, strict=True)
+        knots = np.union1d(knots, at)
     # Frames between the first and the last knot, at which the axis is looked at; what lies outside
     # does not change.
     ends = np.array([*knots, 0.0])
@@ -167,7 +141,7 @@ def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
         twice / fps,
         *velocity,
         damping=part.damping,
-        exposure=_exposures(shutter, twice) / fps,
+        exposure=np.interp(twice, at, exposures) / fps,
         length=part.length,
         radius=part.radius,
         repeats=part.repeats,
@@ -181,83 +155,7 @@ def _beyond(path: cone.Path, fps: float, lap: Lap) -> tuple[float, float]:
     steps = np.diff(phases)
     passed = float((steps - np.round(steps)).sum())
     whole = float(round(passed))
+    # Where anything moves one at least, or rain would stand still.
     if whole == 0.0 and abs(passed) > 1e-6:
         whole = math.copysign(1.0, passed)
     return passed - whole, passed
-
-
-def _shutter(shutter: Number) -> Number:
-    """Return keys of one value as the number: the same times, and the same bits."""
-    if not isinstance(shutter, Keys):
-        return shutter
-    values = {value for _, value in shutter.keys}
-    return values.pop() if len(values) == 1 else shutter
-
-
-def _exposures(shutter: Number, frames: Float64) -> Float64:
-    if not isinstance(shutter, Keys):
-        return np.full(len(frames), shutter)
-    at, values = zip(*shutter.keys, strict=True)
-    return np.asarray(np.interp(frames, at, values))
-
-
-def tile_metres(radius: float, repeats: int) -> float:
-    """Return the metres that a tile of the first layer stands for."""
-    return 2.0 * math.pi * radius / repeats
-
-
-class Pose(NamedTuple):
-    """The values that a chart of a cone depends on: two frames of one pose share it."""
-
-    shape: tuple[int, int]
-    camera: Camera
-    axis: tuple[float, float, float]
-    stretch: float
-    slope: float
-    repeats: int
-    radius: float
-
-    def mapping(
-        self, *, rows: tuple[int, int] | None = None, depth: Array | None = None
-    ) -> cone.Mapping:
-        """Return the chart of rows of the picture, in front of a depth."""
-        return cone.Mapping(
-            self.shape,
-            self.camera,
-            axis=self.axis,
-            stretch=self.stretch,
-            slope=self.slope,
-            repeats=self.repeats,
-            radius=self.radius,
-            rows=rows,
-            depth=depth,
-        )
-
-
-# Poses that were asked for once; the second time a chart is made and kept. Two eyes take turns.
-_recent: list[Pose] = []
-_charts: dict[tuple[Pose, bool], cone.Mapping] = {}
-_MOST = 4
-
-# A chart is three words a pixel: those of large pictures are not kept.
-LARGEST_CHART = 1 << 22
-
-
-def chart(pose: Pose) -> cone.Mapping | None:
-    """Return a chart of a pose that stays, None for one that is new and may be gone at once."""
-    if pose.shape[0] * pose.shape[1] > LARGEST_CHART:
-        return None
-    # A chart of the reproducible mode is another one.
-    key = pose, reproducible()
-    found = _charts.get(key)
-    if found is not None:
-        return found
-    if pose not in _recent:
-        # New lists in place of changed ones: another thread may be reading.
-        _recent[:] = [pose, *_recent[: _MOST - 1]]
-        return None
-    made = pose.mapping()
-    while len(_charts) >= _MOST:
-        _charts.pop(next(iter(_charts)), None)
-    _charts[key] = made
-    return made

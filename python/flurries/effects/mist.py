@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import InitVar, dataclass, fields
+from dataclasses import InitVar, dataclass
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
 
-from flurries._contract import choice, flag, integer, real, seed_of, suggestion, vector
-from flurries.effects.bank import Bank
-from flurries.effects.checks import Check, length, one_of, optional, part, part_of, settle, share
-from flurries.effects.cloud import MOST, Cloud
+from flurries._contract import choice, flag, integer, real, seed_of, vector
+from flurries.effects.checks import Check, length, one_of, optional, part, settle, share
 from flurries.effects.color import AMBIENT, LOCAL, Color, as_color
 from flurries.effects.described import Described
-from flurries.effects.filling import Filling, values_of
 from flurries.effects.knobs import knobs
 from flurries.effects.looks import LOOKS, mist_density, severity_of
 from flurries.effects.presets import BANKS, MIST, MistLook
-from flurries.effects.sunlight import SCATTER, Law, Scatter
-from flurries.effects.vapor import Vapor
+from flurries.effects.sunlight import SCATTER, Law
+from flurries.effects.vapor import MOST, Vapor, values_of
 from flurries.gas.splatting import FOOTPRINTS, Footprint
-from flurries.motion.keys import Number, Vector, as_number, as_vector, value_at
+from flurries.motion.keys import Number, Vector, as_number, as_vector
 
 # The paper's fog: a radius of .45 in a box of 5.
 RADIUS = 0.09
@@ -62,8 +59,8 @@ def _of_severity(value: object, given: Mapping[str, Any]) -> dict[str, Any]:
         raise TypeError("severity and visibility say the same: give one of them")
     if "density" in given:
         raise TypeError("severity and density say the same: give one of them")
-    box = Mist(**given)
-    thick = box.filling.extinction(1.0) * box.parts.cloud.through
+    vapor = Mist(**given).parts
+    thick = vapor.extinction(1.0) * vapor.through
     return {"density": mist_density(severity, thick)}
 
 
@@ -88,11 +85,10 @@ class Mist(metaclass=Described):
     count : int, optional
         Particles in the box. If neither this nor `visibility` is given, the fog's 1200.
     visibility : float, optional
-        Distance in metres at which a black object keeps 5 % of its contrast, in place of a count
-        (:func:`flurries.gas.count_for_visibility`). Keyed: the density follows. With `count` the
-        density follows from both, in place of `density`.
+        Distance in metres at which a black object keeps 5 % of its contrast, in place of a count.
+        Keyed: the density follows. With `count` the density follows from both.
     radius : float, optional
-        Radius of a particle, three sigma, metres; 0.09 of the box if not given.
+        Three sigma of a particle, metres; 0.09 of the box if not given.
     density : float
         Opacity in the middle of a particle, 0 to 1. Keyed.
     color : float, (r, g, b), "#rrggbb", "ambient" or "local"
@@ -105,32 +101,26 @@ class Mist(metaclass=Described):
         Sides of the box that the gas fills, metres. If not given, 5, or 1.2 times the visibility.
     center : (x, y, z), optional
         Middle of the box in the world, house axes, metres. If not given, the box goes with the
-        camera, which stands inside. It is then as wide as the view at its far end, and holds more
-        particles at the same density.
+        camera, which stands inside, and is as wide as the view at its far end.
     depths : (near, far), optional
         Only the gas between these depths, metres: one effect can stand behind flakes, and another
         of the same seed in front of them.
     footprint : str
-        See :func:`flurries.gas.splat`. Particles nearer than four radii are always drawn by their
-        line integral.
+        See :func:`flurries.gas.splat`; particles nearer than four radii are line integrals.
     near : float
         Depth before which nothing is drawn, metres.
     lit : bool
-        Whether the scene's sun lights the gas, and the gas shades itself. Lamps light it in any
-        case.
+        Whether the scene's sun lights the gas, and the gas shades itself. Lamps always light it.
     forward : float
         Share of the sun's light that a particle passes on to those behind it, 0 to 1.
-    scatter : {"rayleigh", "henyey", "even"}
+    scatter, asymmetry : {"rayleigh", "henyey", "even"}, float
         The phase function, see :func:`flurries.gas.phase`.
-    asymmetry : float
-        Asymmetry of "henyey", -0.99 to 0.99.
     structure : float
         Detail at every scale, from the size of the bank down to 4 px: the root mean square of the
-        logarithm of the density in a slice of the gas, 0 to 2. The gas is then not made of
-        particles: it is a bank with soft ends and the same mean extinction. 0 is the paper's gas.
+        logarithm of the density in a slice of the gas, 0 to 2. The gas is then no particles but a
+        bank with soft ends and the same mean extinction. 0 is the paper's gas.
     top : float, optional
         Height above which the mist thins, metres above the camera at frame 0, with `structure`.
-        Without it the mist has no top.
     falloff : float
         Height in metres over which the density falls from .73 to .27 at the top.
     look : {"v1"}
@@ -148,20 +138,12 @@ class Mist(metaclass=Described):
     ValueError, TypeError
         For an argument outside its range; the message names it.
 
-    Notes
-    -----
-    Johnson 2005, section 4: the presets "clouds", "mist" and "fog" have the paper's numbers. The
-    paper does not say how large its box was. With `structure` the logarithm of the density has the
-    spectrum of a passive gas in turbulence, k^(-11/3) in each slice (Kolmogorov 1941).
-
     Examples
     --------
     >>> import flurries as fl
     >>> fog = fl.Mist.preset("fog", wind=(0.4, 0.0, 0.0))
     >>> fog.count, round(fog.extinction(), 3)
     (1200, 0.515)
-    >>> round(fl.gas.visibility(fl.Mist(visibility=40.0).extinction()))
-    40
     """
 
     amount: Number = 1.0
@@ -201,34 +183,12 @@ class Mist(metaclass=Described):
         settle(self, _CHECKS)
         if self.top is not None and self.structure == 0.0:
             raise ValueError("top is of mist with structure: give a structure above 0 as well")
-        self.filling.require()
-
-    @cached_property
-    def filling(self) -> Filling:
-        """The gas that fills the box."""
-        return Filling(
-            asked=self.count,
-            visibility=self.visibility,
-            opacity=self.density,
-            radius=self.radius,  # type: ignore[arg-type]
-            volume=float(np.prod(self.box)),  # type: ignore[arg-type]
-        )
+        self.parts.require()
 
     @cached_property
     def parts(self) -> Vapor:
         """The parts of the effect."""
-        filling, bank = self.filling, None
-        cloud = part_of(
-            Cloud,
-            self,
-            sides=self.box,
-            count=filling.count,
-            scatter=Scatter(self.scatter, self.asymmetry, self.forward),
-        )
-        if self.structure > 0.0:
-            thick = filling.extinction(filling.density(0.0))
-            bank = part_of(Bank, self, cloud=cloud, extinction=thick)
-        return part_of(Vapor, self, name=self.NAME, filling=filling, cloud=cloud, bank=bank)
+        return Vapor(self)
 
     def _sides(self) -> tuple[float, float, float]:
         if self.box is None:
@@ -242,42 +202,32 @@ class Mist(metaclass=Described):
 
     @classmethod
     def preset(cls, name: MistLook, **changes: Any) -> Mist:
-        """Return a look by name.
+        """Return a look by name; further arguments replace single values of it.
 
-        "clouds", "mist" and "fog" are the paper's, made of particles; "valley", "ground", "bank"
-        and "cumulus" have structure.
-
-        Further arguments replace single values of it; a `visibility` replaces its count.
+        "clouds", "mist" and "fog" are the paper's, of particles (Johnson 2005, section 4);
+        "valley", "ground", "bank" and "cumulus" have structure.
         """
         values: dict[str, Any] = dict(cls.PRESETS[choice("preset", name, tuple(cls.PRESETS))])
-        if changes.get("visibility_m") is not None:
-            if "visibility" in changes:
-                raise TypeError("visibility_m and visibility say the same: give one of them")
-            changes["visibility"] = real("visibility_m", changes.pop("visibility_m"), above=0.0)
+        far = changes.get("visibility") or changes.get("visibility_m")
         if changes.get("severity") is not None:
             # The rest of the look stays.
             values.pop("density", None)
-        unknown = set(changes) - {f.name for f in fields(cls)} - {"severity"}
-        if unknown:
-            near = suggestion(min(unknown), [f.name for f in fields(cls)])
-            raise TypeError(f"Mist has no field {min(unknown)!r}{near}")
-        if changes.get("visibility") is not None:
+        if far is not None:
             # The look keeps its grain: particles grow with the box.
             values.pop("count", None)
-            if "radius" in values and "box" not in changes and "radius" not in changes:
-                values["radius"] = (
-                    values["radius"] / 5.0 * REACH * max(values_of(changes["visibility"]))
-                )
+            values.pop("visibility", None)
+            if "radius" in values and "box" not in changes:
+                box = REACH * max(values_of(_VISIBILITY("visibility", far)))
+                values["radius"] = values["radius"] / 5.0 * box
         return cls(**{**values, **changes})
 
     def particles_in_box(self) -> int:
         """Return the number of particles in the box of the given sides."""
-        return self.filling.count
+        return self.parts.count
 
     def extinction(self, t: float = 0.0) -> float:
         """Return beta at `t`, per metre; see :func:`flurries.gas.extinction`."""
-        filling = self.filling
-        return filling.extinction(float(value_at(self.amount, t)) * filling.density(t))
+        return self.parts.extinction(self.parts.density(t))
 
 
 def _depths(depths: Any) -> tuple[float, float]:

@@ -24,9 +24,8 @@ from flurries.frame.matte import Deep, Front
 from flurries.frame.mixing import Mix
 from flurries.frame.needs import Kept, LeftOut, Needs, Run, has_keys, needs_of
 from flurries.frame.view import Frame, Lap
-from flurries.light.lamp import Lamp
+from flurries.light.lamp import Lamp, Sun
 from flurries.light.plate import PlateLight, ambient_light, plate_light
-from flurries.light.sun import Sun
 from flurries.trace import current
 
 _Found = TypeVar("_Found")

@@ -16,9 +16,8 @@ from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_vector
 from flurries.frame.matte import Deep
 from flurries.frame.needs import Run, needs_of
-from flurries.light.lamp import Lamp
+from flurries.light.lamp import Lamp, Sun
 from flurries.light.plate import PlateLight
-from flurries.light.sun import Sun
 from flurries.motion.keys import Number, Vector
 
 _Made = TypeVar("_Made")

@@ -1,9 +1,8 @@
 """What a billboard parallel to the viewplane gets wrong (Johnson 2005, section 3, corrected).
 
 The point looked at is the middle of a billboard's right edge, C + r u. Parallel to the viewplane u
-is (1, 0, 0); facing the eye it is (D, 0, -C_x) / S with S = hypot(C_x, D). The paper's u has the
-wrong sign in its last component, and its Eq. 12 a factor S too many: see
-``docs/internals/deviations.md``.
+is (1, 0, 0); facing the eye it is (D, 0, -C_x) / S with S = hypot(C_x, D). What the paper prints
+is in ``docs/internals/deviations.md``.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Float64, choice, moderate, output, real, table
+from flurries._contract import Float64, choice, output, real
 from flurries.gas.splatting import gas_of
 
 __all__ = ["parallax_error", "projection_error"]
@@ -47,24 +46,8 @@ def projection_error(
     -------
     (n, 2) float64
         (e_x, e_y): billboard parallel to the viewplane minus billboard that faces the eye, in the
-        unit of `near`. NaN where the edge of the latter does not lie in front of the eye: depth
-        D <= 0, or D S <= r C_x.
-
-    Notes
-    -----
-    ::
-
-        e_x = -N r C_x (C_x S / (S + D) + r) / (D (D S - r C_x))
-        e_y = -N r C_x C_y / (D (D S - r C_x))
-
-    Relative error below 1e-15 but near the second zero of e_x, at C_x = -2 r or so, where two terms
-    cancel: 4 eps N r |C_x| (|C_x| S / (S + D) + r) / (D |D S - r C_x|) in absolute terms.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> fl.gas.projection_error([(1.0, 0.5, 5.0)], 0.45).round(6).tolist()
-    [[-0.003431, -0.001797]]
+        unit of `near`, to 1e-15 but near the second zero of e_x at C_x = -2 r or so. NaN where the
+        edge of the latter does not lie in front of the eye: depth D <= 0, or D S <= r C_x.
     """
     x, y, depth, r = _each(centers, radius)
     distance = real("near", near, above=0.0)
@@ -81,17 +64,13 @@ def projection_error(
             below = -depth * (-depth * np.sqrt(squared) - r * x)
             result[:, 1] = distance * r * x * y * np.sqrt(squared) / below
         else:
-            share = _share(away, depth)
             scale = r / depth
             below = away - scale * x
-            result[:, 0] = -distance * scale * (x / depth) * (x * share + r) / below
+            across = x * (away / (away + depth)) + r
+            result[:, 0] = -distance * scale * (x / depth) * across / below
             result[:, 1] = -distance * scale * (x / depth) * y / below
     result[~seen] = np.nan
     return result
-
-
-def _share(away: Float64, depth: Float64) -> Float64:
-    return np.asarray(away / (away + depth))
 
 
 def parallax_error(
@@ -103,45 +82,35 @@ def parallax_error(
     form: Form = "exact",
     out: Float64 | None = None,
 ) -> Float64:
-    """Return the error of the parallax of a billboard's right edge.
+    """Return the error of the parallax of a billboard's right edge (section 3.3).
 
     Parameters
     ----------
-    centers, radius, near
+    centers, radius, near, form
         As in :func:`projection_error`; `centers` from the middle between the eyes.
     eye_distance : float
         I, world units, positive.
-    form : {"exact", "printed"}
-        "printed" takes the difference of the paper's Eqs 11 and 12 for the two eyes.
 
     Returns
     -------
     (n, 2) float64
-        The right eye's :func:`projection_error` minus the left eye's, in the unit of `near`; NaN
-        where either is.
-
-    Notes
-    -----
-    Johnson 2005, section 3.3. The difference is taken before any number is rounded, so that it has
-    all its digits for eyes however close, which a subtraction has not.
+        The right eye's :func:`projection_error` minus the left eye's, NaN where either is. The
+        exact form has all its digits for eyes however close, which a subtraction has not.
     """
     x, y, depth, r = _each(centers, radius)
     distance = real("near", near, above=0.0)
     apart = real("eye_distance", eye_distance, above=0.0)
     half = 0.5 * apart
+    result = output(out, (len(x), 2), np.dtype(np.float64))
     if choice("form", form, FORMS) == "printed":
         eyes = [np.stack([x + side, y, depth], axis=1) for side in (-half, half)]
         right, left = (projection_error(eye, r, near=near, form=form) for eye in eyes)
-        result = output(out, (len(x), 2), np.dtype(np.float64))
         return np.subtract(right, left, out=result)
-    result = output(out, (len(x), 2), np.dtype(np.float64))
     with np.errstate(all="ignore"):
         a, b = x - half, x + half
         sa, sb = np.hypot(a, depth), np.hypot(b, depth)
         # In units of the depth, so that nothing overflows or vanishes.
-        a, b, sa, sb, size, y, gap = (
-            v / depth for v in (a, b, sa, sb, r, y, np.full_like(x, apart))
-        )
+        a, b, sa, sb, size, y, gap = (v / depth for v in (a, b, sa, sb, r, y, apart))
         ba, bb = sa - size * a, sb - size * b
         seen = (depth > 0.0) & (ba > 0.0) & (bb > 0.0)
         both = sa + sb
@@ -162,7 +131,6 @@ def parallax_error(
 def _each(
     centers: npt.ArrayLike, radius: npt.ArrayLike
 ) -> tuple[Float64, Float64, Float64, Float64]:
-    places = moderate("centers", table("centers", centers))
-    gas = gas_of(places, radius, 0.0)
+    gas = gas_of(centers, radius, 0.0)
     x, y, depth = gas.centers.T.copy()
     return x, y, depth, np.broadcast_to(gas.radius, x.shape)

@@ -21,6 +21,7 @@ from flurries._contract import (
     output,
     pixels,
     real,
+    require,
     shape_of,
     table,
 )
@@ -44,8 +45,9 @@ FINISHED = {"float32": 1e-6, "float64": 1e-13}
 # Narrower footprints than this (px) fall between the samples of the lattice.
 LEAST_SMOOTH = 8.0
 
-_Lens = tuple[float, float, float, tuple[float, float, float]]
-_Manner = tuple[str, str, float, str, bool, float, float]
+# What scenes take: each particle errs by at most .0015 of its density, and a frame by less than
+# half a step of 8 bits (docs/gas.md).
+SMOOTH = 24.0
 
 
 @dataclass(frozen=True)
@@ -76,81 +78,60 @@ def splat(
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:
-    """Return the image of a gas as a layer for `over`.
+    """Return the image of a gas as a layer for `over` (Johnson 2005, sections 2 and 3).
 
     A particle is a Gaussian of sigma = radius / 3 in every direction. Its opacity on a pixel is
     ``density * g(q)``, q the distance from its middle in sigma as the `footprint` measures it.
 
     Parameters
     ----------
-    shape : (int, int)
-        (H, W), px.
+    shape : (H, W)
+        Pixels.
     centers : (n, 3)
-        Middles in camera axes (x right, y down, z forward), world units. ``camera.offset`` is
-        subtracted; ``camera.rotation`` is not applied.
+        Middles in camera axes (x right, y down, z forward), world units, not yet turned.
     radius : float or (n,)
         Three sigma, world units, positive.
     density : float or (n,)
         Opacity in the middle of a particle, 0 to 1.
     color : float, (3,), (n,) or (n, 3)
-        Linear light; one grey number, one color, a grey or a color for each particle (three
-        numbers are one color). If all particles have one color, they need no order and cost
-        half.
+        Linear light, one or for each; three numbers are one color, which costs half.
     camera : Camera
         Its focal length, principal point and offset are used.
     footprint : str
-        How q is measured, from cheap to exact (``docs/gas.md`` has times and errors):
+        From cheap to exact (``docs/gas.md`` has times and errors):
 
-        - "table": the paper's Eq. 2, a table of 65 x 65 laid over whole pixels, looked up at the
-          nearest entry. For reference: middles are off by up to half a pixel.
-        - "viewplane": the paper's billboard, parallel to the viewplane. Off the axis its optical
-          depth is too small by the cosine of the angle.
-        - "viewplane_c": the same, widened by (1 + |s|^2)^(1/4) for the slopes s = (x/z, y/z) of
-          its middle (held at 1.3 times the picture's), so that the mean optical depth is right.
+        - "table": the paper's Eq. 2, a table of 65 x 65 laid over whole pixels, for reference.
+        - "viewplane": the paper's billboard, too thin off the axis by the cosine of the angle.
+        - "viewplane_c": the same, widened so that the mean optical depth is right.
         - "viewpoint": a billboard that faces the eye, computed from each pixel's ray.
-        - "volume": the line integral of the Gaussian along each pixel's ray, from the near plane
-          to `depth`. Exact, also with the camera inside a particle.
-
-        The first three integrate footprints with a radius under 2 px over each pixel (and so do
-        the other two there), except for the table.
+        - "volume": the line integral along each pixel's ray, from the near plane to `depth`.
     edge : {"taper", "square"}
-        How a footprint ends at three sigma: "taper" lowers it so that it reaches zero there;
-        "square" cuts it as the paper does, |x|, |y| <= 3 sigma ("viewpoint" and "volume", which
-        know only a distance, at q = 3), and leaves a step of 1.1 % of the density.
+        "taper" lowers footprints so that they end at zero at three sigma; "square" cuts them there
+        as the paper does, with a step of 1.1 % of the density.
     near : float
         Depth before which nothing is drawn, world units, more than 0.
     near_mode : {"fade", "cull", "exact"}
-        "fade" lets particles come in over a third of their radius behind `near`; "cull" draws all
-        whose middle is not before it, as the paper does, and pops; "exact" draws particles nearer
-        than four radii as "volume" does, whatever the footprint: for cameras that fly through gas.
-        "volume" itself needs none of these: its integral begins at `near`.
+        "fade": particles come in over a third of their radius behind `near`; "cull", the paper's:
+        they pop; "exact": those nearer than four radii are drawn as "volume", for a camera in gas.
     depth : (H, W), optional
         Planar depth of what stands in the picture, world units; infinity where nothing does.
     occlusion : {"soft", "hard"}
         "soft" lets through the share of a particle that lies before `depth`; "hard" draws it where
-        its middle is nearer than `depth`, and cuts straight lines into walls. With "viewpoint" both
-        ask where the pixel's ray comes closest to the middle.
+        its middle is nearer, and cuts straight lines into walls.
     error : float, optional
-        A tile is finished once none of its pixels lets through more than this; alpha then errs by
-        at most as much. If not given, 1e-6 for float32 and 1e-13 for float64.
+        A tile of the picture is finished once no pixel lets through more than this, by which alpha
+        then errs. If not given, 1e-6 for float32 and 1e-13 for float64.
     smooth : float, optional
-        Tapered particles whose sigma on the picture is at least so many px are drawn on a lattice
-        of 13 x 13 samples for 64 x 64 px, wherever nothing stands in them: a fraction of the work
-        for gas that is near. Each errs by at most 41 / smooth^4 + .033 / smooth of its density,
-        at 24 px by .0015 of it. At least 8; all pixels are computed if not given.
+        Tapered particles whose sigma is at least so many px, 8 or more, are drawn on a lattice, for
+        a fraction of the work; each errs by 41 / smooth^4 + .033 / smooth of its density. No
+        particle if not given.
 
     Returns
     -------
     (H, W, 4) array
-        Linear RGB multiplied by alpha, and alpha = 1 - prod(1 - alpha_i), 0 to 1.
-
-    Notes
-    -----
-    Johnson 2005, Eqs 1-4 and sections 2-3; ``docs/internals/deviations.md`` says what we do
-    otherwise. The mean transmittance of a uniform gas over a length L is exp(-beta L), beta its
-    :func:`extinction`. Bits do not depend on the thread count. Particles that differ in color are
-    sorted once, by depth ("viewpoint" and "volume": by distance), ties by index. float32 differs
-    from float64 by less than 5e-6.
+        Linear RGB multiplied by alpha, and alpha = 1 - prod(1 - alpha_i), 0 to 1. Of several colors
+        the nearer particle is in front ("viewpoint" and "volume": by distance), then the lower
+        index.
 
     Examples
     --------
@@ -161,17 +142,9 @@ def splat(
     >>> fog.shape, bool(fog[..., 3].max() > 0.9)
     ((240, 320, 4), True)
     """
-    size = shape_of("shape", shape)
-    kind = float_dtype(dtype)
+    manner = footprint, edge, near, near_mode, occlusion, error, smooth
     gas = gas_of(centers, radius, density)
-    colors = colors_of(color, len(gas.centers))
-    lens = lens_of(camera, size)
-    manner = manner_of(footprint, edge, near, near_mode, occlusion, error, smooth, kind)
-    ground = ground_of(depth, size)
-    inputs = [gas.centers, gas.radius, gas.density, colors]
-    result = output(out, (*size, 4), kind, *inputs, *([] if ground is None else [ground]))
-    _core.gas_splat(result, gas, colors, lens, manner, ground)
-    return result
+    return _drawn(shape, gas, colors_of(color, len(gas.centers)), camera, manner, depth, dtype, out)
 
 
 def alpha(
@@ -192,7 +165,7 @@ def alpha(
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:
-    """Return the opacity of a gas: the alpha that :func:`splat` gives for one color.
+    """Return the opacity of a gas: the alpha that :func:`splat` gives for one color, bit by bit.
 
     Parameters
     ----------
@@ -203,44 +176,52 @@ error, smooth, dtype
     Returns
     -------
     (H, W) array
-        1 - prod(1 - alpha_i), 0 to 1. It has the bits of ``splat(..., color=c)[..., 3]``.
+        1 - prod(1 - alpha_i), 0 to 1.
     """
+    manner = footprint, edge, near, near_mode, occlusion, error, smooth
+    gas = gas_of(centers, radius, density)
+    return _drawn(shape, gas, None, camera, manner, depth, dtype, out)
+
+
+def _drawn(
+    shape: tuple[int, int],
+    gas: Gas,
+    colors: Float64 | None,
+    camera: Camera,
+    manner: tuple[Any, ...],
+    depth: npt.ArrayLike | None,
+    dtype: npt.DTypeLike,
+    out: Array | None,
+) -> Array:
+    """Return the light and alpha of a gas of colors, or its alpha alone."""
     size = shape_of("shape", shape)
     kind = float_dtype(dtype)
-    gas = gas_of(centers, radius, density)
-    lens = lens_of(camera, size)
-    manner = manner_of(footprint, edge, near, near_mode, occlusion, error, smooth, kind)
-    ground = ground_of(depth, size)
-    inputs = [gas.centers, gas.radius, gas.density, *([] if ground is None else [ground])]
-    result = output(out, size, kind, *inputs)
-    _core.gas_alpha(result, gas, lens, manner, ground)
+    sight = lens_of(camera, size), manner_of(kind, *manner)
+    ground = None
+    if depth is not None:
+        ground, _ = pixels("depth", depth, ndim=2)
+        if ground.shape != size:
+            raise ValueError(f"depth must have shape {size}, got {ground.shape}")
+        if np.isnan(ground.min()):
+            raise ValueError("depth must not be NaN: infinity says that nothing stands there")
+    inputs = [one for one in (*vars(gas).values(), colors, ground) if one is not None]
+    result = output(out, size if colors is None else (*size, 4), kind, *inputs)
+    if colors is None:
+        _core.gas_alpha(result, gas, *sight, ground)
+    else:
+        _core.gas_splat(result, gas, colors, *sight, ground)
     return result
 
 
 def sorted_gas(
-    shape: tuple[int, int],
-    centers: npt.ArrayLike,
-    radius: npt.ArrayLike,
-    density: npt.ArrayLike,
-    color: npt.ArrayLike,
-    camera: Camera,
-    *,
-    footprint: str,
+    shape: tuple[int, int], gas: Gas, color: npt.ArrayLike, camera: Camera, *, footprint: str,
     near: float,
-    near_mode: str,
-    depth: npt.ArrayLike | None,
-    error: float,
-    smooth: float | None,
-) -> _core.SortedGas:
-    """Return a gas whose parts `gas_draw` draws with the bits of `splat` and `alpha`."""
-    size = shape_of("shape", shape)
-    gas = gas_of(centers, radius, density)
-    colors = colors_of(color, len(gas.centers))
+) -> _core.SortedGas:  # fmt: skip
+    """Return a gas whose parts `gas_draw` draws, near particles by their line integral."""
     kind = np.dtype(np.float32)
-    manner = manner_of(footprint, "taper", near, near_mode, "soft", error, smooth, kind)
-    ground_of(depth, size)
-    lens = lens_of(camera, size)
-    return _core.gas_sort(size, gas, colors, lens, manner)
+    manner = manner_of(kind, footprint, "taper", near, "exact", "soft", None, SMOOTH)
+    colors = colors_of(color, len(gas.centers))
+    return _core.gas_sort(shape, gas, colors, lens_of(camera, shape), manner)
 
 
 def gas_of(centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike) -> Gas:
@@ -248,50 +229,37 @@ def gas_of(centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike
     places = moderate("centers", table("centers", centers))
     if places.shape[1] != 3:
         raise ValueError(f"centers must be (n, 3), got an array of shape {places.shape}")
-    sizes = _each("radius", radius, len(places))
-    if sizes.size and not SMALLEST <= sizes.min() <= sizes.max() <= LARGEST:
-        worst = sizes.min() if sizes.min() < SMALLEST else sizes.max()
-        raise ValueError(f"radius must be from {SMALLEST:g} to {LARGEST:g}, got {worst!r}")
-    cover = _each("density", density, len(places))
-    if cover.size and not 0.0 <= cover.min() <= cover.max() <= 1.0:
-        worst = cover.min() if cover.min() < 0.0 else cover.max()
-        raise ValueError(f"density must be from 0 to 1, got {worst!r}")
+    sizes, cover = table("radius", radius, ndim=None), table("density", density, ndim=None)
+    for name, value in (("radius", radius), ("density", density)):
+        if np.shape(value) not in ((), (len(places),)):
+            raise ValueError(
+                f"{name} must be one number or {len(places)}, got an array of shape "
+                f"{np.shape(value)}"
+            )
+    wanted = f"from {SMALLEST:g} to {LARGEST:g}"
+    require("radius", sizes, (sizes >= SMALLEST) & (sizes <= LARGEST), wanted)
+    require("density", cover, (cover >= 0.0) & (cover <= 1.0), "from 0 to 1")
     return Gas(places, sizes, cover)
-
-
-def _each(name: str, value: npt.ArrayLike, count: int) -> Float64:
-    """Return (1,) or (count,) numbers."""
-    if getattr(value, "ndim", 0) == 0 and not isinstance(value, (list, tuple)):
-        return np.array([real(name, value)])
-    values = table(name, value, ndim=None)
-    if values.shape != (count,):
-        raise ValueError(
-            f"{name} must be one number or {count} of them, got an array of shape {values.shape}"
-        )
-    return values
 
 
 def colors_of(color: npt.ArrayLike, count: int) -> Float64:
     """Return (1, 3) or (count, 3) numbers."""
-    if getattr(color, "ndim", 0) == 0 and not isinstance(color, (list, tuple)):
-        return np.full((1, 3), real("color", color))
     values = moderate("color", table("color", color, ndim=None))
     if values.shape == (3,):
         return values.reshape(1, 3)
-    if values.shape == (count,):
-        return np.ascontiguousarray(np.repeat(values[:, None], 3, axis=1)) if count else _BLACK
-    if values.shape == (count, 3):
-        return values if count else _BLACK
-    raise ValueError(
-        f"color must be one number, (3,), ({count},) or ({count}, 3), "
-        f"got an array of shape {values.shape}"
-    )
+    if values.shape in ((1,), (count,)):
+        values = np.repeat(values[:, None], 3, axis=1)
+    if values.shape not in ((1, 3), (count, 3)):
+        raise ValueError(
+            f"color must be one number, (3,), ({count},) or ({count}, 3), "
+            f"got an array of shape {values.shape}"
+        )
+    return values if count and len(values) else np.zeros((1, 3))
 
 
-_BLACK = np.zeros((1, 3))
-
-
-def lens_of(camera: Camera, size: tuple[int, int]) -> _Lens:
+def lens_of(
+    camera: Camera, size: tuple[int, int]
+) -> tuple[float, float, float, tuple[float, float, float]]:
     """Return the camera as plain numbers."""
     view = expect_camera(camera)
     x, y = view.principal(size)
@@ -299,15 +267,9 @@ def lens_of(camera: Camera, size: tuple[int, int]) -> _Lens:
 
 
 def manner_of(
-    footprint: str,
-    edge: str,
-    near: float,
-    near_mode: str,
-    occlusion: str,
-    error: float | None,
-    smooth: float | None,
-    kind: np.dtype[Any],
-) -> _Manner:
+    kind: np.dtype[Any], footprint: str, edge: str, near: float, near_mode: str, occlusion: str,
+    error: float | None, smooth: float | None,
+) -> tuple[str, str, float, str, bool, float, float]:  # fmt: skip
     """Return the manner in which gas is drawn, as plain values."""
     limit = FINISHED[kind.name] if error is None else real("error", error, low=0.0, high=0.999)
     return (
@@ -319,15 +281,3 @@ def manner_of(
         limit,
         math.inf if smooth is None else real("smooth", smooth, low=LEAST_SMOOTH, high=LARGEST),
     )
-
-
-def ground_of(depth: npt.ArrayLike | None, size: tuple[int, int]) -> Array | None:
-    """Return the depth of what stands in the picture."""
-    if depth is None:
-        return None
-    ground, _ = pixels("depth", depth, ndim=2)
-    if ground.shape != size:
-        raise ValueError(f"depth must have shape {size}, got {ground.shape}")
-    if np.isnan(ground.min()):
-        raise ValueError("depth must not be NaN: infinity says that nothing stands there")
-    return ground

@@ -1,4 +1,4 @@
-"""Lamps: light from a place, in a cone, or from far away."""
+"""The scene's sun, for gas that is lit, and its lamps: light from a place or from far away."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Float64, flag, real, suggesting, vector
+from flurries.io.color import parse_hex
 from flurries.light.phase import Optics
 from flurries.motion.keys import Keys, Number, as_number, as_vector, value_at
 
-__all__ = ["Lamp"]
+__all__ = ["Lamp", "Sun"]
 
 # Numbers of a lamp in a row for kernels: kind, place, way, color, two cosines, radius.
 _ROW = 13
@@ -21,16 +22,53 @@ _ROW = 13
 
 @suggesting
 @dataclass(frozen=True)
+class Sun:
+    """A sun: light from far away for gas that is lit.
+
+    Parameters
+    ----------
+    direction : (x, y, z)
+        Direction in which the light travels, of any length but 0, in house axes (x right, y down, z
+        forward): (0, 1, 0) shines from straight above, (0, 0, -1) into a camera that is not turned.
+    color : float, (r, g, b) or "#rrggbb"
+        Display values, 0 to 1.
+    ambient : float
+        Share of the light that comes from all sides, 0 to 1.
+    """
+
+    direction: tuple[float, float, float] = (0.4, 1.0, 0.3)
+    color: Any = 1.0
+    ambient: float = 0.3
+
+    def __post_init__(self) -> None:
+        settle = object.__setattr__
+        settle(self, "direction", tuple(_way(vector("direction", self.direction, 3)).tolist()))
+        color = self.color
+        if isinstance(color, str):
+            color = [part / 255 for part in parse_hex("color", color)]
+        given = [color] * 3 if np.ndim(color) == 0 else vector("color", color, 3)
+        settle(self, "color", tuple(real("color", part, low=0.0, high=1.0) for part in given))
+        settle(self, "ambient", real("ambient", self.ambient, low=0.0, high=1.0))
+
+    def unit(self) -> Float64:
+        """Return the direction of travel with length 1, (3,)."""
+        # By the largest part first: squares of tiny or huge numbers leave the range of floats.
+        way = np.array(self.direction) / np.abs(self.direction).max()
+        return np.asarray(way / np.linalg.norm(way))
+
+
+@suggesting
+@dataclass(frozen=True)
 class Lamp:
     """Light that falls on flakes and drops.
 
-    A lamp with a `place` alone shines to all sides. With a `place`, a `direction` and an `angle` it
-    is a spot. With a `direction` alone it is a sun.
+    With a `place` alone it shines to all sides, with a `direction` alone it is a sun; with both and
+    an `angle` it is a spot.
 
     Parameters
     ----------
     place : (x, y, z), optional
-        Place in the house axes, metres: x right, y down, z forward of the camera at frame 0. Keyed.
+        Metres, house axes: x right, y down, z forward of the camera at frame 0. Keyed.
     direction : (x, y, z), optional
         Direction in which the light travels, of any length but 0. Keyed.
     angle : float, optional
@@ -40,19 +78,12 @@ class Lamp:
     color : float or (r, g, b)
         Color in linear light. Keyed.
     power : float
-        Radiant intensity: light of paper white times square metres per steradian, so that a white
-        wall at 1 m, lit straight on, is power / pi as bright as paper white. For a sun it is the
-        irradiance. Keyed.
+        Radiant intensity: a white wall at 1 m, lit straight on, is power / pi as bright as paper
+        white. For a sun the irradiance. Keyed.
     radius : float
         Radius of the lamp itself, metres. Nothing is lit more brightly than the lamp's surface.
     carried : bool
         Whether place and direction are in the camera's axes and go with it, as headlights do.
-
-    Notes
-    -----
-    A flake's radiance is albedo * phase function * irradiance: 0.9 and 1 for flakes and drops,
-    Henyey and Greenstein's function with an asymmetry of 0.76 and 0.87
-    (:mod:`flurries.light.phase`), per steradian.
 
     Examples
     --------
@@ -78,13 +109,9 @@ class Lamp:
             settle(self, "place", as_vector("place", self.place, 3))
         if self.direction is not None:
             settle(self, "direction", as_vector("direction", self.direction, 3))
-            ways = (
-                [v for _, v in self.direction.keys]
-                if isinstance(self.direction, Keys)
-                else [self.direction]
-            )
-            if any(not np.abs(np.asarray(way)).max() > 0.0 for way in ways):
-                raise ValueError("direction must not be (0, 0, 0): light travels somewhere")
+            keyed = isinstance(self.direction, Keys)
+            for way in [v for _, v in self.direction.keys] if keyed else [self.direction]:
+                _way(np.asarray(way))
         spot = self.place is not None and self.direction is not None
         if spot != (self.angle is not None):
             raise ValueError("a spot has a place, a direction and an angle; other lamps no angle")
@@ -97,15 +124,7 @@ class Lamp:
         settle(self, "carried", flag("carried", self.carried))
 
     def row(self, t: float, matrix: Float64, eye: Float64) -> Float64:
-        """Return the lamp at frame `t` as kernels read it, in the camera's axes.
-
-        Parameters
-        ----------
-        matrix : (3, 3)
-            From the camera's axes to the house's.
-        eye : (3,)
-            The camera's place in the house, metres.
-        """
+        """Return the lamp at frame `t` as kernels read it, in the axes of a camera at a place."""
         row = np.zeros(_ROW)
         turn = np.eye(3) if self.carried else matrix
         if self.place is None:
@@ -124,6 +143,12 @@ class Lamp:
             row[10:12] = math.cos(rim * (1.0 - self.soft)), math.cos(rim)
         row[12] = self.radius
         return row
+
+
+def _way(direction: Float64) -> Float64:
+    if not np.abs(direction).max() > 0.0:
+        raise ValueError("direction must not be (0, 0, 0): light travels somewhere")
+    return direction
 
 
 def _as_light(value: Any) -> Any:

@@ -5,11 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from flurries import gas
-from flurries._contract import Float64
-
 # Asymmetry of snow's crystals and aggregates in visible light, a choice of ours that is less than
 # that of drops, since rough crystals scatter wider: Räisänen et al. 2015, "Parameterization of
 # single-scattering properties of snow" (The Cryosphere 9, 1277), fit rough droxtals, aggregates of
@@ -33,14 +28,6 @@ class Optics(NamedTuple):
 # 2734). A flake's .9 is a choice of ours among these.
 FLAKES = Optics(SNOW, 0.9)
 DROPS = Optics(WATER, 1.0)
-
-
-def phase(asymmetry: float, cosine: Float64) -> Float64:
-    """Return the share of light per steradian at a cosine (Henyey and Greenstein 1941)."""
-    shape = np.shape(cosine)
-    flat = np.ascontiguousarray(np.ravel(cosine), np.float64)
-    found = gas.phase(flat, kind="henyey", asymmetry=asymmetry) / (4.0 * math.pi)
-    return np.asarray(found, np.float64).reshape(shape)
 
 
 def within(asymmetry: float, angle: float) -> float:

@@ -47,9 +47,7 @@ class PlateLight:
     def local(self, focal: float, *, asymmetry: float, albedo: float) -> Float64:
         """Return the radiance of flakes before each cell, (rows, columns, 3) linear light."""
         # The albedo times the light from all sides, weighed by Henyey and Greenstein: what lies
-        # behind a flake, what lies around it, and what is outside the picture, half of it sky, half
-        # ground: flakes are darker than the sky behind them and brighter than the ground. Over an
-        # even picture of radiance L it is albedo times L.
+        # behind a flake, around it, and outside the picture, half of it sky, half ground.
         behind = within(asymmetry, _NARROW)
         around = within(asymmetry, _WIDE) - behind
         rest = 1.0 - behind - around
@@ -60,8 +58,7 @@ class PlateLight:
 
     def veil(self, focal: float) -> Float64:
         """Return the light of fog before each cell, (rows, columns, 3) linear light."""
-        # Fog loses nothing to absorption, and hides what is behind it by light from all sides: it
-        # is as bright as what it hides, or brighter where the surroundings are.
+        # Fog loses nothing to absorption: it is as bright as what it hides, or as its surroundings.
         wide = self.blurred(focal, _WIDE_SIGMA)
         even = 0.5 * (wide + self.sky)
         return np.maximum(even, self.blurred(focal, _NARROW_SIGMA))
@@ -119,14 +116,10 @@ def plate_light(picture: Array, encoding: str) -> PlateLight:
 
 def ambient_light(picture: Array, encoding: str) -> tuple[float, float, float]:
     """Return the brightness (r, g, b) of white snow in the light of a picture (H, W, 3 or 4)."""
-    # Display values, 0 to 1. The ambient color of Langer 2003's slides, which do not say where it
-    # comes from: as bright as the mean of the linear light over 0.18, which is what pictures
-    # reflect on average, times 0.9, what snow does; of the tint of what is nearly grey; lowered in
-    # one proportion to 1 at most, or in linear light to 0.9 of its brightest twentieth where that
-    # is more. White for a picture that is black all over. What is not finite does not count, and
-    # what is transparent as far as it shows.
-    # Each part of the picture (1/96 of its longer side) counts for the tint by its least channel
-    # over its largest: a red coat is no red light, and grey ground shows the light's own color.
+    # Display values, 0 to 1 (Langer 2003's slides do not say where it comes from): the mean of the
+    # linear light over .18, what pictures reflect, times .9, what snow does; lowered to 1 at most,
+    # or in linear light to .9 of its brightest twentieth. A place counts for the tint by its least
+    # channel over its largest: a red coat is no red light, grey ground shows the light's own color.
     sums = np.maximum(cell_sums(picture, encoding)[0].reshape(-1, 4), 0.0).astype(np.float64)
     light, cover = sums[:, :3], sums[:, 3]
     if not cover.any() or not light.any():

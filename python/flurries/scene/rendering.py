@@ -21,8 +21,7 @@ from flurries.frame.program import Program
 from flurries.frame.truth import Rendered, truth
 from flurries.frame.view import Lap
 from flurries.io.colorspace import ColorSpace
-from flurries.light.lamp import Lamp
-from flurries.light.sun import Sun
+from flurries.light.lamp import Lamp, Sun
 from flurries.scene.arguments import parse_region
 from flurries.scene.files import Frames, Sources, frames_of
 from flurries.scene.loop import Looped, looped_scene

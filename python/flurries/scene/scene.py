@@ -22,8 +22,7 @@ from flurries.frame.truth import Rendered
 from flurries.io import open_background
 from flurries.io.sequences import EXTEND, MOST_FRAMES
 from flurries.io.sources import Source
-from flurries.light.lamp import Lamp
-from flurries.light.sun import Sun
+from flurries.light.lamp import Lamp, Sun
 from flurries.scene.arguments import (
     effects_of,
     lights_of,

@@ -15,8 +15,7 @@ from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.effects.kinds import class_of
 from flurries.io.files import file_of, read_text
-from flurries.light.lamp import Lamp
-from flurries.light.sun import Sun
+from flurries.light.lamp import Lamp, Sun
 from flurries.motion.keys import Keys
 from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.arguments import MOST_EFFECTS, require_few
