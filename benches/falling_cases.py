@@ -87,7 +87,9 @@ class Case:
         )
         # White before black in floats is opacity.
         black = np.zeros((*self.size[::-1], 3), np.float32)
-        return fl.Scene(self.size, black, path, [self.effect(method)], seed=seed, fps=FPS)
+        return fl.Scene(
+            black, size=self.size, camera=path, effects=[self.effect(method)], seed=seed, fps=FPS
+        )
 
     def twin(self) -> tuple[Law, View]:
         """Return the population and the camera of the twin."""

@@ -58,7 +58,7 @@ def bounded() -> Iterator[str]:
     for name, (fields, t) in WILD.items():
         begun = time.perf_counter()
         try:
-            scene = fl.Scene((48, 36), "#000000", effects=[fl.Snow(**fields)], seed=1)
+            scene = fl.Scene("#000000", size=(48, 36), effects=[fl.Snow(**fields)], seed=1)
             scene.render(t)
             how = ""
         except (ValueError, TypeError):
@@ -72,7 +72,8 @@ def cost(widths: tuple[int, ...]) -> Iterator[str]:
         each = []
         for width in widths:
             case = Case("still", weather, 0.0, width)
-            scene = fl.Scene(case.size, "#000000", fl.Camera(1.2 * width), [case.effect()], seed=1)
+            view = fl.Camera(1.2 * width)
+            scene = fl.Scene("#000000", size=case.size, camera=view, effects=[case.effect()])
             took = []
             for n in range(4):
                 begun = time.perf_counter()
@@ -87,11 +88,11 @@ def cost(widths: tuple[int, ...]) -> Iterator[str]:
 def identities(flakes: Callable[[fl.Scene, float], np.ndarray]) -> Iterator[str]:
     """Compare the flakes of larger pictures, of parts, of another eye and of half the size."""
     t, lens = 40.0, 576.0
-    snow = fl.Snow.preset("heavy", shape="round")
+    snow = fl.Snow("heavy", shape="round")
 
     def seen(size: tuple[int, int], focal: float = lens, **camera: Any) -> np.ndarray:
         view = fl.Camera(focal, **camera)
-        return flakes(fl.Scene(size, "#000000", view, [snow], seed=1), t)
+        return flakes(fl.Scene("#000000", size=size, camera=view, effects=[snow], seed=1), t)
 
     whole = judges.inside(seen((480, 360)), (0.0, 0.0), (480.0, 360.0))
     over = judges.inside(seen((600, 440)), (60.0, 40.0), (540.0, 400.0))
@@ -125,9 +126,9 @@ def motions(flakes: Callable[[fl.Scene, float], np.ndarray]) -> Iterator[str]:
         ),
     }
     for name, (way, view, fields) in about.items():
-        snow = fl.Snow.preset("light", shape="round", **fields)
+        snow = fl.Snow("light", shape="round", **fields)
         path = fl.CameraPath(lens, **way)
-        scene = fl.Scene((480, 360), "#000000", path, [snow], seed=1, fps=FPS)
+        scene = fl.Scene("#000000", size=(480, 360), camera=path, effects=[snow], seed=1, fps=FPS)
         now, then = flakes(scene, t), flakes(scene, t + 1.0)
         twin = View(size=(480, 360), focal=576.0, fps=FPS, **view)
         away = twin.project(now["place"].T, t)[0].T - now["pixel"]
@@ -149,5 +150,4 @@ def motions(flakes: Callable[[fl.Scene, float], np.ndarray]) -> Iterator[str]:
 def contracts(*, quick: bool) -> list[str]:
     """Return the lines of all."""
     widths = (64, 256, 1024, 2048) if quick else (64, 256, 1024, 2048, 4096, 7680)
-    lines = [*sizes(), *bounded(), *cost(widths)]
-    return [*lines, *identities(fl.flakes), *motions(fl.flakes)]
+    return [*sizes(), *bounded(), *cost(widths), *identities(fl.flakes), *motions(fl.flakes)]

@@ -29,15 +29,15 @@ def scenes(*, flying: bool) -> dict[str, tuple[fl.Scene, fl.Scene]]:
     depth = (ground * (1.0 + 0.2 * np.sin(x / 40.0) * np.cos(y / 31.0))).astype(np.float32)
     path = fl.CameraPath(fl.Camera(900.0), velocity=(0.0, 0.0, 1.0 if flying else 0.0))
     kinds = {
-        "fl.Snow": [fl.Snow.preset("heavy")],
-        "fl.TentSnow": [fl.TentSnow.preset("heavy")],
-        "fl.Mist": [fl.Mist.preset("fog")],
-        "fl.Mist and fl.TentSnow": [fl.Mist.preset("fog"), fl.TentSnow.preset("heavy")],
+        "fl.Snow": [fl.Snow("heavy")],
+        "fl.TentSnow": [fl.TentSnow("heavy")],
+        "fl.Mist": [fl.Mist("fog")],
+        "fl.Mist and fl.TentSnow": [fl.Mist("fog"), fl.TentSnow("heavy")],
     }
     if not flying:
         # A still camera's mist does not change: it is kept.
         kinds = {name: kind for name, kind in kinds.items() if "Mist" not in name}
-    flat = {n: fl.Scene(None, picture, camera=path, effects=kind) for n, kind in kinds.items()}
+    flat = {n: fl.Scene(picture, camera=path, effects=kind) for n, kind in kinds.items()}
     return {name: (scene, scene.replace(depth=depth)) for name, scene in flat.items()}
 
 

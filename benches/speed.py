@@ -44,15 +44,15 @@ def scenes() -> Calls:
     picture = np.random.default_rng(0).integers(0, 256, (*SHAPE, 3), np.uint8)
     forward = fl.CameraPath(fl.Camera(1.2 * SIZE), velocity=(0.0, 0.0, 1.0))
     effects = {
-        "light snow": fl.Snow.preset("light"),
-        "heavy snow": fl.Snow.preset("heavy"),
+        "light snow": fl.Snow("light"),
+        "heavy snow": fl.Snow("heavy"),
         "rain": fl.Rain(),
-        "the paper's heavy snow": fl.TentSnow.preset("heavy"),
+        "the paper's heavy snow": fl.TentSnow("heavy"),
     }
     found: Calls = {}
     for name, effect in effects.items():
         for about, camera in (("still", None), ("flying", forward)):
-            scene = fl.Scene(None, picture, camera=camera, effects=[effect])
+            scene = fl.Scene(picture, camera=camera, effects=[effect])
             frame = iter(range(1_000_000))
             found[f"scene: {name}, {about}"] = lambda s=scene, f=frame: s.render(next(f))
     return found
@@ -140,7 +140,7 @@ def status(name):
     return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith(name))
 fl.set_threads(1)
 picture = np.zeros((1024, 1024, 3), np.uint8)
-scene = fl.Scene(None, picture, effects=[fl.Snow.preset("heavy")])
+scene = fl.Scene(picture, effects=[fl.Snow("heavy")])
 scene.render(1)
 open("/proc/self/clear_refs", "w").write("5")
 before = status("VmRSS")

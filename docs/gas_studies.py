@@ -202,16 +202,17 @@ def pictures() -> None:
     camera = fl.Camera(focal)
     shown = [left]
     for preset in ("clouds", "mist", "fog"):
-        scene = fl.Scene(None, left, camera=camera, depth=depth, seed=3,
-                         effects=[fl.Mist.preset(preset)])  # fmt: skip
+        scene = fl.Scene(
+            left, camera=camera, depth=depth, seed=3, effects=[fl.Mist(preset)],
+        )  # fmt: skip
         shown.append(scene.render(3))
     save("gas_presets.jpg", np.vstack([np.hstack(shown[:2]), np.hstack(shown[2:])]), 1300)
 
     # Both photographs under one fog: the left eye is the camera, the right one stands .193 m aside.
-    fog = fl.Mist.preset("fog", visibility=9.0)
+    fog = fl.Mist("fog", visibility=9.0)
     eyes = [camera, fl.Camera(focal, offset=(0.193001, 0, 0), center_shift=(31.086, 0))]
     pair = [
-        fl.Scene(None, photograph, camera=camera, depth=distance, seed=3, effects=[fog]).render(
+        fl.Scene(photograph, camera=camera, depth=distance, seed=3, effects=[fog]).render(
             3, eye=eye
         )
         for photograph, distance, eye in zip((left, right), (depth, other), eyes, strict=True)
@@ -228,18 +229,19 @@ def pictures() -> None:
         for place in ((0.0, 0.0, 0.0), (0.0, 0.0, 3.2)):
             moved, distance = tower(shape, f, place[2])
             scene = fl.Scene(
-                None, moved, camera=fl.CameraPath(fl.Camera(f), position=[place]), depth=distance,
-                effects=[fl.Mist.preset(preset, center=(0, 0, 5.5), box=6.0)], seed=2,
+                moved, camera=fl.CameraPath(fl.Camera(f), position=[place]), depth=distance,
+                effects=[fl.Mist(preset, center=(0, 0, 5.5), box=6.0)], seed=2,
             )  # fmt: skip
             row.append(scene.render(0))
         rows.append(np.hstack(row))
     save("gas_tower.jpg", np.vstack(rows), 1100)
 
-    cloud = fl.Mist.preset("cumulus", center=(4, -7, 34), box=(24, 9, 16), visibility=8, color=0.98)
+    cloud = fl.Mist("cumulus", center=(4, -7, 34), box=(24, 9, 16), visibility=8, color=0.98)
     lit = []
     for sun in (None, fl.Sun((0.5, 1.0, 0.2), (1.0, 0.97, 0.9), 0.18)):
-        scene = fl.Scene(None, picture, camera=fl.Camera(f), depth=far, sun=sun, effects=[cloud],
-                         seed=9)  # fmt: skip
+        scene = fl.Scene(
+            picture, camera=fl.Camera(f), depth=far, sun=sun, effects=[cloud], seed=9,
+        )  # fmt: skip
         lit.append(scene.render(0))
     save("gas_lit.jpg", np.hstack(lit), 1200)
 

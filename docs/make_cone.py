@@ -21,14 +21,12 @@ AIR = {"fall": 1.6, "wind": (0.5, 0.0, 0.0), "haze": 0.1}
 
 def ways() -> dict[str, object]:
     """Return the four effects, of one fall, wind and haze."""
-    heavy = fl.TentSnow.preset("heavy", **AIR)
+    heavy = fl.TentSnow("heavy", **AIR)
     return {
-        "cone": fl.ConeSnow.preset("heavy", **AIR, flakes=0),
-        "spectral texture": fl.TentSnow.preset("heavy", **AIR, flakes=0),
-        "particles": fl.TentSnow.preset(
-            "heavy", **AIR, texture=0.0, flakes=60_000, near_depth=24.0
-        ),
-        "hybrid (cone and flakes)": fl.ConeSnow.preset("heavy", **AIR),
+        "cone": fl.ConeSnow("heavy", **AIR, flakes=0),
+        "spectral texture": fl.TentSnow("heavy", **AIR, flakes=0),
+        "particles": fl.TentSnow("heavy", **AIR, texture=0.0, flakes=60_000, near_depth=24.0),
+        "hybrid (cone and flakes)": fl.ConeSnow("heavy", **AIR),
         "hybrid (texture and flakes)": heavy,
     }
 
@@ -54,7 +52,7 @@ def main() -> None:
     for name, effect in ways().items():
         row, moved, times = [], [], []
         for path in paths().values():
-            scene = fl.Scene(None, picture, camera=path, effects=[effect])
+            scene = fl.Scene(picture, camera=path, effects=[effect])
             scene.render(14)
             least = np.inf
             for t in (15, 16, 17, 18, 19, 20, 21):

@@ -20,12 +20,12 @@ def main() -> None:
     plate = demo.photograph(1024)
     region = np.s_[330:730, 90:510]
     effects = [
-        fl.TentSnow.preset("heavy"),
-        *(fl.Snow.preset("heavy", method=method) for method in ("hybrid", "simulated")),
+        fl.TentSnow("heavy"),
+        *(fl.Snow("heavy", method=method) for method in ("hybrid", "simulated")),
     ]
     parts = []
     for effect in effects:
-        scene = fl.Scene(None, plate, effects=[effect], seed=3)
+        scene = fl.Scene(plate, effects=[effect], seed=3)
         parts += [scene.render(12, region=region), np.full((400, 6, 3), 255, np.uint8)]
     io.write_picture(IMAGES / "flakes.jpg", np.hstack(parts[:-1]))
 

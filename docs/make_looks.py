@@ -125,7 +125,7 @@ def plates() -> None:
 
 def row(path: Path) -> np.ndarray:
     """Return a look's row of the sheet: two stills, and the difference of two frames in a row."""
-    scene, (early, late) = fl.Scene.load(path), TIMES.get(path.stem, (24, 48))
+    scene, (early, late) = fl.open(path), TIMES.get(path.stem, (24, 48))
     first, second = (scene.render(t, region=CROP).astype(float) for t in (late, late + 1))
     step = np.clip(128.0 + second - first, 0, 255).astype(np.uint8)
     if path.stem == "stereo":

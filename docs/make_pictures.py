@@ -45,7 +45,7 @@ def looks() -> None:
     for photograph in (data.rocket(), data.astronaut(), data.coffee()):
         picture = io.fit(photograph, (1024, 1024))
         region = np.s_[300:700, 300:700]
-        scenes = [fl.Scene(None, picture, effects=[fl.Snow.preset(name)]) for name in PRESETS]
+        scenes = [fl.Scene(picture, effects=[fl.Snow(name)]) for name in PRESETS]
         rows.append(np.hstack([scene.render(31, region=region) for scene in scenes]))
     save("looks.jpg", np.vstack(rows), 1600)
 
@@ -54,8 +54,8 @@ def paper() -> None:
     """The paper's own map, its texture as we map it, and a texture of flakes."""
     picture = demo.photograph(1024)
     region = np.s_[300:700, 250:650]
-    looks = [fl.TentSnow.preset("paper"), fl.TentSnow.preset("heavy"), fl.Snow.preset("heavy")]
-    scenes = [fl.Scene(None, picture, effects=[look]) for look in looks]
+    looks = [fl.TentSnow("paper"), fl.TentSnow("heavy"), fl.Snow("heavy")]
+    scenes = [fl.Scene(picture, effects=[look]) for look in looks]
     save("paper.jpg", np.hstack([scene.render(31, region=region) for scene in scenes]), 1200)
 
 
@@ -63,7 +63,7 @@ def sizes() -> None:
     """One look at 512, 1024 and 2160 px: the middles, brought to one size."""
     parts = []
     for size in (512, 1024, 2160):
-        scene = fl.Scene(None, demo.photograph(size), effects=[fl.TentSnow.preset("heavy")])
+        scene = fl.Scene(demo.photograph(size), effects=[fl.TentSnow("heavy")])
         low, high = round(0.3 * size), round(0.7 * size)
         parts.append(io.fit(scene.render(31, region=np.s_[low:high, low:high]), (512, 512)))
     save("sizes.jpg", np.hstack(parts), 1536)
@@ -75,7 +75,7 @@ def severity() -> None:
     region = np.s_[:300, 100:400]
 
     def row(effects: list) -> np.ndarray:
-        scenes = [fl.Scene(None, picture, effects=[effect]) for effect in effects]
+        scenes = [fl.Scene(picture, effects=[effect]) for effect in effects]
         return np.hstack([scene.render(3, region=region) for scene in scenes])
 
     rows = [row([kind(severity=n) for n in range(1, 6)]) for kind in (fl.Snow, fl.Rain, fl.Mist)]
@@ -90,9 +90,9 @@ def rain() -> None:
     region = np.s_[300:700, 300:740]
     for photograph in (data.rocket(), data.astronaut()):
         picture = io.fit(photograph, (1024, 1024))
-        scenes = [fl.Scene(None, picture, effects=[fl.TentRain.preset(name)]) for name in RAINS]
+        scenes = [fl.Scene(picture, effects=[fl.TentRain(name)]) for name in RAINS]
         rows.append(np.hstack([scene.render(31, region=region) for scene in scenes]))
-    scene = fl.Scene(None, demo.photograph(1024), effects=[fl.TentRain.preset("rain")])
+    scene = fl.Scene(demo.photograph(1024), effects=[fl.TentRain("rain")])
     frames = [scene.render(t, region=region).astype(float) for t in range(1, 31)]
     step = np.clip(128.0 + 3.0 * (frames[1] - frames[0]), 0, 255)
     mean = np.mean(frames, axis=0)
@@ -108,7 +108,7 @@ def drops() -> None:
         (data.astronaut(), np.s_[300:700, 250:750]),
     ):
         picture = io.fit(photograph, (1024, 1024))
-        scenes = [fl.Scene(None, picture, effects=[fl.Rain.preset(name)]) for name in RAINS]
+        scenes = [fl.Scene(picture, effects=[fl.Rain(name)]) for name in RAINS]
         rows.append(np.hstack([scene.render(31, region=region) for scene in scenes]))
     save("drops.jpg", np.vstack(rows), 1500)
 
@@ -124,7 +124,7 @@ def wind() -> None:
     parts = []
     for blow in winds:
         snow = fl.TentSnow(wind=blow, flakes=1500, texture=0.0, haze=0.0, fall=1.0)
-        scene = fl.Scene(None, black, effects=[snow])
+        scene = fl.Scene(black, effects=[snow])
         frames = [scene.render(t) for t in np.arange(40.0, 52.0, 0.5)]
         parts.append(np.minimum(3.0 * np.max(frames, axis=0), 255.0))
     save("wind.jpg", np.hstack(parts).astype(np.uint8), 1440)
@@ -139,12 +139,13 @@ def depth() -> None:
     camera = fl.Camera(994.978)
     snow = {"near_depth": 2.0, "flakes": 6000, "flake_size": (0.004, 0.01)}
     effects = [
-        (fl.TentSnow.preset("heavy", **snow), None),
-        (fl.TentSnow.preset("heavy", **snow), far),
-        (fl.TentSnow.preset("heavy", depth_mode="pixel", **snow), far),
+        (fl.TentSnow("heavy", **snow), None),
+        (fl.TentSnow("heavy", **snow), far),
+        (fl.TentSnow("heavy", depth_mode="pixel", **snow), far),
     ]
     pictures = [
-        fl.Scene(None, left, camera, [effect], depth=limit).render(31) for effect, limit in effects
+        fl.Scene(left, camera=camera, effects=[effect], depth=limit).render(31)
+        for effect, limit in effects
     ]
     grey = np.clip(255.0 * (5.5 - far) / 3.5, 0.0, 255.0).astype(np.uint8)
     pictures.append(np.dstack([grey] * 3))
@@ -153,7 +154,7 @@ def depth() -> None:
 
 def stereo() -> None:
     """Two eyes, the right one's picture on the left: to be looked at cross-eyed."""
-    scene = fl.Scene(None, demo.photograph(768), effects=[fl.TentSnow.preset("heavy")])
+    scene = fl.Scene(demo.photograph(768), effects=[fl.TentSnow("heavy")])
     left, right = scene.stereo(31, distance=0.05, convergence=6.0)
     save("stereo.jpg", np.hstack([right, left]), 1200)
 
@@ -163,8 +164,8 @@ def jitter() -> None:
     black = np.zeros((512, 512, 3), np.float32)
     parts = []
     for spread in (False, True):
-        snow = fl.TentSnow.preset("heavy", wind=(0.0, 0.0, 0.0), flakes=0, haze=0.0, jitter=spread)
-        scene = fl.Scene(None, black, effects=[snow])
+        snow = fl.TentSnow("heavy", wind=(0.0, 0.0, 0.0), flakes=0, haze=0.0, jitter=spread)
+        scene = fl.Scene(black, effects=[snow])
         frames = [scene.render(t) for t in range(60)]
         parts += [frames[30], 3.0 * np.mean(frames, axis=0)]
     save("jitter.jpg", io.linear_to_srgb(np.hstack(parts).clip(0.0, 1.0)), 1400)

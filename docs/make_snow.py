@@ -16,8 +16,8 @@ FRAMES = 36
 
 def main() -> None:
     picture = fl.io.photograph(size=(560, 373))
-    snow = fl.Snow.preset("heavy", color=0.98, wind=fl.Wind((0.6, 0.0, 0.0), gusts=0.6, scale=4.0))
-    scene = fl.Scene(None, picture, effects=[snow], fps=25, seed=4)
+    snow = fl.Snow("heavy", color=0.98, wind=fl.Wind((0.6, 0.0, 0.0), gusts=0.6, scale=4.0))
+    scene = fl.Scene(picture, effects=[snow], fps=25, seed=4)
     pages = [Image.fromarray(np.asarray(scene.render(50 + n))) for n in range(FRAMES)]
     pages[0].save(
         FILE, quality=48, method=4, save_all=True, append_images=pages[1:], duration=40, loop=0

@@ -14,13 +14,13 @@ folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 picture = fl.io.photograph(size=(320, 214))
 
 # Snow that begins, in a wind that turns; the camera flies forward.
-snow = fl.Snow.preset(
+snow = fl.Snow(
     "heavy",
     amount=fl.Keys([(0, 0.0), (20, 1.0)]),
     wind=fl.Wind((0.5, 0.0, 0.0), gusts=1.0),
 )
 camera = fl.CameraPath(fl.Camera(focal=380.0), velocity=(0.0, -0.2, 2.0))
-scene = fl.Scene(None, picture, camera, [snow], fps=24, seed=7)
+scene = fl.Scene(picture, camera=camera, effects=[snow], fps=24, seed=7)
 
 summary = scene.write(folder / "snow_%04d.png", "1-4", overwrite=True)
 print(summary.written, Path(summary.files[0]).name)

@@ -33,7 +33,7 @@ def looks(version: str) -> dict[str, tuple[Any, tuple[int, int]]]:
     )
     for kind, presets in kinds:
         for name in presets:
-            effect = kind.preset(name, look=version)
+            effect = kind(name, look=version)
             found[f"{kind.__name__} {name}"] = (effect, (512, 384))
     for kind in (fl.TentSnow, fl.TentRain, fl.Mist):
         for severity in range(1, 6):
@@ -52,7 +52,7 @@ def frame(effect: Any, size: tuple[int, int]) -> np.ndarray:
     """Return the opacity in the middle of a frame, (HIGH, WIDE)."""
     left, top = (size[0] - WIDE) // 2, (size[1] - HIGH) // 2
     region = np.s_[top : top + HIGH, left : left + WIDE]
-    scene = fl.Scene(size, "#000000", effects=[effect], seed=7)
+    scene = fl.Scene("#000000", size=size, effects=[effect], seed=7)
     return np.asarray(scene.render(7, layers=True, region=region).alpha)
 
 

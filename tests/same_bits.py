@@ -135,21 +135,21 @@ PATH = fl.CameraPath(
 # Light in float32, so that the last bit is seen.
 PLATE = RNG(0).random((120, 160, 3), np.float32)
 SCENES: dict[str, fl.Scene] = {
-    "snow": fl.Scene(None, PLATE, effects=fl.TentSnow.preset("heavy", flakes=400)),
-    "rain": fl.Scene(None, PLATE, camera=PATH, effects=fl.TentRain.preset("downpour", drops=300)),
+    "snow": fl.Scene(PLATE, effects=fl.TentSnow("heavy", flakes=400)),
+    "rain": fl.Scene(PLATE, camera=PATH, effects=fl.TentRain("downpour", drops=300)),
     "gusts": fl.Scene(
-        None, PLATE, camera=PATH,
+        PLATE, camera=PATH,
         effects=[fl.TentSnow(flakes=200, wind=fl.Wind((1.0, 0.0, 0.3), gusts=0.6, swirl=0.3))],
     ),
     "mist": fl.Scene(
-        None, PLATE, sun=fl.Sun(),
+        PLATE, sun=fl.Sun(),
         effects=[fl.Mist(count=300, color=0.7, wind=(0.5, 0.0, 0.0))],
     ),
-    "cone": fl.Scene(None, PLATE, effects=[fl.ConeSnow(tile=128), fl.ConeRain(tile=128)]),
+    "cone": fl.Scene(PLATE, effects=[fl.ConeSnow(tile=128), fl.ConeRain(tile=128)]),
     "flakes": fl.Scene(
-        None, PLATE, camera=PATH, effects=[fl.Snow.preset("heavy"), fl.Rain.preset("rain")]
+        PLATE, camera=PATH, effects=[fl.Snow("heavy"), fl.Rain("rain")]
     ),
-    "still": fl.Scene(None, PLATE, effects=[fl.Mist(count=300), fl.Mist.preset("bank")]),
+    "still": fl.Scene(PLATE, effects=[fl.Mist(count=300), fl.Mist("bank")]),
 }  # fmt: skip
 # What a data set's pictures share is made once for a process.
 WEATHERS: dict[str, Any] = {

@@ -11,11 +11,11 @@ import flurries as fl
 from flurries.io import read_picture
 
 LIGHT = np.random.default_rng(5).random((48, 64, 3), np.float32)
-SNOW = fl.TentSnow.preset("heavy", color=(0.9, 0.8, 1.0), flakes=300)
+SNOW = fl.TentSnow("heavy", color=(0.9, 0.8, 1.0), flakes=300)
 
 
 def test_over_its_background_it_is_the_composite(tmp_path: Path):
-    scene = fl.Scene(None, LIGHT, effects=[SNOW, fl.TentSnow.preset("light")])
+    scene = fl.Scene(LIGHT, effects=[SNOW, fl.TentSnow("light")])
     scene.write(tmp_path / "%d.exr", "7", alone=True, bits="float")
     layer = read_picture(tmp_path / "7.exr")
     assert layer.alpha is not None and layer.premultiplied
@@ -25,7 +25,7 @@ def test_over_its_background_it_is_the_composite(tmp_path: Path):
 
 
 def test_a_png_holds_straight_display_values(tmp_path: Path):
-    scene = fl.Scene((64, 48), "#204060", effects=[SNOW])
+    scene = fl.Scene("#204060", size=(64, 48), effects=[SNOW])
     scene.write(tmp_path / "snow.png", 7, alone=True)
     layer = read_picture(tmp_path / "snow.png")
     assert layer.alpha is not None and not layer.premultiplied
@@ -38,12 +38,12 @@ def test_a_png_holds_straight_display_values(tmp_path: Path):
 @pytest.mark.parametrize("name", ["film.mp4", "%d.jpg"])
 def test_what_has_no_alpha_is_refused(name: str, tmp_path: Path):
     with pytest.raises(ValueError, match="alone"):
-        fl.Scene(None, LIGHT, effects=[SNOW]).write(tmp_path / name, "1", alone=True)
+        fl.Scene(LIGHT, effects=[SNOW]).write(tmp_path / name, "1", alone=True)
     assert not list(tmp_path.iterdir())
 
 
 def test_an_exr_is_packed_as_asked(tmp_path: Path):
-    scene = fl.Scene((300, 200), "#203040", effects=fl.Snow.preset("heavy"))
+    scene = fl.Scene("#203040", size=(300, 200), effects=fl.Snow("heavy"))
     sizes = {}
     for packing in ("none", "zip", "dwaa"):
         path = tmp_path / f"{packing}.exr"

@@ -28,8 +28,8 @@ STILL: dict[str, Any] = {"fall": 0.0, "wind": (0.0, 0.0, 0.0), "sway": (0.0, 0.0
 
 EFFECTS: dict[str, Any] = {
     "snow": fl.TentSnow(flakes=400),
-    "heavy": fl.TentSnow.preset("heavy"),
-    "rain": fl.TentRain.preset("rain"),
+    "heavy": fl.TentSnow("heavy"),
+    "rain": fl.TentRain("rain"),
     "gusts": fl.TentSnow(flakes=300, wind=fl.Wind((1.0, 0.0, 0.0), gusts=0.5)),
     "texture alone": fl.TentSnow(flakes=0),
     "flakes alone": fl.TentSnow(texture=0.0),
@@ -39,10 +39,10 @@ EFFECTS: dict[str, Any] = {
     "moving mist": fl.Mist(count=300, wind=(1.0, 0.0, 0.0)),
     "cone rain": fl.ConeRain(),
     "cone snow": fl.ConeSnow(),
-    "flakes and layers": fl.Snow.preset("heavy"),
-    "valley": fl.Mist.preset("valley", wind=(1.0, 0.2, 0.5), top=2.0),
-    "local light": fl.Snow.preset("heavy", color="local", haze=0.1),
-    "drops": fl.Rain.preset("downpour"),
+    "flakes and layers": fl.Snow("heavy"),
+    "valley": fl.Mist("valley", wind=(1.0, 0.2, 0.5), top=2.0),
+    "local light": fl.Snow("heavy", color="local", haze=0.1),
+    "drops": fl.Rain("downpour"),
     "profile": fl.TentSnow(flakes=100, wind=fl.Wind(profile=[(6.0, 1.0), (24.0, -1.5)])),
     "field": fl.TentSnow(flakes=100, wind=fl.Wind(field=RANDOM.normal(size=(2, 3, 3, 3, 3)))),
 }
@@ -153,7 +153,7 @@ class Own:
 
 def test_a_window_that_is_not_the_wholes_part_would_be_seen(low: Callable[[], None]):
     for honest in (True, False):
-        scene = fl.Scene(None, LIGHT, effects=[Own(by_rows=True, honest=honest)], space="display")
+        scene = fl.Scene(LIGHT, effects=[Own(by_rows=True, honest=honest)], space="display")
         whole = scene.render(1)
         with pytest.MonkeyPatch.context() as patched:
             patched.setattr(bands, "WHOLE", 100 * W)
@@ -163,10 +163,10 @@ def test_a_window_that_is_not_the_wholes_part_would_be_seen(low: Callable[[], No
 
 def test_what_may_draw_the_whole_draws_it_once(low: Callable[[], None]):
     calls: dict[bool, list[Any]] = {True: [], False: []}
-    whole = [fl.Scene(None, BYTES, effects=[Own(by_rows=False)]).render(1)]
+    whole = [fl.Scene(BYTES, effects=[Own(by_rows=False)]).render(1)]
     low()
     for by_rows, windows in calls.items():
-        scene = fl.Scene(None, BYTES, effects=[Own(by_rows=by_rows, calls=windows)])
+        scene = fl.Scene(BYTES, effects=[Own(by_rows=by_rows, calls=windows)])
         assert same([scene.render(1)], whole)
     assert calls[False] == [(0, H, 0, W)]
     assert calls[True] == [(y, min(y + 64, H), 0, W) for y in range(0, H, 64)]
@@ -187,7 +187,7 @@ class Plain:
 
 def test_one_that_does_not_say_is_asked_once(low: Callable[[], None]):
     plain = Plain()
-    scene = fl.Scene(None, LIGHT, effects=[fl.TentSnow(), plain])
+    scene = fl.Scene(LIGHT, effects=[fl.TentSnow(), plain])
     whole = scene.render(1)
     low()
     assert same([scene.render(1)], [whole]) and plain.calls == 2
@@ -210,7 +210,7 @@ def test_nothing_is_made_once_for_each_band(
     monkeypatch.setattr(_core, "gas_sort", lambda *args: sorts.append("gas") or gas(*args))
     fl.set_threads(1)
     effects = [fl.TentSnow(flakes=300), fl.Mist(count=100, wind=(1.0, 0.0, 0.0))]
-    scene = fl.Scene(None, BYTES, camera=camera, effects=effects, space="linear", depth=SLOPE)
+    scene = fl.Scene(BYTES, camera=camera, effects=effects, space="linear", depth=SLOPE)
     counts, made = [], []
     for lower in (lambda: None, low):
         lower()
@@ -226,10 +226,10 @@ def test_nothing_is_made_once_for_each_band(
 def test_a_film_of_bands_is_a_film_of_frames(low: Callable[[], None]):
     # What stands still is kept, and bands that are known are not asked of the stream again.
     effects = [fl.TentSnow(flakes=50, **STILL) for _ in range(6)]
-    scene = fl.Scene(None, LIGHT, effects=effects)
+    scene = fl.Scene(LIGHT, effects=effects)
     whole = [scene.render(t) for t in range(3)]
     low()
-    scene = fl.Scene(None, LIGHT, effects=effects)
+    scene = fl.Scene(LIGHT, effects=effects)
     assert same([scene.render(t) for t in range(3)], whole)
 
 
@@ -251,7 +251,7 @@ import os, signal, threading, time
 import numpy as np
 import flurries as fl
 plate = np.full((6000, 6000, 3), 60, np.uint8)
-scene = fl.Scene(None, plate, effects=[fl.TentSnow.preset("heavy")], space="linear")
+scene = fl.Scene(plate, effects=[fl.TentSnow("heavy")], space="linear")
 sent = 0.0
 def interrupt():
     global sent

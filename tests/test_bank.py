@@ -15,7 +15,7 @@ FOCAL = 600.0
 def depth_of(effect, shape=(256, 256), t=0.0, *, seed=0, **about):
     """Return the optical depth, (H, W) float64."""
     about = {"camera": fl.Camera(FOCAL), **about}
-    shown = fl.Scene(None, np.zeros((*shape, 3), np.float32), effects=[effect], seed=seed, **about)
+    shown = fl.Scene(np.zeros((*shape, 3), np.float32), effects=[effect], seed=seed, **about)
     alpha = cover(shown, t).astype(np.float64)
     return -np.log1p(-alpha)
 
@@ -110,7 +110,7 @@ def test_the_side_to_the_sun_is_bright_by_the_gas_before_it():
     way = np.array([0.48, 0.6, 0.64])
     about = {"camera": fl.Camera(FOCAL), "sun": fl.Sun(tuple(way), ambient=0.0)}
     black = np.zeros((160, 200, 3), np.float32)
-    found = fl.Scene(None, black, effects=[cloud], **about).render(0.0, layers=True)
+    found = fl.Scene(black, effects=[cloud], **about).render(0.0, layers=True)
     at = np.mgrid[:160, :200][::-1].T.swapaxes(0, 1) + 0.5 - [100, 80]
     points = np.concatenate([at / FOCAL * 60.0, np.zeros((160, 200, 1))], axis=2)
     s = np.linspace(0.0, 60.0, 601)
@@ -130,7 +130,7 @@ def test_the_sky_lights_the_top_and_dims_below_it():
     about = {"camera": fl.Camera(FOCAL), "depth": 20.0}
 
     def color(mist):
-        scene = fl.Scene(None, plate, effects=[mist], **about)
+        scene = fl.Scene(plate, effects=[mist], **about)
         layer = scene.render(0.0, layers=True).layers["mist"].astype(np.float64)
         part = scene.render(0.0, region=np.s_[40:80, 90:150])
         np.testing.assert_array_equal(part, scene.render(0.0)[40:80, 90:150])
@@ -153,13 +153,13 @@ def test_the_sky_lights_the_top_and_dims_below_it():
 
 @pytest.mark.parametrize("name", ["valley", "ground", "bank", "cumulus"])
 def test_presets_are_mist_with_structure(name, tmp_path):
-    effect = fl.Mist.preset(name)
+    effect = fl.Mist(name)
     assert effect.structure > 0.5
-    shown = fl.Scene((64, 48), "#405060", effects=[effect])
+    shown = fl.Scene("#405060", size=(64, 48), effects=[effect])
     shown.save(tmp_path / "scene.toml")
-    np.testing.assert_array_equal(fl.Scene.load(tmp_path / "scene.toml").render(2), shown.render(2))
+    np.testing.assert_array_equal(fl.open(tmp_path / "scene.toml").render(2), shown.render(2))
     assert "slices" in str(shown.plan(probe=False))
-    assert abs(fl.Mist.preset(name, visibility=33.0).extinction() - 2.996 / 33.0) < 1e-3
+    assert abs(fl.Mist(name, visibility=33.0).extinction() - 2.996 / 33.0) < 1e-3
 
 
 @every("wrong", [{"structure": np.nan}, {"structure": 0.5, "top": np.inf}, {"top": 1.0}])

@@ -11,8 +11,8 @@ ROOT = Path(__file__).parents[1]
 # The aims are 20,000, 24,500, 17,500 and 2,200: lower a limit whenever the count falls below it.
 LIMITS = {
     ("src/**/*.rs", "crates/**/*.rs"): 19_600,
-    ("python/**/*.py",): 34_430,
-    ("tests/**/*.py",): 26_840,
+    ("python/**/*.py",): 32_710,
+    ("tests/**/*.py",): 25_270,
     ("benches/**/*.*",): 2_200,
 }
 

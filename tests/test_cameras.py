@@ -198,10 +198,10 @@ def test_the_command_line_takes_them(tmp_path: Path, monkeypatch: pytest.MonkeyP
     words = ["render", "#304050", "--snow", "heavy", "--size", f"{W}x{H}", "--camera", "cam.chan"]
     assert main([*words, "--frames", "3", "--quiet", "-o", "a.png"]) == 0
     path = cameras.load("cam.chan", (H, W))
-    scene = fl.Scene((W, H), "#304050", camera=path, effects=fl.Snow.preset("heavy"))
+    scene = fl.Scene("#304050", size=(W, H), camera=path, effects=fl.Snow("heavy"))
     assert np.array_equal(read_picture("a.png").pixels, scene.render(3))
     scene.save("scene.toml")
-    assert np.array_equal(fl.Scene.load("scene.toml").render(3), scene.render(3))
+    assert np.array_equal(fl.open("scene.toml").render(3), scene.render(3))
 
 
 # fx and fy, zoom ---------------------------------------------------------------------------------
@@ -271,7 +271,7 @@ def test_a_zoom_moves_texture_and_flakes_alike():
         fl.TentSnow(fall=0.2, wind=(0.05, 0, 0), flakes=20_000, texture=0.0, haze=0.0),
     ):
         path = fl.CameraPath(fl.Camera(1.0), focal=fl.Keys([(0, 600.0), (100, 700.0)]))
-        scene = fl.Scene(size, camera=path, effects=effect)
+        scene = fl.Scene(size=size, camera=path, effects=effect)
         now, later = (scene.render(t, layers=True) for t in (50, 51))
         motion = now.motions["snow"]
         # Outwards at the focal length's own rate, beside the fall.
@@ -299,7 +299,7 @@ def test_a_zoom_moves_texture_and_flakes_alike():
 
 def test_a_zoom_that_never_changes_is_none():
     effect = fl.TentSnow(flakes=200)
-    plain = fl.Scene((W, H), camera=fl.Camera(180.0), effects=effect)
+    plain = fl.Scene(size=(W, H), camera=fl.Camera(180.0), effects=effect)
     same = plain.replace(camera=fl.CameraPath(fl.Camera(9.0), focal=[180.0, 180.0, 180.0]))
     assert np.array_equal(plain.render(12), same.render(12))
     assert same.camera.resize(2.0).camera.focal == 360.0

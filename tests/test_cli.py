@@ -78,7 +78,7 @@ def test_a_picture_becomes_frames_and_again_only_what_is_missing(run: Run, here:
     assert "3 frames rendered" in err
     first = files(here / "frames")
     assert sorted(first) == ["0001.png", "0002.png", "0003.png", "flurries.json"]
-    scene = Scene(None, PLATE, effects=[Snow.preset("heavy")])
+    scene = Scene(PLATE, effects=[Snow("heavy")])
     assert all(np.array_equal(pixels(n), scene.render(i)) for i, n in enumerate(names, 1))
 
     code, out, err = run(*command)
@@ -123,9 +123,9 @@ def test_what_an_option_means(name: str, run: Run):
     options, of_scene, of_snow = OPTIONS[name]
     code, _, err = run(*RENDER, "--frames", "9", *options)
     assert code == 0, err
-    scene = Scene(None, PLATE, effects=[Snow.preset("light", **of_snow)], **of_scene)
+    scene = Scene(PLATE, effects=[Snow("light", **of_snow)], **of_scene)
     assert np.array_equal(pixels("out/0009.png"), scene.render(9))
-    plain = Scene(None, PLATE, effects=[Snow.preset("light")]).render(9)
+    plain = Scene(PLATE, effects=[Snow("light")]).render(9)
     assert np.array_equal(scene.render(9), plain) is (name in ("nothing", "quiet"))
 
 
@@ -136,11 +136,11 @@ def test_files_sizes_and_threads(run: Run, here: Path):
         assert fl.threads() == int(count)
         (here / "out" / "0002.png").rename(here / f"{count}.png")
     assert (here / "1.png").read_bytes() == (here / "3.png").read_bytes()
-    want = Scene((50, 40), here / "plate.png", effects=[Snow.preset("light")]).render(2)
+    want = Scene(here / "plate.png", size=(50, 40), effects=[Snow("light")]).render(2)
     assert np.array_equal(pixels("1.png"), want)
     code, out, _ = run(*RENDER[:-1], "still.jpg", "--frames", "6")
     assert (code, out) == (0, "still.jpg\n")
-    want = Scene(None, PLATE, effects=[Snow.preset("light")]).render(6)
+    want = Scene(PLATE, effects=[Snow("light")]).render(6)
     assert np.abs(pixels("still.jpg").astype(int) - want).mean() <= 8
     # What is in an EXR is judged in `test_render.py`; here, that the options arrive.
     for name, options in (("a.exr", []), ("b.exr", ["--layers", "--float"])):
@@ -154,16 +154,16 @@ def test_a_scene_file(run: Run, here: Path):
     command = ["render", "scene.toml", "-o", "a/%d.png", "--frames", "1-7x3"]
     code, out, _ = run(*command)
     assert (code, out.split()) == (0, ["a/1.png", "a/4.png", "a/7.png"])
-    scene = Scene.load("scene.toml")
+    scene = fl.open("scene.toml")
     assert np.array_equal(pixels("a/4.png"), scene.render(4))
     assert scene.effects[0].flakes == 100
 
     assert run(*[w.replace("a/", "b/") for w in command], "--snow", "heavy", "--seed", "9")[0] == 0
-    heavy = scene.replace(effects=[Snow.preset("heavy")], seed=9)
+    heavy = scene.replace(effects=[Snow("heavy")], seed=9)
     assert np.array_equal(pixels("b/4.png"), heavy.render(4))
 
     assert run(*[w.replace("a/", "c/") for w in command], "--amount", "0.3")[0] == 0
-    less = scene.replace(effects=[fl.TentSnow.preset("light", flakes=100, amount=0.3)])
+    less = scene.replace(effects=[fl.TentSnow("light", flakes=100, amount=0.3)])
     assert np.array_equal(pixels("c/4.png"), less.render(4))
 
     # Another size keeps the angle of view.
@@ -180,14 +180,14 @@ WEATHER: dict[str, list[Any]] = {
     "--rain --rate 4": [fl.Rain(rate_mm_h=4.0)],
     "--mist --rain --severity 2": [fl.Mist(severity=2), fl.Rain(severity=2)],
     "--snow severity=3": [Snow(severity=3)],
-    "--snow 'big flakes'": [Snow.preset("big flakes")],
+    "--snow 'big flakes'": [Snow("big flakes")],
     "--mist fog --rain downpour --wind 1,0,0": [
-        fl.Mist.preset("fog", **WIND), fl.Rain.preset("downpour", **WIND)
+        fl.Mist("fog", **WIND), fl.Rain("downpour", **WIND)
     ],
     "--cone-rain downpour --cone-snow light": [
-        fl.ConeSnow.preset("light"), fl.ConeRain.preset("downpour")
+        fl.ConeSnow("light"), fl.ConeRain("downpour")
     ],
-    "--mist mist --visibility 30": [fl.Mist.preset("mist", visibility=30.0)],
+    "--mist mist --visibility 30": [fl.Mist("mist", visibility=30.0)],
 }  # fmt: skip
 
 
@@ -196,7 +196,7 @@ def test_the_weather_that_is_asked_for(asked: str, run: Run):
     # What does not look like a preset is the picture, also behind a bare option.
     code, _, err = run("render", *shlex.split(asked), "plate.png", "-o", "a.png", "--frames", "4")
     assert code == 0, err
-    assert np.array_equal(pixels("a.png"), Scene(None, PLATE, effects=WEATHER[asked]).render(4))
+    assert np.array_equal(pixels("a.png"), Scene(PLATE, effects=WEATHER[asked]).render(4))
 
 
 def test_a_terminal_sees_a_bar(here: Path):

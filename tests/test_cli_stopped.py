@@ -128,7 +128,7 @@ def test_ctrl_c_keeps_what_is_done_and_goes_on(here: Path):
     process = start(here, *RENDER, "--frames", f"1-{last}")
     _, err = process.communicate(timeout=60)
     assert f"2 frames rendered, {len(done)} were there already" in err
-    scene = Scene(None, PLATE, effects=[Snow.preset("light")])
+    scene = Scene(PLATE, effects=[Snow("light")])
     for number in (1, len(done), last):
         assert np.array_equal(pixels(here / "out" / f"{number:04d}.png"), scene.render(number))
 

@@ -132,8 +132,8 @@ def test_a_point_out_of_focus_is_an_even_disc_of_the_circle_s_area(blades: int):
 
 def flakes(**more: Any) -> fl.Scene:
     plate = np.zeros((256, 384, 3), np.float32)
-    snow = fl.Snow.preset("heavy", color=1.0, wind=(0.0, 0.0, 0.0))
-    return fl.Scene(None, plate, effects=[snow], seed=2, **more)
+    snow = fl.Snow("heavy", color=1.0, wind=(0.0, 0.0, 0.0))
+    return fl.Scene(plate, effects=[snow], seed=2, **more)
 
 
 def test_a_lens_keeps_what_snow_covers():
@@ -158,7 +158,7 @@ def test_a_focus_that_is_pulled_and_a_second_eye():
 
 def test_nothing_of_shapes_and_lens_where_they_are_not_asked_for():
     def asked(lens: fl.Lens | None, **fields: Any) -> tuple[bool, bool]:
-        shown = fl.Scene((96, 64), effects=[fl.Snow(**fields)], lens=lens)
+        shown = fl.Scene(size=(96, 64), effects=[fl.Snow(**fields)], lens=lens)
         frame = shown.program.views(3.0)[0][1]
         near = air_of(shown.effects[0].parts.flakes.weather, frame, 1.0).closeup
         return near is not None, near is not None and near.blur is not None

@@ -22,7 +22,7 @@ from flurries.io import open_background
 from flurries.output.store import check
 from workers import group, workers
 
-SCENE = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
+SCENE = fl.Scene("#304050", size=(96, 64), effects=fl.TentSnow("heavy", flakes=100))
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Slow:
         return fl.Layer("slow", np.zeros((64, 96), np.float32))
 
 
-SLOW = SCENE.replace(effects=[fl.TentSnow.preset("heavy", flakes=100), Slow()])
+SLOW = SCENE.replace(effects=[fl.TentSnow("heavy", flakes=100), Slow()])
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def test_an_array_has_the_frames(client: Any):
     assert np.array_equal(film.compute(scheduler="threads"), want)
     assert np.array_equal(client.compute(film[2:5, ::2]).result(), want[2:5, ::2])
     assert np.array_equal(client.compute(film.max(axis=0)).result(), want.max(axis=0))
-    light = fl.Scene(None, np.full((20, 30, 3), 0.3, np.float32)).to_dask([4])
+    light = fl.Scene(np.full((20, 30, 3), 0.3, np.float32)).to_dask([4])
     assert light.dtype == np.float32 and light.shape == (1, 20, 30, 3)
 
 

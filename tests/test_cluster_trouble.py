@@ -28,7 +28,7 @@ def test_16_3_tasks_on_one_worker_keep_their_modes(tmp_path: Path, monkeypatch: 
     group(2, monkeypatch)
     # float32 light shows the last bit in some of many pixels.
     light = np.random.default_rng(0).random((64, 96, 3), np.float32)
-    scene = fl.Scene(None, light, effects=[fl.ConeSnow(tile=64), fl.TentSnow(flakes=100)])
+    scene = fl.Scene(light, effects=[fl.ConeSnow(tile=64), fl.TentSnow(flakes=100)])
     modes = (True, False)
 
     def frames(where: Any, plain: bool) -> None:

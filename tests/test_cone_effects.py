@@ -20,7 +20,7 @@ FLYING = fl.CameraPath(
 
 
 def scene(effect, **about):
-    return fl.Scene(SIZE, "#102030", effects=[effect], **about)
+    return fl.Scene("#102030", size=SIZE, effects=[effect], **about)
 
 
 def frame_of(shown, t):
@@ -53,7 +53,7 @@ def test_a_keyed_shutter(camera, tmp_path):
     assert abs((last - first - gone + 0.5) % 1.0 - 0.5) < 1e-6
     # And it comes back from a file.
     shown.save(tmp_path / "scene.toml")
-    assert fl.Scene.load(tmp_path / "scene.toml").effects == shown.effects
+    assert fl.open(tmp_path / "scene.toml").effects == shown.effects
 
 
 def test_the_cone_moves_as_the_flakes_do():
@@ -86,11 +86,11 @@ def test_amounts_looks_and_colors():
     keyed = replace(rain, amount=fl.Keys([(0, 0.0), (6, 1.0)]))
     half = cover(scene(replace(rain, amount=0.5)), 3)
     np.testing.assert_array_equal(cover(scene(keyed), 3), half)
-    red = fl.Scene(SIZE, "#000000", effects=[fl.ConeRain(color=(1.0, 0.0, 0.0))]).render(3)
+    red = fl.Scene("#000000", size=SIZE, effects=[fl.ConeRain(color=(1.0, 0.0, 0.0))]).render(3)
     assert red[..., 0].max() > 20 and red[..., 1:].max() == 0
     assert scene(rain, seed=1).render(3).tobytes() != scene(rain, seed=2).render(3).tobytes()
     for kind in (fl.ConeRain, fl.ConeSnow):
-        looks = [cover(scene(kind.preset(name, tile=64)), 4).mean() for name in kind.PRESETS]
+        looks = [cover(scene(kind(name, tile=64)), 4).mean() for name in kind.PRESETS]
         assert looks == sorted(looks)
 
 

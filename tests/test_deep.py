@@ -18,11 +18,11 @@ from measure import cover
 H, W = 36, 48
 DISC = (np.hypot(*(np.mgrid[:H, :W] - np.array([[[18.0]], [[24.0]]]))) < 8).astype(np.float32)
 FLOOR = np.repeat(np.linspace(60.0, 3.0, H, dtype=np.float32)[:, None], W, axis=1)
-SNOW, FOG = fl.Snow.preset("heavy"), fl.Mist.preset("fog", color=0.8)
+SNOW, FOG = fl.Snow("heavy"), fl.Mist("fog", color=0.8)
 
 
 def scene(*effects: Any, **more: Any) -> fl.Scene:
-    return fl.Scene(None, np.full((H, W, 3), 0.2, np.float32), effects=effects, **more)
+    return fl.Scene(np.full((H, W, 3), 0.2, np.float32), effects=effects, **more)
 
 
 def over(samples: Deep) -> np.ndarray:
@@ -41,7 +41,7 @@ SCENES = {
     "snow before a floor, behind and before a disc": scene(
         SNOW, depth=FLOOR, foreground=fl.Foreground(DISC, depth=8.0)
     ),
-    "rain and the tent's snow": scene(fl.TentSnow.preset("heavy"), depth=20.0),
+    "rain and the tent's snow": scene(fl.TentSnow("heavy"), depth=20.0),
 }
 
 

@@ -114,7 +114,7 @@ OBJECTS: dict[str, Any] = {
     "Camera": fl.Camera(80.0, rotation=(0.1, 0.0, 0.0)),
     "CameraPath": PATH,
     "Keys": fl.Keys([(0, 1.0), (9, 0.0)]),
-    "Scene": fl.Scene((96, 64), "#304050", PATH, EFFECTS[:1], sun=fl.Sun()),
+    "Scene": fl.Scene("#304050", size=(96, 64), camera=PATH, effects=EFFECTS[:1], sun=fl.Sun()),
     "Sun": fl.Sun((0.1, 1.0, 0.2)),
     "Lamp": fl.Lamp((1.0, -1.0, 5.0), power=fl.Keys([(0, 9.0), (9, 30.0)])),
     "Lens": fl.Lens(focus=2.0, f_stop=1.4, blades=5),
@@ -134,8 +134,9 @@ COPIES: dict[str, Callable[[Any], Any]] = {
     "deepcopy": copy.deepcopy,
 }
 LIT = fl.Scene(
-    (96, 64), "#304050", PATH, [*EFFECTS, fl.TentSnow(amount=OBJECTS["Keys"])], seed=3,
-    sun=OBJECTS["Sun"], lights=[OBJECTS["Lamp"]], lens=OBJECTS["Lens"],
+    "#304050", size=(96, 64), camera=PATH,
+    effects=[*EFFECTS, fl.TentSnow(amount=OBJECTS["Keys"])], seed=3, sun=OBJECTS["Sun"],
+    lights=[OBJECTS["Lamp"]], lens=OBJECTS["Lens"],
 )  # fmt: skip
 
 

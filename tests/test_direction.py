@@ -55,8 +55,11 @@ def misses(ours: list[np.ndarray], drawn: list[np.ndarray]) -> list[str]:
 @cache
 def pictures(method: str, camera: str, wind: float, look: str) -> list[np.ndarray]:
     path = fl.CameraPath(fl.Camera(600.0), **PATHS[camera])
-    snow = fl.Snow.preset(look, wind=(wind, 0.0, 0.0), far=FAR, method=method)
-    scenes = [fl.Scene((SIDE, SIDE), "#000000", path, [snow], seed=3 + n) for n in range(SEEDS)]
+    snow = fl.Snow(look, wind=(wind, 0.0, 0.0), far=FAR, method=method)
+    scenes = [
+        fl.Scene("#000000", size=(SIDE, SIDE), camera=path, effects=[snow], seed=3 + n)
+        for n in range(SEEDS)
+    ]
     found = [one.render(TIME, layers=True).layers["snow"][..., 3] for one in scenes]
     return [one.astype(np.float64) for one in found]
 

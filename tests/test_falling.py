@@ -24,7 +24,7 @@ def scene(
     effect: fl.Snow | fl.Rain | fl.TentSnow = SNOW, *, size: tuple[int, int] = (W, H),
     camera: object = CAMERA, **more: object,
 ) -> fl.Scene:  # fmt: skip
-    return fl.Scene(size, "#203040", camera=camera, effects=[effect], **more)  # type: ignore[arg-type]
+    return fl.Scene("#203040", size=size, camera=camera, effects=[effect], **more)  # type: ignore[arg-type]
 
 
 def both(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

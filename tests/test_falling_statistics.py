@@ -26,7 +26,9 @@ from falling_statistics import QUOTIENTS, Figure, judged, page, table
 def picture(method: str, seed: int) -> np.ndarray:
     """A part of a wide picture, and few enough flakes that all of them can be drawn."""
     snow = fl.Snow(density=60.0, far=22.0, method=method)
-    scene = fl.Scene((240, 160), "#000000", fl.Camera(768.0), [snow], seed=8 + seed)
+    scene = fl.Scene(
+        "#000000", size=(240, 160), camera=fl.Camera(768.0), effects=[snow], seed=8 + seed
+    )
     return scene.render(10.0, layers=True).alpha.astype(np.float64)
 
 

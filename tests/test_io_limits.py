@@ -85,7 +85,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(
-    "code", ["io.read_picture(sys.argv[1])", "fl.Scene((64, 48), sys.argv[1]).render(0)"]
+    "code", ["io.read_picture(sys.argv[1])", "fl.Scene(sys.argv[1], size=(64, 48)).render(0)"]
 )
 @pytest.mark.parametrize(
     ("name", "size"),
@@ -100,17 +100,17 @@ def test_16_8_a_small_file_that_claims_many_pixels(hostile: Path, name: str, siz
 @pytest.mark.parametrize("text", ["a." * 20_000 + "a = 1", "x = {" + "'a b' . " * 5_000 + "a = 1}"])
 def test_16_8_a_key_of_40_kb_of_dots(tmp_path: Path, text: str):
     (tmp_path / "a.toml").write_text(f"size = [64, 48]\n{text}\n")
-    words = said("fl.Scene.load(sys.argv[1])", tmp_path / "a.toml")
+    words = said("fl.open(sys.argv[1])", tmp_path / "a.toml")
     assert "a.toml, line 2: a key has at most 32 dots, got 33 or more" in words
 
 
 def test_16_8_twenty_thousand_effects(tmp_path: Path):
     effect = '[[effects]]\nkind = "snow"\n'
     (tmp_path / "a.toml").write_text("format = 3\n" + effect * 20_000)
-    words = said("fl.Scene.load(sys.argv[1])", tmp_path / "a.toml")
+    words = said("fl.open(sys.argv[1])", tmp_path / "a.toml")
     assert "a.toml, line 2: effects must be at most 1000, got 20000" in words
     with pytest.raises(ValueError, match="effects must be at most 1000, got 1001"):
-        fl.Scene((64, 48), effects=[fl.TentRain()] * 1001)
+        fl.Scene(size=(64, 48), effects=[fl.TentRain()] * 1001)
 
 
 def manifest_of(path: Path) -> Any:
@@ -126,10 +126,10 @@ READERS: list[tuple[str, Callable[[Path], Any]]] = [
     ("a.chan", lambda path: importers.load(path, (48, 64))),
     ("a.txt", lambda path: importers.load(path, (48, 64))),
     ("images.txt", lambda path: importers.load(path.parent, (48, 64))),
-    ("a.toml", fl.Scene.load), (manifest.NAME, manifest_of),
-    ("a.png", lambda path: fl.Scene(None, path)),
-    ("a.png", lambda path: fl.Scene((64, 48), foreground=path)),
-    ("a.exr", lambda path: fl.Scene((64, 48), depth=path)),
+    ("a.toml", fl.open), (manifest.NAME, manifest_of),
+    ("a.png", lambda path: fl.Scene(path)),
+    ("a.png", lambda path: fl.Scene(size=(64, 48), foreground=path)),
+    ("a.exr", lambda path: fl.Scene(size=(64, 48), depth=path)),
 ]  # fmt: skip
 
 
@@ -152,7 +152,7 @@ def test_16_8_what_is_no_plain_file_is_not_read(
 
 def test_16_8_text_files_have_a_largest_size(tmp_path: Path):
     for name, read, size in [
-        ("a.toml", fl.Scene.load, 1 << 20), ("a.csv", read_path, 1 << 25),
+        ("a.toml", fl.open, 1 << 20), ("a.csv", read_path, 1 << 25),
         ("a.chan", lambda path: importers.load(path, (48, 64)), 1 << 25),
         (manifest.NAME, manifest_of, 1 << 28),
     ]:  # fmt: skip

@@ -33,7 +33,7 @@ def test_a_severity_takes_its_share_of_the_contrast(kind: Any, severity: int):
     lost = []
     for seed in range(3):
         picture = noise((192, 320), seed)
-        scene = fl.Scene(None, picture, effects=[kind(severity=severity)], seed=seed)
+        scene = fl.Scene(picture, effects=[kind(severity=severity)], seed=seed)
         seen = scene.render(5).astype(np.float64)
         clear = picture.astype(np.float64)
         lost.append(1.0 - np.cov(seen.ravel(), clear.ravel())[0, 1] / clear.var(ddof=1))
@@ -73,7 +73,7 @@ def test_the_rate_of_rain_is_that_of_marshall_and_palmer():
 def test_more_falls_at_a_higher_rate(kind: Any):
     seen = []
     for rate in (0.2, 0.7, 2.0, 6.0, 15.0, 40.0):
-        scene = fl.Scene((256, 192), effects=[kind(rate_mm_h=rate)])
+        scene = fl.Scene(size=(256, 192), effects=[kind(rate_mm_h=rate)])
         seen.append(float(cover(scene, 3).mean()))
     assert (np.diff(seen) > 0.0).all(), seen
 
@@ -82,13 +82,13 @@ def test_a_density_is_the_same_behind_any_lens():
     snow = fl.TentSnow(texture=0.0, haze=0.0, flake_density=20.0)
     covers = []
     for focal, size in ((300.0, (256, 192)), (600.0, (256, 192)), (307.2, (256, 256))):
-        scene = fl.Scene(size, effects=[snow], camera=fl.Camera(focal))
+        scene = fl.Scene(size=size, effects=[snow], camera=fl.Camera(focal))
         alphas = [cover(scene.replace(seed=s), 3).mean() for s in range(6)]
         covers.append(np.mean(alphas))
     # Flakes behind a pixel are as many whatever the lens; the nearest and largest ones fade.
     assert np.ptp(covers) < 0.15 * np.mean(covers)
     # As many lie in the pyramid of view, to the distance up to which they are drawn.
-    drawn = fl.Scene((256, 192), effects=[snow], camera=fl.Camera(100.0))
+    drawn = fl.Scene(size=(256, 192), effects=[snow], camera=fl.Camera(100.0))
     counts = []
     for seed in range(6):
         flakes = fl.flakes(drawn.replace(seed=seed), 0.0)
@@ -101,8 +101,8 @@ def test_visibility_in_metres_is_visibility():
     fog = fl.Mist(visibility_m=150.0)
     assert fog == fl.Mist(visibility=150.0)
     assert fl.gas.visibility(fog.extinction()) == pytest.approx(150.0, rel=0.01)
-    given = fl.Mist.preset("fog", visibility_m=80.0)
-    assert given == fl.Mist.preset("fog", visibility=80.0)
+    given = fl.Mist("fog", visibility_m=80.0)
+    assert given == fl.Mist("fog", visibility=80.0)
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_visibility_in_metres_is_visibility():
         (lambda: fl.TentRain(rate_mm_h=3.0, severity=2), "severity and rate_mm_h"),
         (lambda: fl.TentSnow(rate_mm_h=3.0, flakes=10), "rate_mm_h and flakes"),
         (lambda: fl.TentRain(severity=3, drops=10), "severity and drops"),
-        (lambda: fl.TentSnow.preset("heavy", severity=3), "severity and a preset"),
+        (lambda: fl.TentSnow("heavy", severity=3), "severity and a preset"),
         (lambda: fl.Mist(visibility_m=3.0, visibility=4.0), "visibility_m and visibility"),
         (lambda: fl.Mist(severity=2, density=0.3), "severity and density"),
         (lambda: fl.Mist(severity=2, visibility=30.0), "severity and visibility"),
@@ -135,14 +135,14 @@ def test_a_knob_leaves_what_is_given_and_is_written_out(kind: Any, tmp_path: Pat
         assert getattr(plain, name) != own[name]
     for made in (pickle.loads(pickle.dumps(plain)), copy.copy(plain), replace(plain, amount=1.0)):
         assert made == plain and "_given" not in vars(made)
-    scene = fl.Scene((32, 24), effects=[plain])
+    scene = fl.Scene(size=(32, 24), effects=[plain])
     scene.save(tmp_path / "scene.toml")
     assert 'look = "v1"' in (tmp_path / "scene.toml").read_text()
-    assert fl.Scene.load(tmp_path / "scene.toml").effects == (plain,)
+    assert fl.open(tmp_path / "scene.toml").effects == (plain,)
     kinds = {fl.TentSnow: "tent_snow", fl.TentRain: "tent_rain", fl.Mist: "mist"}
     text = f'format = 3\n[[effects]]\nkind = "{kinds[kind]}"\nseverity = 3\n'
     (tmp_path / "own.toml").write_text(text)
-    assert fl.Scene.load(tmp_path / "own.toml").effects == (plain,)
+    assert fl.open(tmp_path / "own.toml").effects == (plain,)
 
 
 def test_knobs_on_the_command_line(capsys: pytest.CaptureFixture[str]):
@@ -163,7 +163,7 @@ def boxed(alpha: np.ndarray, times: int) -> np.ndarray:
 
 
 def opacities(effect: Any, width: int, count: int) -> np.ndarray:
-    scenes = [fl.Scene((width, width), effects=[effect], seed=seed) for seed in range(count)]
+    scenes = [fl.Scene(size=(width, width), effects=[effect], seed=seed) for seed in range(count)]
     return np.stack([cover(s, 3).astype(np.float64) for s in scenes])
 
 
@@ -171,7 +171,7 @@ def opacities(effect: Any, width: int, count: int) -> np.ndarray:
 # 2 to 3 px, few in a tile; flakes are never narrower than .62 px of sigma, which takes variance.
 SIZES = {
     "texture": (fl.TentSnow(flakes=0, haze=0.0), 0.02, 0.08),
-    "heavy texture": (fl.TentSnow.preset("heavy", flakes=0, haze=0.0), 0.02, 0.06),
+    "heavy texture": (fl.TentSnow("heavy", flakes=0, haze=0.0), 0.02, 0.06),
     "snow": (fl.TentSnow(), 0.02, 0.15),
     "rain": (fl.TentRain(), 0.03, 0.2),
 }

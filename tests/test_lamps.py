@@ -47,8 +47,10 @@ def test_drawn_flakes_have_that_radiance():
         density=1.5, flake_size=(0.08, 0.08, 0.08), color=0.0, wind=(0.0, 0.0, 0.0), fall=0.0,
         near=1.0, far=5.0, shape="round", method="simulated",
     )  # fmt: skip
-    scene = fl.Scene((160, 120), "#000000", camera=fl.Camera(150.0), effects=[snow],
-                     lights=[lamp], space="linear", seed=2)  # fmt: skip
+    scene = fl.Scene(
+        "#000000", size=(160, 120), camera=fl.Camera(150.0), effects=[snow], lights=[lamp],
+        space="linear", seed=2,
+    )  # fmt: skip
     seen = scene.render(0, layers=True)
     light, alpha, ids = seen.layers["snow"][..., 0], seen.alpha, seen.ids["snow"]
     places = {int(one["id"]): one["place"] for one in fl.flakes(scene, 0)}
@@ -79,13 +81,13 @@ def test_a_spot_ends_at_its_cone_and_a_sun_does_not_fade():
 
 def test_a_carried_lamp_goes_with_the_camera():
     way = fl.CameraPath(fl.Camera(200.0), velocity=(0.0, 0.0, 5.0))
-    snow = fl.Snow.preset("heavy", color=0.0)
+    snow = fl.Snow("heavy", color=0.0)
 
     def later(**lamp: Any) -> float:
         """The light after two seconds over that of the beginning."""
         lights = [fl.Lamp((0.5, 0.5, 0.0), power=30.0, **lamp)]
         plate = np.zeros((96, 128, 3), np.float32)
-        scene = fl.Scene(None, plate, way, [snow], seed=1, lights=lights)
+        scene = fl.Scene(plate, camera=way, effects=[snow], seed=1, lights=lights)
         first, then = (sum(scene.render(t + k).mean() for k in range(0, 25, 4)) for t in (0, 60))
         return float(then / first)
 
@@ -94,8 +96,8 @@ def test_a_carried_lamp_goes_with_the_camera():
 
 def test_lamps_light_snow_and_leave_opacity():
     plate = np.full((96, 128, 3), 10, np.uint8)
-    snow = fl.Snow.preset("heavy", color="local")
-    dark = fl.Scene(None, plate, effects=[snow], seed=1)
+    snow = fl.Snow("heavy", color="local")
+    dark = fl.Scene(plate, effects=[snow], seed=1)
     lamp = fl.Lamp((1.0, -1.0, 6.0), color=(1.0, 0.6, 0.3), power=40.0)
     lit = dark.replace(lights=(lamp,))
     pair = [scene.render(4, layers=True) for scene in (dark, lit)]
@@ -113,7 +115,7 @@ def test_lamps_light_snow_and_leave_opacity():
 
 def test_scene_files_have_lamps_and_a_lens(tmp_path: Any):
     scene = fl.Scene(
-        (64, 48), "#101820", effects=[fl.Snow(color="local")],
+        "#101820", size=(64, 48), effects=[fl.Snow(color="local")],
         lights=[
             fl.Lamp((1, 2, 3), color=(1, 0.5, 0.2), power=fl.Keys([(0, 1.0), (9, 2.0)])),
             fl.Lamp((0, 0, 0), direction=(0, 0, 1), angle=0.5, carried=True),
@@ -121,7 +123,7 @@ def test_scene_files_have_lamps_and_a_lens(tmp_path: Any):
         lens=fl.Lens(focus=fl.Keys([(0, 1.0), (9, 4.0)]), blades=7),
     )  # fmt: skip
     scene.save(tmp_path / "lit.toml")
-    again = fl.Scene.load(tmp_path / "lit.toml")
+    again = fl.open(tmp_path / "lit.toml")
     assert again.lights[1] == scene.lights[1] and again.lens.blades == 7
     assert np.array_equal(again.render(3), scene.render(3))
 
@@ -132,8 +134,8 @@ def test_scene_files_have_lamps_and_a_lens(tmp_path: Any):
         (lambda: fl.Lamp(), "needs a place, a direction"),
         (lambda: fl.Lamp(place=(0, 0, 1), direction=(0, 0, 1)), "a spot has a place"),
         (lambda: fl.Lamp(direction=(0, 0, 0)), "direction must not be"),
-        (lambda: fl.Scene((8, 8), lights=[3]), "lights must be"),
-        (lambda: fl.Scene((8, 8), lens=2.8), "lens must be"),
+        (lambda: fl.Scene(size=(8, 8), lights=[3]), "lights must be"),
+        (lambda: fl.Scene(size=(8, 8), lens=2.8), "lens must be"),
     ],
 )
 def test_refusals(call: Any, message: str):

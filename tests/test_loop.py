@@ -28,18 +28,18 @@ CAMERAS: dict[str, Any] = {
 WEATHERS: dict[str, Any] = {
     "snow": fl.Snow(density=20.0, fall=1.4, haze=0.2, far=30.0),
     "rain": fl.Rain(far=20.0),
-    "mist": fl.Mist.preset("fog", wind=(1.5, 0.0, 0.3)),
-    "valley": fl.Mist.preset("valley", visibility=250.0, wind=(1.5, 0.0, 0.3), color=0.9),
+    "mist": fl.Mist("fog", wind=(1.5, 0.0, 0.3)),
+    "valley": fl.Mist("valley", visibility=250.0, wind=(1.5, 0.0, 0.3), color=0.9),
     "tent snow": fl.TentSnow(flakes=300),
     "tent rain": fl.TentRain(),
-    "cone snow": fl.ConeSnow.preset("heavy"),
+    "cone snow": fl.ConeSnow("heavy"),
     "cone rain": fl.ConeRain(),
 }
 
 
 def made(weather: Any, camera: Any = None, frames: int = FRAMES, **more: Any) -> fl.Scene:
     given = {"background": "#405060", "space": "linear", "seed": 3, **more}
-    return fl.Scene(SIZE, effects=[weather], camera=camera, **given).loop(frames)
+    return fl.Scene(size=SIZE, effects=[weather], camera=camera, **given).loop(frames)
 
 
 def step(one: Any, other: Any) -> float:
@@ -104,7 +104,7 @@ def test_what_does_not_end_as_it_began_goes_back_and_is_said():
     )
     assert "by up to 0.021 cycles a frame" in made(fl.TentSnow()).bent[0]
     assert made(fl.Snow()).bent == ()
-    assert fl.Scene(SIZE, "#000000").bent == ()
+    assert fl.Scene("#000000", size=SIZE).bent == ()
 
 
 def test_keys_are_closed():
@@ -131,7 +131,7 @@ def test_a_loop_is_saved_and_counts_its_own_frames(tmp_path: Any):
     scene = made(fl.Snow(density=2.0, far=12.0))
     scene.save(tmp_path / "scene.toml")
     assert "period = 24" in (tmp_path / "scene.toml").read_text()
-    again = fl.Scene.load(tmp_path / "scene.toml")
+    again = fl.open(tmp_path / "scene.toml")
     assert np.array_equal(again.render(5), scene.render(5))
     summary = scene.write(str(tmp_path / "%04d.png"))
     assert summary.written == list(range(FRAMES))

@@ -34,7 +34,7 @@ def cover(shown, t=0.0, **options):
     ],
 )
 def test_presets_have_the_papers_numbers(name, numbers, beta):
-    effect = fl.Mist.preset(name)
+    effect = fl.Mist(name)
     assert (effect.count, effect.radius, effect.density, effect.color) == numbers
     assert effect.box == (5.0, 5.0, 5.0) and abs(effect.extinction() - beta) < 6e-5
     # One draw of it. The view goes through 4.4 units of it or so, and its far end fades.
@@ -54,7 +54,7 @@ def test_visibility_and_count():
     effect = fl.Mist(visibility=10.0, count=3000)
     assert effect.particles_in_box() == 3000
     assert abs(fl.gas.visibility(effect.extinction()) - 10.0) < 1e-9
-    effect = fl.Mist.preset("fog", visibility=20.0)
+    effect = fl.Mist("fog", visibility=20.0)
     assert effect.count is None and effect.radius == pytest.approx(0.45 / 5 * 24)
     assert abs(fl.gas.visibility(effect.extinction()) / 20.0 - 1) < 1e-3
     keyed = fl.Mist(visibility=fl.Keys([(0, 10.0), (100, 40.0)]))
@@ -68,13 +68,13 @@ def test_visibility_and_count():
 
 def test_wind_moves_the_gas_and_its_box_wraps():
     # Against a camera that moves the other way: the same pictures.
-    blown = scene(fl.Mist.preset("fog", wind=(0.6, 0.0, 0.3)))
+    blown = scene(fl.Mist("fog", wind=(0.6, 0.0, 0.3)))
     path = fl.CameraPath(fl.Camera(FOCAL), velocity=(-0.6, 0.0, -0.3))
-    flown = scene(fl.Mist.preset("fog"), camera=path)
+    flown = scene(fl.Mist("fog"), camera=path)
     for t in (0.0, 40.0, 1e4):
         np.testing.assert_allclose(cover(blown, t), cover(flown, t), atol=2e-5)
     # After one box's length the gas is where it was.
-    fog = fl.Mist.preset("fog", wind=(0.0, 1.5, 0.0), center=(0.0, 0.0, 2.5), box=5.0)
+    fog = fl.Mist("fog", wind=(0.0, 1.5, 0.0), center=(0.0, 0.0, 2.5), box=5.0)
     round_ = scene(fog, fps=30.0)
     np.testing.assert_allclose(cover(round_, 0), cover(round_, 100.0), atol=2e-5)
     assert np.abs(cover(round_, 0) - cover(round_, 50.0)).max() > 0.05
@@ -83,7 +83,7 @@ def test_wind_moves_the_gas_and_its_box_wraps():
 
 
 def test_a_box_in_the_world_stays_there():
-    effect = fl.Mist.preset("clouds", center=(0.0, 0.0, 8.0), box=3.0)
+    effect = fl.Mist("clouds", center=(0.0, 0.0, 8.0), box=3.0)
     near = fl.CameraPath(fl.Camera(FOCAL), position=[(0, 0, 0), (0, 0, 2.0)])
     first, later = (cover(scene(effect, camera=near), t) for t in (0, 1))
     # From 8 to 6 units away; and around it is nothing.
@@ -95,8 +95,8 @@ def test_a_box_in_the_world_stays_there():
 
 
 def test_depths_put_gas_behind_and_in_front():
-    whole = cover(scene(fl.Mist.preset("fog", seed=7)))
-    parts = [fl.Mist.preset("fog", seed=7, depths=d) for d in ((2.5, math.inf), (0, 2.5))]
+    whole = cover(scene(fl.Mist("fog", seed=7)))
+    parts = [fl.Mist("fog", seed=7, depths=d) for d in ((2.5, math.inf), (0, 2.5))]
     back, front = (cover(scene(part)) for part in parts)
     together = cover(scene(*parts))
     # Particles that the border cuts are two of lesser opacity: 1 - (1 - a F)(1 - a (1 - F)).
@@ -113,14 +113,14 @@ def test_depths_put_gas_behind_and_in_front():
 def test_what_stands_in_the_picture_hides_gas_behind_it():
     depth = np.full((72, 96), np.inf, np.float32)
     depth[:, 64:] = 1.0
-    alpha = cover(scene(fl.Mist.preset("fog"), depth=depth))
-    free = cover(scene(fl.Mist.preset("fog")))
+    alpha = cover(scene(fl.Mist("fog"), depth=depth))
+    free = cover(scene(fl.Mist("fog")))
     assert alpha[:, 65:].mean() < 0.75 * free[:, 65:].mean()
     np.testing.assert_array_equal(alpha[:, :64], free[:, :64])
 
 
 def test_the_sun_shades_the_gas():
-    effect = fl.Mist.preset("clouds", center=(0, 0, 7.0), box=4.0, scatter="even", forward=0.0)
+    effect = fl.Mist("clouds", center=(0, 0, 7.0), box=4.0, scatter="even", forward=0.0)
     dark = scene(effect, sun=fl.Sun((0, 1, 0), 1.0, ambient=0.0)).render(0, layers=True)
     layer = dark.layers["mist"]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -137,7 +137,7 @@ def test_the_sun_shades_the_gas():
     np.testing.assert_array_equal(unlit, none)
     # Into the sun a cloud of droplets is brighter than away from it.
     into, away = (
-        scene(fl.Mist.preset("mist", scatter="henyey"), sun=fl.Sun((0, 0.2, z), 1.0, 0.0)).render(0)
+        scene(fl.Mist("mist", scatter="henyey"), sun=fl.Sun((0, 0.2, z), 1.0, 0.0)).render(0)
         for z in (-1.0, 1.0)
     )
     assert into.mean() > 3 * away.mean()
@@ -147,7 +147,7 @@ def test_light_is_computed_once_for_a_gas_and_a_light(monkeypatch):
     made: list[Any] = []
     kernel = _core.gas_light
     monkeypatch.setattr(_core, "gas_light", lambda *args: made.append(args) or kernel(*args))
-    shown = scene(fl.Mist.preset("clouds", center=(0, 0, 6.0)), sun=fl.Sun())
+    shown = scene(fl.Mist("clouds", center=(0, 0, 6.0)), sun=fl.Sun())
     for eye in (None, *stereo.eyes(shown.camera.camera, distance=0.065)):
         shown.render(4, eye=eye)
     # Nothing moves, so that the next frame is the last one.
@@ -156,7 +156,7 @@ def test_light_is_computed_once_for_a_gas_and_a_light(monkeypatch):
 
 
 def test_amount_fades_and_nothing_is_nothing():
-    keyed = fl.Mist.preset("fog", amount=fl.Keys([(0, 0.0), (10, 1.0)]))
+    keyed = fl.Mist("fog", amount=fl.Keys([(0, 0.0), (10, 1.0)]))
     means = [cover(scene(keyed), t).mean() for t in (0, 3, 10)]
     assert means[0] == 0 and 0 < means[1] < means[2]
     for nothing in (fl.Mist(count=0), fl.Mist(density=0.0)):
@@ -173,7 +173,7 @@ def test_fog_is_never_darker_than_the_sky_unless_asked(structure: float, space: 
     )
     for plate in (noon, dusk, night):
         fog = fl.Mist(visibility=8.0, structure=structure)
-        seen = fl.Scene(None, plate, effects=[fog], space=space).render(0)
+        seen = fl.Scene(plate, effects=[fog], space=space).render(0)
         # The sky is the brighter quarter of the plate, and fog before it as bright; below it is
         # brighter than what it hides.
         assert np.allclose(seen[:12].mean(), plate[:12].mean(), rtol=0.02)
@@ -181,7 +181,7 @@ def test_fog_is_never_darker_than_the_sky_unless_asked(structure: float, space: 
         assert seen.max() < 1.01 * plate.max()
         assert np.abs(seen - plate).max() > 0.1 * plate.max()
     smoke = fl.Mist(visibility=8.0, structure=structure, color=0.3)
-    assert fl.Scene(None, noon, effects=[smoke]).render(0)[0].mean() < 0.7
+    assert fl.Scene(noon, effects=[smoke]).render(0)[0].mean() < 0.7
 
 
 @pytest.mark.parametrize("structure", [0.0, 0.7])
@@ -189,7 +189,7 @@ def test_a_lamp_lights_the_mist_around_it(structure: float):
     plate = np.full((48, 64, 3), 0.01, np.float32)
     lamp = fl.Lamp(place=(1.0, 0.0, 4.0), power=2.0)
     about = {"effects": [fl.Mist(visibility=12.0, box=8.0, structure=structure)], "seed": 2}
-    dark, lit = (fl.Scene(None, plate, lights=lamps, **about).render(0) for lamps in ([], [lamp]))
+    dark, lit = (fl.Scene(plate, lights=lamps, **about).render(0) for lamps in ([], [lamp]))
     gained = (lit - dark).mean(axis=2)
     assert (gained >= 0.0).all()
     # Around the lamp's image, 1 m aside at 4 m behind a lens of 1.2 widths, and less elsewhere.

@@ -24,7 +24,7 @@ from flurries.scene.fingerprint import BITS
 
 W, H = 1024, 800
 SNOW = fl.TentSnow(flakes=50)
-SMALL = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
+SMALL = fl.Scene("#304050", size=(96, 64), effects=fl.TentSnow("heavy", flakes=100))
 KINDS = ["png", "jpg", "exr", "tif"]
 
 
@@ -62,7 +62,7 @@ def retouch(plate: Path) -> None:
 
 
 def test_16_1_a_retouched_plate_makes_its_frames_again(plate: Path, tmp_path: Path):
-    scene = fl.Scene(None, plate, effects=SNOW)
+    scene = fl.Scene(plate, effects=SNOW)
     out = tmp_path / "out"
     assert scene.write(out / "%d.png", "1-2").written == [1, 2]
     retouch(plate)
@@ -70,7 +70,7 @@ def test_16_1_a_retouched_plate_makes_its_frames_again(plate: Path, tmp_path: Pa
     assert scene.write(out / "%d.png", "1-4").written == [1, 2, 3, 4]
     for number in (1, 4):
         got = read_picture(out / f"{number}.png").pixels
-        assert np.array_equal(got, fl.Scene(None, plate, effects=SNOW).render(number))
+        assert np.array_equal(got, fl.Scene(plate, effects=SNOW).render(number))
         assert got[393:405].mean() < 0.5 * got[420:440].mean(), "the black rows"
     assert scene.write(out / "%d.png", "1-4").kept == [1, 2, 3, 4]
     assert check(out) == (4, [])
@@ -83,7 +83,7 @@ def test_16_1_a_plate_that_changes_meanwhile_ends_the_run(plate: Path, tmp_path:
                 retouch(plate)
             yield number
 
-    scene = fl.Scene(None, plate, effects=SNOW)
+    scene = fl.Scene(plate, effects=SNOW)
     with pytest.raises(OSError, match=r"plate\.tif changed"):
         scene.write(tmp_path / "%d.png", "1-4", progress=progress)
     assert scene.write(tmp_path / "%d.png", "1-4").written == [1, 2, 3, 4]
@@ -92,7 +92,7 @@ def test_16_1_a_plate_that_changes_meanwhile_ends_the_run(plate: Path, tmp_path:
 def test_16_1_of_a_sequence_the_frames_of_the_changed_plate_alone(tmp_path: Path):
     for number in range(4):
         write_picture(tmp_path / f"plate.{number}.png", np.full((20, 30, 3), number, np.uint8))
-    scene = fl.Scene(None, tmp_path / "plate.%d.png", effects=SNOW)
+    scene = fl.Scene(tmp_path / "plate.%d.png", effects=SNOW)
     assert scene.write(tmp_path / "out" / "%d.png").written == [0, 1, 2, 3]
     write_picture(tmp_path / "plate.2.png", np.full((20, 30, 3), 77, np.uint8))
     assert scene.write(tmp_path / "out" / "%d.png").written == [2]
@@ -113,7 +113,8 @@ import flurries.scene.fingerprint as fingerprint
 version, bits, place = sys.argv[1:]
 flurries.__version__ = version
 fingerprint.BITS += int(bits)
-scene = flurries.Scene((96, 64), "#304050", effects=flurries.TentSnow.preset("heavy", flakes=100))
+snow = flurries.TentSnow("heavy", flakes=100)
+scene = flurries.Scene("#304050", size=(96, 64), effects=snow)
 print(*scene.write(place + "/%d.png", "1-2").kept)
 """
 
@@ -184,7 +185,7 @@ import OpenImageIO
 if sys.argv[1] == "lockless":
     # A folder on a network whose locks each machine has for itself.
     fcntl.flock = lambda *arguments: None
-scene = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
+scene = fl.Scene("#304050", size=(96, 64), effects=fl.TentSnow("heavy", flakes=100))
 scene.write("whole/%04d.png", "1-40")
 want = {path.name: path.read_bytes() for path in Path("whole").iterdir()}
 
@@ -330,7 +331,7 @@ def test_21_one_rule_about_existing_files(name: str, tmp_path: Path):
 def test_21_a_cut_film_and_a_film_over_a_retouched_plate_are_made_again(
     plate: Path, tmp_path: Path
 ):
-    scene = fl.Scene((96, 64), plate, effects=SNOW)
+    scene = fl.Scene(plate, size=(96, 64), effects=SNOW)
     film = tmp_path / "a.mkv"
     assert scene.write(film, "1-4", quality="draft").written == [1, 2, 3, 4]
     before = film.read_bytes()

@@ -57,7 +57,7 @@ def test_a_kind_is_strict_about_its_keys(page: dict[str, Any], tmp_path: Path):
     for line, wanted in (("colr = 0.5", "line 4.*color"), ("preset = 'dark'", "line 4.*preset")):
         (tmp_path / "bad.toml").write_text(f"format = 3\n[[effects]]\nkind = 'ash'\n{line}\n")
         with pytest.raises(ValueError, match=wanted):
-            fl.Scene.load(tmp_path / "bad.toml")
+            fl.open(tmp_path / "bad.toml")
 
 
 def test_an_unregistered_effect_says_what_to_do(page: dict[str, Any], tmp_path: Path):
@@ -65,9 +65,11 @@ def test_an_unregistered_effect_says_what_to_do(page: dict[str, Any], tmp_path: 
     with pytest.raises(ValueError, match=r"a Ash cannot be written.*flurries\.register"):
         page["scene"].save(tmp_path / "no.toml")
     with pytest.raises(ValueError, match=r"line \d+: kind must be one of 'snow'.*got 'ash'"):
-        fl.Scene.load(tmp_path / "ash.toml")
+        fl.open(tmp_path / "ash.toml")
     # Its frames have a name all the same, whatever the effect kept of itself.
-    fresh = fl.Scene((320, 240), "#c08050", effects=[page["Ash"](flakes=6000)], depth=25.0, seed=3)
+    fresh = fl.Scene(
+        "#c08050", size=(320, 240), effects=[page["Ash"](flakes=6000)], depth=25.0, seed=3
+    )
     assert fingerprint(fresh) == fingerprint(page["scene"])
 
 
@@ -81,7 +83,7 @@ def test_an_installed_package_names_its_effects(tmp_path: Path, monkeypatch: pyt
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "scene.toml").write_text("format = 3\nsize = [64, 48]\n[[effects]]\nkind = 'ash'\n")
     try:
-        scene = fl.Scene.load(tmp_path / "scene.toml")
+        scene = fl.open(tmp_path / "scene.toml")
         assert scene.effects == (sys.modules["my_package"].Ash(),)
         kinds._registered.clear()
         scene.save(tmp_path / "again.toml")

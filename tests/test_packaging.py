@@ -18,7 +18,7 @@ CORE = {"numpy", "openimageio", "pillow", "click", "fileseq", "tqdm", "tomli", "
 
 @pytest.mark.parametrize("call", [
     "fl.io.VideoWriter('new.mp4', (32, 24), 24)",
-    "fl.Scene((32, 24)).write('new.mp4', '1-2')",
+    "fl.Scene(size=(32, 24)).write('new.mp4', '1-2')",
     "fl.io.open_background('film.mkv')",
 ])  # fmt: skip
 def test_without_the_library_for_films_the_error_names_the_extra(call: str, tmp_path: Path):
@@ -26,7 +26,7 @@ def test_without_the_library_for_films_the_error_names_the_extra(call: str, tmp_
         film.write(np.zeros((24, 32, 3), np.uint8))
     code = f"import sys; sys.modules['av'] = None\nimport flurries as fl\ntry:\n    {call}\n"
     code += "except ImportError as error:\n    print(error)\n"
-    code += "fl.Scene((32, 24)).write('still.png', 1)"
+    code += "fl.Scene(size=(32, 24)).write('still.png', 1)"
     ran = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
     )

@@ -118,7 +118,7 @@ def asked(snow: fl.TentSnow, frame: Frame) -> Any:
 @pytest.mark.parametrize(("wind", "fall"), [((0.7, 0.0, 0.0), 1.4), ((-3.0, 0.5, 0.0), 0.1)])
 def test_the_longest_wave_moves_as_a_flake_at_its_depth(wind: Any, fall: float):
     snow = Snow(wind=wind, fall=fall, near_depth=9.0)
-    scene = Scene((W, H), camera=Camera(123.0), effects=[snow], fps=25.0)
+    scene = Scene(size=(W, H), camera=Camera(123.0), effects=[snow], fps=25.0)
     requests = [asked(snow, frame_of(scene, t)) for t in (4.0, 5.0)]
     speed = 123.0 * np.array([wind[0], wind[1] + fall]) / (25.0 * 9.0)
     assert np.abs(requests[1].drift - requests[0].drift - speed).max() < 1e-12
@@ -128,7 +128,7 @@ def test_the_longest_wave_moves_as_a_flake_at_its_depth(wind: Any, fall: float):
 
 def test_a_million_frames_are_exact():
     snow = Snow(wind=(0.35, 0.0, 0.0), fall=1.4, near_depth=12.0)
-    scene = Scene((256, 256), camera=Camera(307.2), effects=[snow], fps=30.0)
+    scene = Scene(size=(256, 256), camera=Camera(307.2), effects=[snow], fps=30.0)
     drift = asked(snow, frame_of(scene, 1_000_000.0)).drift[0, 0, 0]
     longest = Fraction(snow.parts.texture.field.band((256, 256))[1])
     for got, speed in zip(drift, (0.35, 1.4), strict=True):
@@ -142,7 +142,7 @@ def test_keyed_air_has_come_as_far_as_its_integral():
     wind, fall = Keys([(3, (0, 0, 1)), (8, (6, -1, 0))]), Keys([(-2, 1.0), (5, 3.0)])
     snow = Snow(wind=wind, fall=fall)
     path = fl.CameraPath(LENS, velocity=Keys([(0, (0, 0, 0)), (6, (1, 2, 3))]))
-    scene = Scene((W, H), camera=path, effects=[snow], fps=20.0)
+    scene = Scene(size=(W, H), camera=path, effects=[snow], fps=20.0)
     for t in (-7.5, 0.0, 4.25, 30.0):
         air = (np.array(wind.integral(t)) + np.array([0.0, fall.integral(t), 0.0])) / 20.0
         moved = snow.parts.motion.way(frame_of(scene, t)).moved
@@ -154,10 +154,14 @@ def test_keyed_air_has_come_as_far_as_its_integral():
 
 def test_moving_air_and_a_moving_camera_are_one():
     still = {"fall": 0.0, "sway": (0.0, 1.0), "flakes": 300}
-    blown = Scene((W, H), GRAY, effects=[Snow(wind=(0.5, 1.5, 0.0), **still)])
-    flown = Scene((W, H), GRAY, fl.CameraPath(Camera(1.2 * W), velocity=(-0.5, -1.5, 0.0)),
-                  effects=[Snow(wind=(0.0, 0.0, 0.0), **still)])  # fmt: skip
-    fallen = Scene((W, H), GRAY, effects=[Snow(**{**still, "fall": 1.5, "wind": (0.5, 0.0, 0.0)})])
+    blown = Scene(GRAY, size=(W, H), effects=[Snow(wind=(0.5, 1.5, 0.0), **still)])
+    flown = Scene(
+        GRAY, size=(W, H), camera=fl.CameraPath(Camera(1.2 * W), velocity=(-0.5, -1.5, 0.0)),
+        effects=[Snow(wind=(0.0, 0.0, 0.0), **still)],
+    )  # fmt: skip
+    fallen = Scene(
+        GRAY, size=(W, H), effects=[Snow(**{**still, "fall": 1.5, "wind": (0.5, 0.0, 0.0)})]
+    )
     for t in (0.0, 9.25, -4.0):
         want = blown.render(t)
         assert np.array_equal(flown.render(t), want) and np.array_equal(fallen.render(t), want)
@@ -166,7 +170,7 @@ def test_moving_air_and_a_moving_camera_are_one():
 
 def test_an_eye_is_a_camera_moved_aside():
     path = fl.CameraPath(LENS, velocity=(0.3, -0.2, 1.5))
-    scene = Scene((W, H), GRAY, path, [Snow(flakes=300)])
+    scene = Scene(GRAY, size=(W, H), camera=path, effects=[Snow(flakes=300)])
     lens = dataclasses.replace(scene.camera.camera, offset=(0.06, 0.0, 0.0))
     moved = scene.replace(camera=fl.CameraPath(lens, velocity=scene.camera.velocity))
     assert np.array_equal(scene.render(5, eye=lens), moved.render(5))
@@ -178,7 +182,7 @@ def test_an_eye_is_a_camera_moved_aside():
 def test_a_camera_that_looks_along_the_wind_sees_it_go_away():
     snow = Snow(wind=(1.0, 0.0, 0.0), fall=0.0, tile=16, overlap=0, wavelengths=(2.0, 8.0))
     lens = Camera(100.0, rotation=(0.0, np.pi / 2, 0.0))  # to the right
-    scene = Scene((96, 64), camera=lens, effects=[snow])
+    scene = Scene(size=(96, 64), camera=lens, effects=[snow])
     drift = asked(snow, frame_of(scene, 30.0)).drift[:, :, 0]
     x = np.arange(8, 96, 16) - 48.0
     assert np.allclose(drift[..., 0], -x / 12.0, atol=1e-12), "towards the middle, 1 m in 12"
@@ -186,7 +190,7 @@ def test_a_camera_that_looks_along_the_wind_sees_it_go_away():
 
 def test_a_lens_far_off_the_middle_is_no_endless_work():
     def shown(center: tuple[float, float]) -> fl.Scene:
-        return Scene((W, H), camera=Camera(100.0, center=center), effects=[Snow(flakes=1000)])
+        return Scene(size=(W, H), camera=Camera(100.0, center=center), effects=[Snow(flakes=1000)])
 
     shown((1e6, 35.0)).render(0)
     with pytest.raises(ValueError, match="cells of flakes"):

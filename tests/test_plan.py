@@ -48,8 +48,8 @@ def both(effect: Any, picture: Any = BYTES, **more: Any) -> tuple[fl.Scene, fl.S
     """The scene, and the one in which everything is computed."""
     whole = Everything(replace(effect, seed=5), seed=5)
     return (
-        fl.Scene(None, picture, effects=[replace(effect, seed=5)], **more),
-        fl.Scene(None, picture, effects=[whole], **more),
+        fl.Scene(picture, effects=[replace(effect, seed=5)], **more),
+        fl.Scene(picture, effects=[whole], **more),
     )
 
 
@@ -90,15 +90,15 @@ def test_what_shows_nothing_is_not_made(case: str):
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_less_than_half_a_step_is_left_out_and_more_is_not(space: str, dtype: Any):
     picture = BYTES.astype(dtype) * (257 if dtype == np.uint16 else 1)
-    bare = fl.Scene(None, picture, space=space).render(0)
+    bare = fl.Scene(picture, space=space).render(0)
     step = 1.0 / np.iinfo(dtype).max
     for veil in np.array([0.01, 0.03, 0.3, 0.49, 0.7, 3.0]) * step:
         # White over all values there are, several layers of it.
         effect = fl.TentSnow(texture=0.0, flakes=0, haze=veil, color=1.0)
-        scene = fl.Scene(None, picture, effects=[effect] * 3, space=space)
+        scene = fl.Scene(picture, effects=[effect] * 3, space=space)
         image, trace = traced(scene)
         if "join" not in trace.calls:
-            whole = fl.Scene(None, picture, effects=[Everything(effect)] * 3, space=space)
+            whole = fl.Scene(picture, effects=[Everything(effect)] * 3, space=space)
             assert np.array_equal(image, whole.render(7)) and np.array_equal(image, bare)
         if veil > 0.5 * step:
             assert "join" in trace.calls and not np.array_equal(image, bare)
@@ -140,7 +140,7 @@ def test_only_the_part_that_is_seen_is_made(kind: str, front: str):
 
 
 def test_one_eye_for_two_at_distance_0():
-    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow()])
+    scene = fl.Scene(BYTES, effects=[fl.TentSnow()])
     with fl.trace.tracing() as trace:
         left, right = scene.stereo(4, distance=0.0)
     assert trace.calls["texture"] == 1
@@ -177,14 +177,14 @@ def test_what_may_move_is_made_each_time():
         ({"fall": 0.1}, None), ({"amount": fl.Keys([(0, 1.0), (9, 0.9)])}, None), ({}, moving),
     ):  # fmt: skip
         snow = fl.TentSnow(**{**STILL, **change})
-        scene = fl.Scene(None, BYTES, effects=[snow], camera=camera)
+        scene = fl.Scene(BYTES, effects=[snow], camera=camera)
         with fl.trace.tracing() as trace:
             scene.render(0), scene.render(5)
         assert trace.calls["texture"] == 2
 
 
 def test_an_unread_depth_is_not_read():
-    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(amount=0.0)], depth=30.0)
+    scene = fl.Scene(BYTES, effects=[fl.TentSnow(amount=0.0)], depth=30.0)
     assert "depth" not in traced(scene)[1].calls
     assert left_out(scene)["depth"] == "nothing reads it"
     scene = scene.replace(effects=[fl.TentSnow()])
@@ -193,7 +193,7 @@ def test_an_unread_depth_is_not_read():
 
 def test_amounts_that_are_keyed_count_frame_by_frame():
     amount = fl.Keys([(0, 0.0), (10, 0.0), (20, 1.0)])
-    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(amount=amount)])
+    scene = fl.Scene(BYTES, effects=[fl.TentSnow(amount=amount)])
     assert "texture" not in traced(scene, 5.0)[1].calls
     assert "texture" in traced(scene, 15.0)[1].calls
     plan = scene.plan("0-20", probe=False)
@@ -201,14 +201,14 @@ def test_amounts_that_are_keyed_count_frame_by_frame():
     assert "% of frames" in left_out(scene, "0-20")["snow"]
     # A long film is not looked at frame by frame, but no key of it is missed.
     burst = fl.TentSnow(amount=fl.Keys([(100, 0.0), (103, 1.0), (106, 0.0)]))
-    steps = fl.Scene(None, BYTES, effects=[burst]).plan("0-999", probe=False).steps
+    steps = fl.Scene(BYTES, effects=[burst]).plan("0-999", probe=False).steps
     assert "snow: texture" in {step.name for step in steps}
 
 
 def test_gas_of_one_color_is_not_sorted():
-    gas = fl.Mist.preset("mist", wind=(0.3, 0.0, 0.0))
+    gas = fl.Mist("mist", wind=(0.3, 0.0, 0.0))
     sun = fl.Sun((0.0, 1.0, 0.0), 1.0, ambient=1.0)
-    plain = fl.Scene(None, BYTES, effects=[gas])
+    plain = fl.Scene(BYTES, effects=[gas])
     image, trace = traced(plain)
     assert "gas" in trace.calls and "lit gas" not in trace.calls
     none = traced(plain.replace(effects=[replace(gas, amount=0.0)]))[1]
@@ -221,9 +221,9 @@ def test_gas_of_one_color_is_not_sorted():
 
 
 def test_gas_that_stands_still_is_made_once():
-    cloud = fl.Mist.preset("clouds", center=(0.0, 0.0, 6.0))
+    cloud = fl.Mist("clouds", center=(0.0, 0.0, 6.0))
     for sun, name in ((None, "gas"), (fl.Sun(), "lit gas")):
-        scene = fl.Scene(None, BYTES, effects=[cloud], sun=sun)
+        scene = fl.Scene(BYTES, effects=[cloud], sun=sun)
         with fl.trace.tracing() as trace:
             images = [scene.render(t) for t in (0, 4, 9)]
         assert trace.calls[name] == 1
@@ -274,7 +274,7 @@ class Wrong(Own):
 
 
 def test_effects_of_others():
-    scene = fl.Scene(None, BYTES, effects=[Own(), Priced(), Priced(0.0)])
+    scene = fl.Scene(BYTES, effects=[Own(), Priced(), Priced(0.0)])
     _, trace = traced(scene)
     assert trace.calls["own"] == 1
     assert [step.name for step in scene.plan(1).steps] == [
@@ -282,7 +282,7 @@ def test_effects_of_others():
     ]  # fmt: skip
     assert left_out(scene)["priced"] == "its amount is 0"
     with pytest.raises(TypeError, match=r"Wrong\.needs must return Needs, got list"):
-        fl.Scene(None, BYTES, effects=[Wrong()]).render(0)
+        fl.Scene(BYTES, effects=[Wrong()]).render(0)
 
 
 # The plan itself ---------------------------------------------------------------------------------
@@ -290,17 +290,17 @@ def test_effects_of_others():
 TURNING = fl.CameraPath(Camera(500.0), orientation=fl.Keys([(0, (0.0,) * 3), (9, (0.0, 0.1, 0.0))]))
 LAMP = fl.Lamp((0.0, -1.0, 6.0))
 SCENES: dict[str, fl.Scene] = {
-    "empty": fl.Scene(None, BYTES),
-    "two alike": fl.Scene(None, BYTES, effects=[fl.TentSnow(), fl.TentSnow(flakes=0)]),
-    "in linear light": fl.Scene(None, BYTES, effects=[fl.TentSnow()], space="linear"),
-    "all hidden": fl.Scene(None, BYTES, effects=[fl.TentSnow()], foreground=np.ones((H, W))),
-    "a depth": fl.Scene(None, BYTES, effects=[fl.TentSnow(), fl.Rain()], depth=40.0),
-    "turning": fl.Scene(None, BYTES, effects=[fl.TentSnow()], camera=TURNING),
-    "still": fl.Scene(None, BYTES, effects=[fl.TentSnow(**STILL)]),
-    "local light": fl.Scene(None, BYTES, effects=[fl.Snow(color="local")]),
-    "lamps": fl.Scene(None, BYTES, effects=[fl.Snow(), fl.TentSnow()], lights=[LAMP]),
-    "gas": fl.Scene(None, BYTES, effects=[fl.Mist(), fl.Mist.preset("clouds")], sun=fl.Sun()),
-    "a cone": fl.Scene(None, BYTES, effects=[fl.ConeRain(), fl.ConeSnow()]),
+    "empty": fl.Scene(BYTES),
+    "two alike": fl.Scene(BYTES, effects=[fl.TentSnow(), fl.TentSnow(flakes=0)]),
+    "in linear light": fl.Scene(BYTES, effects=[fl.TentSnow()], space="linear"),
+    "all hidden": fl.Scene(BYTES, effects=[fl.TentSnow()], foreground=np.ones((H, W))),
+    "a depth": fl.Scene(BYTES, effects=[fl.TentSnow(), fl.Rain()], depth=40.0),
+    "turning": fl.Scene(BYTES, effects=[fl.TentSnow()], camera=TURNING),
+    "still": fl.Scene(BYTES, effects=[fl.TentSnow(**STILL)]),
+    "local light": fl.Scene(BYTES, effects=[fl.Snow(color="local")]),
+    "lamps": fl.Scene(BYTES, effects=[fl.Snow(), fl.TentSnow()], lights=[LAMP]),
+    "gas": fl.Scene(BYTES, effects=[fl.Mist(), fl.Mist("clouds")], sun=fl.Sun()),
+    "a cone": fl.Scene(BYTES, effects=[fl.ConeRain(), fl.ConeSnow()]),
 }  # fmt: skip
 
 
@@ -349,7 +349,7 @@ class Large(Own):
 
 
 def test_times_and_bytes_are_those_of_the_step():
-    plan = fl.Scene(None, BYTES, effects=[Large(), fl.TentSnow()]).plan("1-9")
+    plan = fl.Scene(BYTES, effects=[Large(), fl.TentSnow()]).plan("1-9")
     (step,) = (step for step in plan.steps if step.name == "large: work")
     assert step.milliseconds is not None and step.milliseconds >= 20.0
     assert plan.milliseconds is not None and plan.milliseconds >= step.milliseconds
@@ -362,7 +362,7 @@ def test_times_and_bytes_are_those_of_the_step():
 def test_a_plan_probes_the_frames_that_it_says():
     def probed(frames: Any, **fields: Any) -> tuple[int, ...]:
         seen: list[int] = []
-        plan = fl.Scene((8, 8), effects=[Large(seen, **fields), fl.Mist()]).plan(frames)
+        plan = fl.Scene(size=(8, 8), effects=[Large(seen, **fields), fl.Mist()]).plan(frames)
         assert sorted(seen) == sorted(2 * [t for t in plan.probed if t in seen])
         return plan.probed
 
@@ -384,7 +384,7 @@ def test_without_a_probe_nothing_runs():
             raise AssertionError("rendered")
 
     with fl.trace.tracing() as trace:
-        plan = fl.Scene(None, BYTES, effects=[Never()]).plan("1-9", probe=False)
+        plan = fl.Scene(BYTES, effects=[Never()]).plan("1-9", probe=False)
     assert not trace.calls and plan.probed == ()
     assert plan.milliseconds is plan.bytes is plan.rest is None
     assert [(step.name, step.milliseconds, step.bytes) for step in plan.steps] == [
@@ -395,7 +395,7 @@ def test_without_a_probe_nothing_runs():
 
 def test_plans_leave_frames_and_traces_alone():
     def scene() -> fl.Scene:
-        return fl.Scene(None, BYTES, effects=[fl.TentSnow(**STILL), fl.Snow(seed=2)])
+        return fl.Scene(BYTES, effects=[fl.TentSnow(**STILL), fl.Snow(seed=2)])
 
     looked = scene()
     with fl.trace.tracing() as trace:
@@ -420,7 +420,7 @@ def test_a_trace_gives_each_moment_to_one_stage():
 
 
 def test_a_plan_says_the_same_in_all_forms():
-    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(), fl.TentRain(amount=0.0)])
+    scene = fl.Scene(BYTES, effects=[fl.TentSnow(), fl.TentRain(amount=0.0)])
     plan = scene.plan("1-40")
     text, values, page = str(plan), json.loads(plan.to_json()), plan._repr_html_()
     assert values == json.loads(json.dumps(plan.to_dict()))
@@ -435,10 +435,10 @@ def test_a_plan_says_the_same_in_all_forms():
 
 def test_the_command_line_prints_a_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     file = str(tmp_path / "scene.toml")
-    fl.Scene((64, 48), "#203040", effects=[fl.TentSnow(), fl.TentRain(amount=0.0)]).save(file)
+    fl.Scene("#203040", size=(64, 48), effects=[fl.TentSnow(), fl.TentRain(amount=0.0)]).save(file)
     assert main(["plan", file, "--frames", "3-9", "--no-probe"]) == 0
     text = capsys.readouterr().out
-    assert text.strip() == str(fl.Scene.load(file).plan("3-9", probe=False))
+    assert text.strip() == str(fl.open(file).plan("3-9", probe=False))
     assert main(["plan", file, "--frames", "3", "--json", "--accuracy"]) == 0
     values = json.loads(capsys.readouterr().out)
     assert values["milliseconds"] > 0.0 and values["bytes"] > 0 and values["probed"] == [3]
@@ -449,7 +449,7 @@ def test_the_command_line_prints_a_plan(tmp_path: Path, capsys: pytest.CaptureFi
 
 def test_accuracy_is_that_of_the_frame_with_other_hand_overs():
     snow = fl.Snow(density=40.0, far=20.0, seed=3)
-    scene = fl.Scene(None, BYTES, effects=[snow, fl.TentRain(seed=1)])
+    scene = fl.Scene(BYTES, effects=[snow, fl.TentRain(seed=1)])
     found = scene.plan("2-8", probe=False, accuracy=True).accuracy
     assert found is not None and found.frame == 5 and found.why == ""
     *near, drawn = found.settings
@@ -467,14 +467,14 @@ def test_accuracy_is_that_of_the_frame_with_other_hand_overs():
 
 
 def test_accuracy_says_where_the_hand_over_has_no_say():
-    few = fl.Scene((64, 48), effects=[fl.Snow(density=0.01, far=10.0)])
-    again = fl.Scene((64, 48), effects=[fl.Snow(far=10.0)], period=9)
+    few = fl.Scene(size=(64, 48), effects=[fl.Snow(density=0.01, far=10.0)])
+    again = fl.Scene(size=(64, 48), effects=[fl.Snow(far=10.0)], period=9)
     for one in (few, again):
         found = one.plan(2, probe=False, accuracy=True).accuracy
         assert found is not None and "`handover` has no say" in found.why
         assert [one.setting for one in found.settings] == ["as is", "every flake drawn"]
     for effects in ([fl.TentSnow()], [fl.Snow(method="simulated")]):
-        found = fl.Scene(None, BYTES, effects=effects).plan(2, probe=False, accuracy=True).accuracy
+        found = fl.Scene(BYTES, effects=effects).plan(2, probe=False, accuracy=True).accuracy
         assert found is not None and found.settings == () and "draws near flakes" in found.why
 
 

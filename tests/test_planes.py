@@ -48,7 +48,7 @@ def test_threads_never_share():
 
 
 def test_a_held_frame_stays_what_it_is():
-    scene = fl.Scene((640, 480), "#304050", effects=[fl.Snow.preset("heavy")])
+    scene = fl.Scene("#304050", size=(640, 480), effects=[fl.Snow("heavy")])
     held = vars(scene.render(1, layers=True))
     kept = {name: value.copy() for name, value in held.items() if isinstance(value, np.ndarray)}
     for t in (2, 3):

@@ -19,7 +19,7 @@ W, H = 320, 240
 
 
 def scene(plate: Array, effect: Any, **more: Any) -> fl.Scene:
-    return fl.Scene(None, plate, effects=[effect], seed=5, **more)
+    return fl.Scene(plate, effects=[effect], seed=5, **more)
 
 
 def phase(asymmetry: float, cosine: Array) -> Array:
@@ -37,7 +37,7 @@ def picture() -> Array:
 @pytest.mark.parametrize("level", [0.02, 0.4, 1.0, 6.0])
 def test_an_even_plate_makes_flakes_of_albedo_times_its_radiance(level: float):
     plate = np.full((H, W, 3), level, np.float32)
-    snow = fl.Snow.preset("moderate", color="local")
+    snow = fl.Snow("moderate", color="local")
     layer = scene(plate, snow).render(3, layers=True).layers["snow"]
     shown = layer[..., 3] > 0.01
     assert shown.any()
@@ -50,7 +50,7 @@ def test_display_word_and_float_plates_get_the_same_picture():
     byte = np.rint(255.0 * display).astype(np.uint8)
     word = byte.astype(np.uint16) * 257
     single = srgb_to_linear(byte / 255.0).astype(np.float32)
-    snow = fl.Snow.preset("heavy", color="local", haze=0.2)
+    snow = fl.Snow("heavy", color="local", haze=0.2)
     shown = [
         scene(byte, snow).render(7) / 255.0,
         scene(word, snow).render(7) / 65535.0,

@@ -102,7 +102,9 @@ def scene(
     depth: Any = None, camera: Any = None, **fields: Any,
 ) -> fl.Scene:  # fmt: skip
     snow = fl.Snow(**{"density": 60.0, "method": method, "far": 40.0, **fields})
-    return fl.Scene((shape[1], shape[0]), "#000000", camera, effects=[snow], seed=seed, depth=depth)
+    return fl.Scene(
+        "#000000", size=(shape[1], shape[0]), camera=camera, effects=[snow], seed=seed, depth=depth
+    )
 
 
 def alpha(shown: fl.Scene, t: float = 7.0) -> np.ndarray:
@@ -216,10 +218,11 @@ def test_a_turning_and_a_zooming_camera_keep_the_amount_of_snow():
 
 def test_rain_shines_more_than_its_color_and_covers_no_more():
     plain, bright = (
-        fl.Scene((160, 120), "#303030", effects=[fl.Rain(rate_mm_h=20.0, gain=gain)], seed=2,
-                 space="linear").render(4.0, layers=True)
-        for gain in (1.0, 6.0)
-    )  # fmt: skip
+        fl.Scene("#303030", size=(160, 120), effects=[rain], seed=2, space="linear").render(
+            4.0, layers=True
+        )
+        for rain in (fl.Rain(rate_mm_h=20.0, gain=gain) for gain in (1.0, 6.0))
+    )
     assert np.array_equal(plain.alpha, bright.alpha)
     assert bright.image.mean() > plain.image.mean()
 
@@ -227,7 +230,7 @@ def test_rain_shines_more_than_its_color_and_covers_no_more():
 @pytest.mark.parametrize("kind", [fl.Snow, fl.Rain])
 def test_a_keyed_density_is_that_density(kind: Any):
     def depth(density: Any, frames: range) -> float:
-        shown = fl.Scene((192, 128), effects=[kind(density=density, wind=(0, 0, 0))], seed=3)
+        shown = fl.Scene(size=(192, 128), effects=[kind(density=density, wind=(0, 0, 0))], seed=3)
         return float(np.mean([-np.log1p(-np.minimum(alpha(shown, t), 0.999)).mean()
                               for t in frames]))  # fmt: skip
 
@@ -265,7 +268,7 @@ def test_keys_are_saved_and_refused(tmp_path: Any):
     sizes = fl.Keys([(0, (0.002, 0.004, 0.01)), (9, (0.003, 0.006, 0.02))])
     shown = scene(density=fl.Keys([(0, 5.0), (9, 9.0)]), flake_size=sizes)
     shown.save(tmp_path / "keys.toml")
-    again = fl.Scene.load(tmp_path / "keys.toml")
+    again = fl.open(tmp_path / "keys.toml")
     assert np.array_equal(again.render(4), shown.render(4))
     with pytest.raises(ValueError, match="density"):
         fl.Snow(density=fl.Keys([(0, -1.0), (9, 9.0)]))

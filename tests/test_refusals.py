@@ -60,7 +60,7 @@ def test_the_first_bad_number_is_named_with_its_place(call, message):
 @pytest.mark.parametrize("picture", [PICTURE, "photo.jpg"])
 def test_a_picture_given_as_the_size_is_told_its_argument(picture):
     with pytest.raises((TypeError, ValueError), match=r"size must be .*; a picture is background="):
-        fl.Scene(picture)
+        fl.Scene(size=picture)
 
 
 def test_a_normalized_picture_is_warned_of_and_a_plate_is_not():

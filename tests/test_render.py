@@ -26,17 +26,17 @@ W, H = 66, 50
 RNG = np.random.default_rng(3)
 BYTES = RNG.integers(0, 220, (H, W, 3)).astype(np.uint8)
 LIGHT = RNG.gamma(1.0, 1.0, (H, W, 3)).astype(np.float32)  # with values above 1
-SNOW = Snow.preset("heavy", flakes=200, wavelengths=(2.0, 4.0))
+SNOW = Snow("heavy", flakes=200, wavelengths=(2.0, 4.0))
 
 
 @pytest.fixture
 def scene() -> fl.Scene:
-    return Scene(None, BYTES, effects=[SNOW], fps=12.0)
+    return Scene(BYTES, effects=[SNOW], fps=12.0)
 
 
 @pytest.fixture
 def bright() -> fl.Scene:
-    return Scene(None, LIGHT, effects=[SNOW, Snow(color=(0.9, 0.4, 0.1), flakes=100)])
+    return Scene(LIGHT, effects=[SNOW, Snow(color=(0.9, 0.4, 0.1), flakes=100)])
 
 
 def wide(scene: fl.Scene) -> fl.Scene:
@@ -104,7 +104,7 @@ def test_display_levels(scene: fl.Scene, bright: fl.Scene):
 def test_a_video_holds_the_frames(ending: str, tmp_path: Path):
     ramp = np.linspace(0, 200, W)[None, :, None] * np.array([1.0, 0.5, 0.2])
     smooth = np.broadcast_to(np.rint(ramp), (H, W, 3)).astype(np.uint8)
-    scene = Scene(None, smooth, effects=[SNOW], fps=12.0)
+    scene = Scene(smooth, effects=[SNOW], fps=12.0)
     done = scene.write(tmp_path / f"film.{ending}", "3-7")
     assert (done.written, done.kept, len(contents(tmp_path))) == ([3, 4, 5, 6, 7], [], 1)
     frames = list(read_video(done.files[0]))
@@ -126,7 +126,7 @@ def test_a_film_is_not_its_own_background(tmp_path: Path):
         video.write(BYTES[::-1])
     before = film.read_bytes()
     with pytest.raises((ValueError, OSError), match=r"film\.mkv"):
-        Scene(None, film, effects=[SNOW]).write(film)
+        Scene(film, effects=[SNOW]).write(film)
     assert film.read_bytes() == before
 
 
@@ -141,11 +141,11 @@ def test_headers_say_which_frame_and_nothing_private(scene: fl.Scene, tmp_path: 
 def test_frames_that_were_not_named(tmp_path: Path):
     for number in (3, 4, 5):
         write_picture(tmp_path / f"plate.{number}.png", np.roll(BYTES, number, axis=1))
-    done = Scene(None, tmp_path / "plate.%d.png").write(tmp_path / "out" / "%d.png")
+    done = Scene(tmp_path / "plate.%d.png").write(tmp_path / "out" / "%d.png")
     assert done.written == [3, 4, 5]
     assert np.array_equal(
         read_picture(tmp_path / "out" / "4.png").pixels, np.roll(BYTES, 4, axis=1)
     )
-    still = Scene((8, 8), "#102030", fps=1.5)
+    still = Scene("#102030", size=(8, 8), fps=1.5)
     assert still.write(tmp_path / "still" / "%d.png").written == [1, 2, 3, 4, 5]  # 3 s and a bit
     assert still.write(tmp_path / "one.png").written == [1]

@@ -64,7 +64,7 @@ def predicted(now: fl.Rendered, later: fl.Rendered, name: str, scale: float = 1.
 
 @pytest.mark.parametrize("kind", SCENES)
 def test_motion_predicts_the_next_frame(kind: str):
-    scene = fl.Scene((2 * W, 2 * H), "#304050", **SCENES[kind])
+    scene = fl.Scene("#304050", size=(2 * W, 2 * H), **SCENES[kind])
     now, later = (scene.render(t, layers=True) for t in (40, 41))
     (name,) = now.layers
     share = predicted(now, later, name)
@@ -78,7 +78,7 @@ def test_motion_predicts_the_next_frame(kind: str):
 def test_the_texture_moves_as_the_mean_of_its_gradients():
     # The formula of the docstring, with the plain spectrum, by hand.
     effect = fl.TentSnow(fall=0.6, wind=(0.2, 0, 0), flakes=0, alias="keep", shutter=0.0)
-    scene = fl.Scene((W, H), camera=fl.Camera(300.0), effects=effect)
+    scene = fl.Scene(size=(W, H), camera=fl.Camera(300.0), effects=effect)
     got = scene.render(10, layers=True)
     low, high = effect.parts.texture.field.band((H, W))
     # 8/3 of the longest wave, in whole steps of 8 px; 16 px at least.
@@ -120,7 +120,6 @@ def scene_of_two() -> fl.Scene:
     front = np.zeros((H, W, 4), np.float32)
     front[150:, :100] = (0.1, 0.2, 0.05, 0.8)
     return fl.Scene(
-        None,
         LIGHT,
         effects=[fl.TentSnow(flakes=300), fl.TentRain()],
         depth=30.0,
@@ -159,7 +158,7 @@ def test_channels_are_called_as_compositors_call_them(tmp_path: Path):
 
 
 def test_all_ways_to_a_flake_name_it_alike(tmp_path: Path):
-    scene = fl.Scene((W, H), LIGHT, effects=fl.Snow.preset("heavy"), fps=24.0)
+    scene = fl.Scene(LIGHT, size=(W, H), effects=fl.Snow("heavy"), fps=24.0)
     flakes = fl.flakes(scene, 12)
     ids = scene.render(12, layers=True).ids["snow"]
     scene.write(tmp_path / "a.exr", 12, layers=True)
@@ -180,7 +179,7 @@ def test_all_ways_to_a_flake_name_it_alike(tmp_path: Path):
 
 @pytest.mark.parametrize("layers", [True, False])
 def test_two_eyes_are_two_views(layers: bool, tmp_path: Path):
-    scene = fl.Scene(None, LIGHT, effects=fl.TentSnow(flakes=300))
+    scene = fl.Scene(LIGHT, effects=fl.TentSnow(flakes=300))
     eye = scene.camera.camera
     eyes = {
         name: fl.Camera(eye.focal, offset=(side, 0, 0))
@@ -210,5 +209,5 @@ EYES = [
 def test_eyes_that_cannot_be(tmp_path: Path):
     for name, eyes in EYES:
         with pytest.raises((TypeError, ValueError), match="eyes"):
-            fl.Scene((8, 8)).write(tmp_path / name, 1, eyes=eyes)
+            fl.Scene(size=(8, 8)).write(tmp_path / name, 1, eyes=eyes)
     assert not list(tmp_path.iterdir())

@@ -17,7 +17,7 @@ from flurries.io import (
     write_picture,
 )
 
-EFFECTS = [fl.Mist(count=60, density=0.6), fl.TentSnow.preset("heavy", flakes=150)]
+EFFECTS = [fl.Mist(count=60, density=0.6), fl.TentSnow("heavy", flakes=150)]
 
 
 def plate(dtype: Any, opaque: bool = False) -> np.ndarray:
@@ -62,7 +62,7 @@ def twin(background: np.ndarray, scene: fl.Scene, t: float) -> np.ndarray:
 @pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32"])
 def test_16_7_weather_over_alpha_is_premultiplied(dtype: str, space: str):
     background = plate(dtype)
-    scene = fl.Scene(None, background, effects=EFFECTS, space=space)
+    scene = fl.Scene(background, effects=EFFECTS, space=space)
     frame = scene.render(3)
     assert frame.shape == (48, 64, 4) and frame.dtype == background.dtype
     wanted = twin(background, scene, 3)
@@ -79,7 +79,7 @@ def test_16_7_weather_over_alpha_is_premultiplied(dtype: str, space: str):
     empty = background[..., 3] == 0
     assert (frame[empty][:, 3] > 0).any()
     # The control: colors that are mixed as if they were opaque are others.
-    bare = fl.Scene(None, background[..., :3], effects=EFFECTS, space=space).render(3)
+    bare = fl.Scene(background[..., :3], effects=EFFECTS, space=space).render(3)
     alike = (dtype, space) == ("float32", "linear")  # Multiplied before and after.
     assert alike or np.abs(bare.astype(float) - frame[..., :3]).max() > 0.05 * wanted.max()
 
@@ -89,7 +89,7 @@ def test_16_7_regions_bands_eyes_and_masks_keep_it():
     background = random.integers(0, 256, (1100, 1000, 4), dtype=np.uint8)
     mask = np.zeros((1100, 1000), np.float32)
     mask[400:600] = 1.0
-    scene = fl.Scene(None, background, effects=[fl.TentSnow.preset("heavy", flakes=400)])
+    scene = fl.Scene(background, effects=[fl.TentSnow("heavy", flakes=400)])
     whole = scene.render(1)
     part = scene.render(1, region=np.s_[500:620, 30:700])
     assert np.array_equal(part, whole[500:620, 30:700])
@@ -103,26 +103,26 @@ def test_16_7_regions_bands_eyes_and_masks_keep_it():
 def test_16_7_files_with_alpha_go_in_and_come_out(tmp_path: Path, name: str):
     background = plate("float32" if name == "a.exr" else "uint8")
     write_picture(tmp_path / name, background, half=False)
-    scene = fl.Scene(None, tmp_path / name, effects=EFFECTS)
+    scene = fl.Scene(tmp_path / name, effects=EFFECTS)
     frame = scene.render(5)
-    assert np.array_equal(frame, fl.Scene(None, background, effects=EFFECTS).render(5))
+    assert np.array_equal(frame, fl.Scene(background, effects=EFFECTS).render(5))
     bits = "float" if name == "a.exr" else None
     scene.write(tmp_path / "out" / f"%d{Path(name).suffix}", "5", bits=bits)
     found = read_picture(tmp_path / "out" / f"5{Path(name).suffix}")
     assert found.premultiplied == (name == "a.exr")
     np.testing.assert_array_equal(found.rgba(), frame)
     # Fitted to another size it has alpha, too.
-    small = fl.Scene((32, 24), tmp_path / name, effects=EFFECTS).render(5)
+    small = fl.Scene(tmp_path / name, size=(32, 24), effects=EFFECTS).render(5)
     assert small.shape == (24, 32, 4)
 
 
 @pytest.mark.parametrize("name", ["a.mp4", "%d.jpg"])
 def test_16_7_files_without_alpha_take_what_is_opaque(tmp_path: Path, name: str):
-    scene = fl.Scene(None, plate("uint8", opaque=True), effects=EFFECTS)
+    scene = fl.Scene(plate("uint8", opaque=True), effects=EFFECTS)
     scene.write(tmp_path / name, "1")
     found = next(read_video(tmp_path / name)) if name == "a.mp4" else tmp_path / "1.jpg"
     assert found is not None
-    clear = fl.Scene(None, plate("uint8"), effects=EFFECTS)
+    clear = fl.Scene(plate("uint8"), effects=EFFECTS)
     with pytest.raises(ValueError, match=r"the frame is transparent in places; take \.png"):
         clear.write(tmp_path / "other" / name, "1")
 
@@ -134,12 +134,12 @@ def test_16_7_a_float_picture_of_levels_is_warned_of(tmp_path: Path, way: str):
         write_picture(tmp_path / "1.tif", levels)
     with pytest.warns(UserWarning, match="is a float picture of values up to 255, .*if that is"):
         if way == "array":
-            fl.Scene(None, levels)
+            fl.Scene(levels)
         elif way == "file":
-            fl.Scene(None, tmp_path / "1.tif").render(0)
+            fl.Scene(tmp_path / "1.tif").render(0)
         elif way == "foreground":
             front = np.concatenate([levels, np.ones_like(levels[..., :1])], axis=2)
-            fl.Scene((64, 48), foreground=front)
+            fl.Scene(size=(64, 48), foreground=front)
         elif way == "transform":
             fl.augment.Snowfall(seed=1)(levels)
         else:
@@ -150,5 +150,5 @@ def test_16_7_bright_light_is_not():
     """A lamp, a snow field in the sun, and a picture of 0 to 1: warnings are errors here."""
     light = np.random.default_rng(2).random((48, 64, 3)).astype(np.float32)
     for bright in (light, 8.0 * light, np.where(light > 0.999, 200.0, light), 1e4 * light):
-        fl.Scene(None, bright.astype(np.float32)).render(0)
+        fl.Scene(bright.astype(np.float32)).render(0)
         fl.composite.snow(bright.astype(np.float32), np.zeros((48, 64), np.float32))

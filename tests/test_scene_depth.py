@@ -34,7 +34,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def depth(value: Any, t: float = 0.0, size: Any = (W, H)) -> np.ndarray:
-    got = fl.Scene(size, depth=value).depth_at(t)
+    got = fl.Scene(size=size, depth=value).depth_at(t)
     assert got is not None and got.dtype == np.float32 and got.flags.c_contiguous
     assert not got.flags.writeable and got.shape == size[::-1]
     return got
@@ -46,13 +46,13 @@ def test_a_wall_an_array_and_files(folder: Path):
         assert np.array_equal(depth(value), FAR)
     half = FAR.astype(np.float16)
     assert np.array_equal(depth(half), half.astype(np.float32))
-    assert fl.Scene((W, H)).depth_at(3.0) is None
+    assert fl.Scene(size=(W, H)).depth_at(3.0) is None
 
 
 def test_a_sequence_goes_with_the_frames(folder: Path):
     for t, number in [(7, 7), (7.99, 7), (8, 8), (9, 9), (8.0, 8)]:
         assert np.array_equal(depth("film.%d.exr", t), FAR + np.float32(number))
-    scene = fl.Scene((W, H), depth="film.%d.exr")
+    scene = fl.Scene(size=(W, H), depth="film.%d.exr")
     for t in (500, -3):
         with pytest.raises(ValueError, match=r"the depth film\.%d\.exr has 7-9"):
             scene.depth_at(t)
@@ -116,14 +116,14 @@ def test_refusals(folder: Path):
     write_layers("hole.exr", {"depth": np.where(FAR < 2.0, np.nan, FAR).astype(np.float32)})
     for value, words in REFUSED:
         with pytest.raises((ValueError, TypeError, OSError), match=words):
-            fl.Scene((W, H), depth=value).depth_at(0)
+            fl.Scene(size=(W, H), depth=value).depth_at(0)
 
 
 def test_the_sun():
     for scale in (1e-90, 1.0, 1e90):
         assert fl.Sun((0, 3 * scale, -4 * scale)).unit() == pytest.approx([0, 0.6, -0.8], abs=1e-15)
     with pytest.raises(TypeError, match=r"sun must be a flurries\.Sun"):
-        fl.Scene((W, H), sun=(0, 1, 0))  # type: ignore[arg-type]
+        fl.Scene(size=(W, H), sun=(0, 1, 0))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("way", ["array", "file", "transform"])
@@ -138,7 +138,7 @@ def test_depths_that_are_hardly_metres_are_warned_of(
     write_layers(tmp_path / "z.exr", {"depth": given})
     with pytest.warns(UserWarning, match=f"depth is taken as metres: .*{said}"):
         if way == "array":
-            fl.Scene((W, H), depth=given)
+            fl.Scene(size=(W, H), depth=given)
         elif way == "file":
             depth(tmp_path / "z.exr")
         else:
@@ -151,13 +151,13 @@ def test_near_and_far_metres_are_not():
     hills = RNG.uniform(500.0, 5000.0, (H, W)).astype(np.float32)
     hills[:9] = np.inf
     for given in (desk, np.full((H, W), 0.7, np.float32), np.full((H, W), 900.0), hills):
-        fl.Scene((W, H), depth=given)
-    fl.Scene((W, H), depth=fl.DepthMap(GREY, near=0.2, far=0.9))
+        fl.Scene(size=(W, H), depth=given)
+    fl.Scene(size=(W, H), depth=fl.DepthMap(GREY, near=0.2, far=0.9))
 
 
 def test_lengths_in_other_units_are_warned_of():
     with pytest.warns(UserWarning, match="focal length of 35 px for a picture 1920 px wide"):
-        fl.Scene((1920, 1080), camera=fl.Camera(35.0))
+        fl.Scene(size=(1920, 1080), camera=fl.Camera(35.0))
     with pytest.warns(UserWarning, match="flake_size is taken as metres"):
         fl.Snow(flake_size=(1.0, 5.0, 20.0))
 
@@ -171,7 +171,7 @@ def test_a_depth_that_stays_and_one_that_changes_have_the_same_frames(mode: str)
     grown = fl.Keys([(0.0, 0.1), (9.0, 0.4)])
     frames = []
     for depth, haze in ((near, 0.2), (far, 0.2), (near, grown)):
-        made = fl.Scene((80, 60), "#304050", effects=replace(effect, haze=haze), depth=depth)
+        made = fl.Scene("#304050", size=(80, 60), effects=replace(effect, haze=haze), depth=depth)
         frames.append([made.render(t) for t in (1, 2, 1)])
         again = made.replace(depth=depth.copy())
         assert all(

@@ -62,7 +62,7 @@ def over(behind: np.ndarray, straight: np.ndarray, alpha: np.ndarray) -> np.ndar
 @pytest.mark.parametrize("matte", [None, MATTE], ids=["open", "matte"])
 def test_color_by_pixel_is_mixed_in_either_light(space: str, kind: str, matte: Any):
     picture = BYTES if kind == "bytes" else LIGHT
-    scene = fl.Scene(None, picture, effects=[Given((ONE, MANY))], space=space, foreground=matte)
+    scene = fl.Scene(picture, effects=[Given((ONE, MANY))], space=space, foreground=matte)
     got = scene.render(0)
     alpha = ALPHA.astype(np.float64) * (1.0 if matte is None else 1.0 - matte)
     if space == "linear":
@@ -83,7 +83,7 @@ def test_color_by_pixel_is_mixed_in_either_light(space: str, kind: str, matte: A
 @pytest.mark.parametrize("space", ["display", "linear"])
 def test_the_layers_of_a_tuple_make_the_composite(space: str):
     effects = [Given((ONE, MANY)), Given(ONE), fl.TentSnow(flakes=50)]
-    got = fl.Scene(None, LIGHT, effects=effects, space=space).render(2, layers=True)
+    got = fl.Scene(LIGHT, effects=effects, space=space).render(2, layers=True)
     assert list(got.layers) == ["fog", "cloud", "fog2", "snow"]
     whole = weather(got).astype(np.float64)
     behind = LIGHT.astype(np.float64) if space == "linear" else encode(LIGHT.astype(np.float64))
@@ -97,7 +97,7 @@ def test_the_layers_of_a_tuple_make_the_composite(space: str):
 def test_names_are_unique_and_none_is_taken():
     names = ["snow", "snow2", "snow", "snow", "rgba", "depth", "x.y", "x.y"]
     effects = [Given(tuple(fl.Layer(name, ALPHA) for name in names))]
-    got = fl.Scene(None, BYTES, effects=effects).render(0, layers=True)
+    got = fl.Scene(BYTES, effects=effects).render(0, layers=True)
     assert list(got.layers) == ["snow", "snow2", "snow3", "snow4", "rgba2", "depth2", "x.y", "x.y2"]
 
 
@@ -125,7 +125,7 @@ def test_other_answers_are_refused_by_name(name: str):
             return WRONG[name]
 
     with pytest.raises(TypeError, match=r"effects: .*(Odd|'x')"):
-        fl.Scene(None, BYTES, effects=[Odd()]).render(0)
+        fl.Scene(BYTES, effects=[Odd()]).render(0)
 
 
 def test_effects_see_depth_and_sun():
@@ -140,8 +140,8 @@ def test_effects_see_depth_and_sun():
             return fl.Layer("x", frame.crop(ALPHA))
 
     sun = fl.Sun((1.0, 0.0, 0.0))
-    fl.Scene(None, BYTES, effects=[Looks()], depth=FAR, sun=sun).render(0, region=np.s_[3:5, :])
-    fl.Scene(None, BYTES, effects=[Looks()]).render(0)
+    fl.Scene(BYTES, effects=[Looks()], depth=FAR, sun=sun).render(0, region=np.s_[3:5, :])
+    fl.Scene(BYTES, effects=[Looks()]).render(0)
     assert seen[0].depth is not None and np.array_equal(seen[0].depth, FAR)
     assert not seen[0].depth.flags.writeable and seen[0].sun is sun
     assert (seen[1].depth, seen[1].sun) == (None, None)

@@ -25,7 +25,7 @@ PLAIN = {"flakes": 0, "haze": 0.0, "mean": 0.5, "spread": 6.0, "power": 1.0, "te
 
 
 def alpha(snow: Any, depth: Any, t: float = 5.0, seed: int = 0, **more: Any) -> np.ndarray:
-    scene = Scene((W, H), depth=depth, effects=[snow], seed=seed)
+    scene = Scene(size=(W, H), depth=depth, effects=[snow], seed=seed)
     return scene.render(t, layers=True, **more).alpha.astype(float)
 
 
@@ -65,12 +65,12 @@ def test_the_waves_before_a_wall_keep_their_contrast_and_the_mean_its_share(look
     # At twice `near_depth`, in the band of the waves that are left; looks of three exponents.
     plain = {"flakes": 0, "haze": 0.0, "wavelengths": (4.0, 32.0), "near_depth": NEAR,
              "depth_mode": mode}  # fmt: skip
-    snow = Snow.preset(look, **plain) if isinstance(look, str) else Snow(**plain, **look)
+    snow = Snow(look, **plain) if isinstance(look, str) else Snow(**plain, **look)
     k = np.hypot(np.fft.fftfreq(320)[:, None], np.fft.fftfreq(320))
     waves = (k > 1 / 31) & (k < 1 / 18)
 
     def pictures(depth: float | None) -> list[np.ndarray]:
-        scenes = [Scene((320, 320), depth=depth, effects=[snow], seed=s) for s in range(4)]
+        scenes = [Scene(size=(320, 320), depth=depth, effects=[snow], seed=s) for s in range(4)]
         return [cover(scene, 5.0).astype(float) for scene in scenes]
 
     def contrast(alphas: list[np.ndarray]) -> float:
@@ -144,7 +144,7 @@ def test_depth_and_motion_of_a_seam_are_weighed_by_power(blend: str):
     half = np.full((H, W), np.inf, np.float32)
     half[:, :64] = 26.0
     snow = Snow(**{**LINEAR, "blend": blend, "fall": 0.4, "wind": (0.2, 0.0, 0.0)})
-    got = Scene((W, H), effects=[snow], depth=half).render(5, layers=True)
+    got = Scene(size=(W, H), effects=[snow], depth=half).render(5, layers=True)
     depth, motion = got.depths["snow"][100], got.motions["snow"][100]
     # Tiles of 64 px begin every 40 px; the first ends before the wall's edge, the second does not.
     seam = slice(40, 64)
@@ -161,7 +161,7 @@ def test_depth_and_motion_of_a_seam_are_weighed_by_power(blend: str):
     # What is drawn one by one knows nothing of the texture's blend.
     crowd = {**LINEAR, "blend": blend, "flakes": 300, "sway": (0.0, 1.0)}
     covers = [
-        Scene((W, H), effects=[Snow(**{**crowd, **more})], depth=20.0).render(5, layers=True)
+        Scene(size=(W, H), effects=[Snow(**{**crowd, **more})], depth=20.0).render(5, layers=True)
         .coverages["snow"] for more in ({}, {"texture": 0.0})
     ]  # fmt: skip
     assert covers[0].max() > 0.1 and np.array_equal(*covers)
@@ -222,12 +222,12 @@ def test_a_red_coat_is_no_red_light():
 def test_ambient_of_a_region_is_that_of_the_whole():
     picture = np.random.default_rng(6).integers(0, 90, (H, W, 3)).astype(np.uint8)
     picture[:, 100:] //= 4
-    scene = Scene(None, picture, effects=[Snow(color="ambient", flakes=200)])
+    scene = Scene(picture, effects=[Snow(color="ambient", flakes=200)])
     part = np.s_[20:60, 120:200]
     assert np.array_equal(scene.render(2, region=part), scene.render(2)[part])
     odd = picture.astype(np.float32)
     odd[0, 0], odd[1, 1] = np.nan, np.inf
-    got = Scene(None, odd, effects=[Snow(color="ambient", flakes=200)]).render(2)
+    got = Scene(odd, effects=[Snow(color="ambient", flakes=200)]).render(2)
     assert np.isfinite(got[5:]).all()
 
 

@@ -16,7 +16,7 @@ from flurries.output.store import check
 
 W, H = 66, 50
 PLATE = np.random.default_rng(3).integers(0, 220, (H, W, 3)).astype(np.uint8)
-SCENE = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
+SCENE = fl.Scene("#304050", size=(96, 64), effects=fl.TentSnow("heavy", flakes=100))
 
 
 def test_the_two_modes_are_never_mixed(tmp_path: Path):
@@ -86,7 +86,7 @@ def damaged(tmp_path: Path) -> fl.Scene:
     (tmp_path / "plate.1.png").unlink()
     cut = tmp_path / "plate.3.png"
     cut.write_bytes(cut.read_bytes()[:3000])
-    return fl.Scene(None, tmp_path / "plate.%d.png", effects=fl.TentSnow(flakes=50))
+    return fl.Scene(tmp_path / "plate.%d.png", effects=fl.TentSnow(flakes=50))
 
 
 def test_it_stops_at_a_damaged_frame(damaged: fl.Scene, tmp_path: Path):

@@ -15,7 +15,7 @@ LIGHT = np.random.default_rng(3).random((H, W, 3)).astype(np.float32) * 0.5
 # Rec. 709 to AP1 as the Academy's S-2014-004 with a Bradford adaptation from D65 to D60 has it.
 AP1 = np.array([[0.613097, 0.339523, 0.047379], [0.070194, 0.916354, 0.013452],
                 [0.020616, 0.109570, 0.869815]])  # fmt: skip
-SNOW = [fl.TentSnow.preset("heavy", color=(0.9, 0.7, 0.5)), fl.Mist.preset("fog", density=0.2)]
+SNOW = [fl.TentSnow("heavy", color=(0.9, 0.7, 0.5)), fl.Mist("fog", density=0.2)]
 
 
 def turned(pixels: np.ndarray, matrix: np.ndarray = AP1) -> np.ndarray:
@@ -23,19 +23,19 @@ def turned(pixels: np.ndarray, matrix: np.ndarray = AP1) -> np.ndarray:
 
 
 def test_snow_over_an_acescg_plate_is_that_over_one_of_rec_709():
-    plain = fl.Scene(None, LIGHT, effects=SNOW).render(4)
-    wide = fl.Scene(None, turned(LIGHT), effects=SNOW, colorspace="ACEScg").render(4)
+    plain = fl.Scene(LIGHT, effects=SNOW).render(4)
+    wide = fl.Scene(turned(LIGHT), effects=SNOW, colorspace="ACEScg").render(4)
     np.testing.assert_allclose(turned(wide, np.linalg.inv(AP1)), plain, atol=2e-5)
     # The control: without the name it is another color.
-    other = fl.Scene(None, turned(LIGHT), effects=SNOW).render(4)
+    other = fl.Scene(turned(LIGHT), effects=SNOW).render(4)
     assert np.abs(turned(other, np.linalg.inv(AP1)) - plain).max() > 0.02
 
 
 def test_ambient_light_and_lit_fog_know_the_space():
-    effects = [fl.TentSnow.preset("heavy", color="ambient"), fl.Mist.preset("clouds")]
+    effects = [fl.TentSnow("heavy", color="ambient"), fl.Mist("clouds")]
     sun = fl.Sun((0.3, 1.0, 0.2), (1.0, 0.8, 0.6), 0.3)
-    plain = fl.Scene(None, LIGHT, effects=effects, sun=sun).render(4)
-    wide = fl.Scene(None, turned(LIGHT), effects=effects, sun=sun, colorspace="ACEScg").render(4)
+    plain = fl.Scene(LIGHT, effects=effects, sun=sun).render(4)
+    wide = fl.Scene(turned(LIGHT), effects=effects, sun=sun, colorspace="ACEScg").render(4)
     np.testing.assert_allclose(turned(wide, np.linalg.inv(AP1)), plain, atol=5e-5)
 
 
@@ -43,7 +43,7 @@ def test_ambient_light_and_lit_fog_know_the_space():
 def test_a_plate_that_is_encoded_comes_out_as_it_went_in(name: str, tmp_path: Path):
     levels = np.random.default_rng(4).integers(8000, 50000, (H, W, 3)).astype(np.uint16)
     io.write_picture(tmp_path / "plate.png", levels)
-    plain = fl.Scene(None, tmp_path / "plate.png", colorspace=name)
+    plain = fl.Scene(tmp_path / "plate.png", colorspace=name)
     plain.write(tmp_path / "out.png")
     found = io.read_picture(tmp_path / "out.png").pixels
     assert found.dtype == np.uint16 and np.abs(found.astype(int) - levels).max() <= 2
@@ -54,7 +54,7 @@ def test_a_plate_that_is_encoded_comes_out_as_it_went_in(name: str, tmp_path: Pa
 
 def test_what_is_written_may_be_in_another_space(tmp_path: Path):
     io.write_picture(tmp_path / "plate.exr", turned(LIGHT), half=False)
-    scene = fl.Scene(None, tmp_path / "plate.exr", colorspace="ACEScg")
+    scene = fl.Scene(tmp_path / "plate.exr", colorspace="ACEScg")
     scene.write(tmp_path / "out.exr", bits="float", colorspace="Linear Rec.709 (sRGB)")
     np.testing.assert_allclose(io.read_picture(tmp_path / "out.exr").pixels, LIGHT, atol=2e-6)
     scene.write(tmp_path / "out.png", bits=16, colorspace="sRGB - Display")
@@ -65,12 +65,12 @@ def test_what_is_written_may_be_in_another_space(tmp_path: Path):
         with pytest.raises(ValueError, match="linear"):
             scene.write(tmp_path / name, "1", colorspace=space)
     with pytest.raises(ValueError, match="needs the scene's own"):
-        fl.Scene((4, 4)).write(tmp_path / "a.exr", "1", colorspace="ACEScg")
+        fl.Scene(size=(4, 4)).write(tmp_path / "a.exr", "1", colorspace="ACEScg")
 
 
 def test_alone_and_layers_are_in_the_space(tmp_path: Path):
-    scene = fl.Scene(None, turned(LIGHT), effects=SNOW[:1], colorspace="ACEScg")
-    plain = fl.Scene(None, LIGHT, effects=SNOW[:1])
+    scene = fl.Scene(turned(LIGHT), effects=SNOW[:1], colorspace="ACEScg")
+    plain = fl.Scene(LIGHT, effects=SNOW[:1])
     for made, name in ((scene, "wide"), (plain, "plain")):
         made.write(tmp_path / f"{name}.exr", 4, alone=True, bits="float")
     wide, rec = (io.read_picture(tmp_path / f"{name}.exr") for name in ("wide", "plain"))

@@ -13,18 +13,18 @@ H, W = 72, 96
 LENS = fl.Camera(110.0)
 FLIGHT = fl.CameraPath(LENS, velocity=(0.5, -0.2, 1.5))
 EFFECTS: dict[str, Any] = {
-    "mist": fl.Mist.preset("fog", wind=(1.0, 0.0, 0.0)),
-    "cone rain": fl.ConeRain.preset("downpour", haze=0.0),
-    "cone snow without flakes": fl.ConeSnow.preset("heavy", flakes=0, haze=0.0),
-    "snow": fl.Snow.preset("heavy"),
-    "tent without flakes": fl.TentSnow.preset("heavy", flakes=0, haze=0.0),
-    "tent": fl.TentSnow.preset("heavy"),
+    "mist": fl.Mist("fog", wind=(1.0, 0.0, 0.0)),
+    "cone rain": fl.ConeRain("downpour", haze=0.0),
+    "cone snow without flakes": fl.ConeSnow("heavy", flakes=0, haze=0.0),
+    "snow": fl.Snow("heavy"),
+    "tent without flakes": fl.TentSnow("heavy", flakes=0, haze=0.0),
+    "tent": fl.TentSnow("heavy"),
 }
 
 
 def rendered(effect: Any, **changes: Any) -> fl.Rendered:
     given: dict[str, Any] = {"camera": FLIGHT, "effects": [effect], "depth": 40.0, "fps": 24.0}
-    return fl.Scene((W, H), (0.0, 0.0, 0.0), **{**given, **changes}).render(3, layers=True)
+    return fl.Scene((0.0, 0.0, 0.0), size=(W, H), **{**given, **changes}).render(3, layers=True)
 
 
 @pytest.mark.parametrize("name", EFFECTS)
@@ -43,7 +43,7 @@ def test_fog_is_where_its_particles_are():
     """One particle: its depth and its way are those of a point."""
     fog = fl.Mist(count=1, radius=0.4, density=0.9, box=4.0, center=(0.0, 0.0, 0.0), seed=2)
     camera = fl.CameraPath(LENS, position=[(0.05 * t, 0.0, -6.0 + 0.1 * t) for t in range(9)])
-    scene = fl.Scene((W, H), effects=[fog], camera=camera, fps=24.0)
+    scene = fl.Scene(size=(W, H), effects=[fog], camera=camera, fps=24.0)
     made = scene.render(3, layers=True)
     depth, motion = made.depths["mist"], made.motions["mist"]
     shown = made.alpha > 0.05
@@ -64,7 +64,7 @@ def test_fog_is_where_its_particles_are():
 
 
 def test_thick_fog_before_snow_tells_the_fog():
-    snow, fog = fl.Snow.preset("light"), fl.Mist.preset("fog", density=1.0, wind=(2.0, 0.0, 0.0))
+    snow, fog = fl.Snow("light"), fl.Mist("fog", density=1.0, wind=(2.0, 0.0, 0.0))
     made = rendered([snow, fog][0], effects=[snow, fog])
     thick = made.layers["mist"][..., 3] > 0.9
     assert thick.mean() > 0.3

@@ -112,7 +112,7 @@ def test_holding_and_looping_are_said(shot: Path):
 
 
 def test_a_held_camera_stands_still(shot: Path):
-    snow = fl.TentSnow.preset("heavy", fall=0.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 0.0))
+    snow = fl.TentSnow("heavy", fall=0.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 0.0))
     held = scene(extend="hold", effects=[snow], foreground=None)
     np.testing.assert_array_equal(held.render(1020), held.render(1011))
     assert (held.render(1007) != held.render(1008)).any()
@@ -136,7 +136,7 @@ def test_films_take_the_numbers_of_the_plate_or_of_start(shot: Path):
 
 def test_scene_files_hold_the_numbers(shot: Path):
     scene(effects=(), extend="hold", start=7).save("scene.toml")
-    again = fl.Scene.load("scene.toml")
+    again = fl.open("scene.toml")
     assert (again.extend, again.start, again.range) == ("hold", 7, (1001, 1008))
     assert again.camera.extend == "stop"
     Path("scene.toml").write_text(
@@ -145,11 +145,11 @@ def test_scene_files_hold_the_numbers(shot: Path):
         '[[foreground]]\nsource = "plate.####.png"\n'
         '[foreground.depth]\nsource = "matte.####.png"\nnear = 1.0\nfar = 9.0\n'
     )
-    again = fl.Scene.load("scene.toml")
+    again = fl.open("scene.toml")
     assert again.foreground[0].depth == 3.5
     again.render(1010)
     again.save("copy.toml")
-    np.testing.assert_array_equal(fl.Scene.load("copy.toml").render(1003), again.render(1003))
+    np.testing.assert_array_equal(fl.open("copy.toml").render(1003), again.render(1003))
 
 
 def test_one_plain_name_is_no_place_for_a_range(shot: Path):
@@ -166,20 +166,22 @@ def test_a_matte_with_a_depth_hides_only_what_is_behind_it():
     height, width = 48, 64
     mask = np.zeros((height, width), np.float32)
     mask[:, 32:] = 1.0
-    snow = [fl.Snow.preset("heavy", seed=3)]
-    plain = fl.Scene((width, height), effects=snow)
-    walls = {depth: fl.Scene((width, height), effects=snow, depth=depth) for depth in (6.0, 1e6)}
-    stood = fl.Scene((width, height), effects=snow, foreground=fl.Foreground(mask, depth=6.0))
+    snow = [fl.Snow("heavy", seed=3)]
+    plain = fl.Scene(size=(width, height), effects=snow)
+    walls = {
+        depth: fl.Scene(size=(width, height), effects=snow, depth=depth) for depth in (6.0, 1e6)
+    }
+    stood = fl.Scene(size=(width, height), effects=snow, foreground=fl.Foreground(mask, depth=6.0))
     left, right = np.s_[:, :32], np.s_[:, 32:]
     np.testing.assert_array_equal(stood.render(5)[right], walls[6.0].render(5)[right])
     assert np.abs(stood.render(5)[left].astype(int) - plain.render(5)[left]).mean() < 2.0
-    before = fl.Scene((width, height), effects=snow, foreground=mask)
+    before = fl.Scene(size=(width, height), effects=snow, foreground=mask)
     assert (before.render(5)[right] == 0).all() and stood.render(5)[right].any()
 
 
 def test_half_a_matte_leaves_the_mean_of_both():
     height, width = 32, 40
-    snow = [fl.Mist.preset("fog", seed=3)]
+    snow = [fl.Mist("fog", seed=3)]
     base = {"size": (width, height), "background": (0.0, 0.0, 0.0), "effects": snow}
     mask = np.full((height, width), 0.25, np.float32)
     half = fl.Scene(**base, foreground=fl.Foreground(mask, depth=2.0)).render(0)
@@ -193,10 +195,10 @@ def test_a_picture_with_a_depth_lies_in_the_weather():
     picture = np.zeros((height, width, 4), np.float32)
     picture[:, 20:] = (0.0, 0.8, 0.0, 1.0)
     base = {"size": (width, height), "background": (0.0, 0.0, 0.0)}
-    fog = fl.Mist.preset("fog", seed=3)
+    fog = fl.Mist("fog", seed=3)
     stood = fl.Scene(**base, effects=[fog], foreground=fl.Foreground(picture, depth=2.0))
     plate = fl.Scene(
-        (width, height), np.ascontiguousarray(picture[..., :3]), effects=[fog], depth=2.0
+        np.ascontiguousarray(picture[..., :3]), size=(width, height), effects=[fog], depth=2.0
     )
     np.testing.assert_allclose(stood.render(0)[:, 20:], plate.render(0)[:, 20:], atol=2e-6)
     layers = stood.render(0, layers=True)

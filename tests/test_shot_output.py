@@ -16,7 +16,7 @@ from flurries.cli.main import main
 from flurries.scene.fingerprint import fingerprint
 from flurries.scene.output import KINDS, Output
 
-SNOW = [fl.Snow.preset("heavy")]
+SNOW = [fl.Snow("heavy")]
 # Of every field a value that is not its default.
 OTHER = {
     "bits": "float", "codec": "ffv1", "motion": "y-up", "colorspace": "ACEScg",
@@ -27,7 +27,7 @@ OTHER = {
 
 
 def scene(**output: object) -> fl.Scene:
-    return fl.Scene((40, 30), "#203040", effects=SNOW, output=fl.Output(**output))
+    return fl.Scene("#203040", size=(40, 30), effects=SNOW, output=fl.Output(**output))
 
 
 def header(file: Path) -> oiio.ImageSpec:
@@ -40,7 +40,7 @@ def test_a_key_is_saved_and_comes_back(name: str, tmp_path: Path):
     saved = scene(**{name: OTHER[name]})
     saved.save(tmp_path / "scene.toml")
     assert "[output]" in (tmp_path / "scene.toml").read_text()
-    again = fl.Scene.load(tmp_path / "scene.toml")
+    again = fl.open(tmp_path / "scene.toml")
     assert again.output == saved.output != Output()
     # Frames do not depend on how they are written.
     assert fingerprint(again) == fingerprint(scene())
@@ -55,7 +55,7 @@ def test_a_wrong_key_is_told_with_its_line(tmp_path: Path):
     }.items():
         file.write_text(f"format = 3\n[output]\n{line}\n")
         with pytest.raises((ValueError, TypeError), match=re.escape(said)):
-            fl.Scene.load(file)
+            fl.open(file)
 
 
 def test_the_command_line_obeys_the_file_and_comes_before_it(tmp_path: Path):

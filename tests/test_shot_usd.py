@@ -133,7 +133,7 @@ FLAKES = fl.Snow(
 
 def scene_of(effect: Any = FLAKES, **changes: Any) -> fl.Scene:
     given: dict[str, Any] = {"camera": WAY, "effects": [effect], "fps": 24.0, "seed": 4}
-    return fl.Scene((W, H), (0.0, 0.0, 0.0), **{**given, **changes})
+    return fl.Scene((0.0, 0.0, 0.0), size=(W, H), **{**given, **changes})
 
 
 def values(path: Path, frame: int) -> dict[str, np.ndarray]:
@@ -225,7 +225,7 @@ def test_a_stage_that_is_there_is_not_replaced(tmp_path: Path):
     assert scene_of(seed=5).write(file, "10-11", overwrite=True).written == [10, 11]
     assert file.read_bytes() != before
     with pytest.raises(ValueError, match="points are flakes of Snow and Rain"):
-        scene_of(fl.Mist.preset("fog"), camera=None).write(tmp_path / "no.usdc", "1-2")
+        scene_of(fl.Mist("fog"), camera=None).write(tmp_path / "no.usdc", "1-2")
     with pytest.raises(ValueError, match="it takes no layers"):
         scene_of().write(tmp_path / "no.usdc", "1-2", layers=True)
     assert not (tmp_path / "no.usdc").exists()

@@ -17,7 +17,7 @@ from flurries.cli import main
 from flurries.io.timecode import TimeCode
 
 H, W = 24, 36
-SNOW = [fl.TentSnow.preset("heavy")]
+SNOW = [fl.TentSnow("heavy")]
 RNG = np.random.default_rng(5)
 LIGHT = (RNG.random((H, W, 4)) * 0.8).astype(np.float32)
 LIGHT[..., :3] *= LIGHT[..., 3:]
@@ -66,7 +66,7 @@ KINDS: dict[str, dict[str, Any]] = {"composite": {}, "layers": {"layers": True},
 @pytest.mark.parametrize("name", SAID)
 def test_each_line_of_an_exr_goes_through(name: str, kind: str, tmp_path: Path):
     plate(tmp_path / "plate.exr", [name])
-    scene = fl.Scene(None, tmp_path / "plate.exr", effects=SNOW)
+    scene = fl.Scene(tmp_path / "plate.exr", effects=SNOW)
     scene.write(tmp_path / "out.exr", **KINDS[kind])
     wanted, found = (
         next((a for a in header(path).extra_attribs if a.name.lower() == name.lower()), None)
@@ -78,7 +78,7 @@ def test_each_line_of_an_exr_goes_through(name: str, kind: str, tmp_path: Path):
 
 def test_the_rate_of_the_header_is_that_of_the_scene(tmp_path: Path):
     plate(tmp_path / "plate.exr", ["framesPerSecond"])
-    scene = fl.Scene(None, tmp_path / "plate.exr")
+    scene = fl.Scene(tmp_path / "plate.exr")
     assert abs(scene.fps - 24000 / 1001) < 1e-12
     scene.replace(fps=25.0).write(tmp_path / "out.exr")
     assert tuple(header(tmp_path / "out.exr").getattribute("framesPerSecond")) == (25, 1)
@@ -96,7 +96,7 @@ WINDOWS = {
 def test_windows_go_through_and_overscan_is_rendered(name: str, tmp_path: Path):
     windows = WINDOWS[name]
     plate(tmp_path / "plate.exr", ["PixelAspectRatio"], windows=windows)
-    source = fl.Scene(None, tmp_path / "plate.exr")
+    source = fl.Scene(tmp_path / "plate.exr")
     source.write(tmp_path / "same.exr")
     before, after = header(tmp_path / "plate.exr"), header(tmp_path / "same.exr")
     for one in ("full_x", "full_y", "full_width", "full_height"):
@@ -116,12 +116,12 @@ def test_windows_go_through_and_overscan_is_rendered(name: str, tmp_path: Path):
 
 def test_pixels_that_are_not_square_stretch_the_lens(tmp_path: Path):
     plate(tmp_path / "plate.exr", ["PixelAspectRatio"])
-    scene = fl.Scene(None, tmp_path / "plate.exr")
+    scene = fl.Scene(tmp_path / "plate.exr")
     assert scene.pixel_aspect == scene.camera.camera.aspect == 2.0
     (tmp_path / "scene.toml").write_text(
         'format = 3\nbackground = "plate.exr"\n[camera]\nfocal = 50.0\n'
     )
-    assert fl.Scene.load(tmp_path / "scene.toml").camera.camera.aspect == 2.0
+    assert fl.open(tmp_path / "scene.toml").camera.camera.aspect == 2.0
 
 
 def test_depth_and_mattes_find_their_place_in_overscan(tmp_path: Path):
@@ -132,8 +132,8 @@ def test_depth_and_mattes_find_their_place_in_overscan(tmp_path: Path):
     io.write_layers(tmp_path / "depth.exr", {"depth": inner})
     io.write_picture(tmp_path / "mask.png", np.full((height, width), 255, np.uint8))
     scene = fl.Scene(
-        None, tmp_path / "plate.exr", depth=tmp_path / "depth.exr",
-        foreground=tmp_path / "mask.png", effects=SNOW,
+        tmp_path / "plate.exr", depth=tmp_path / "depth.exr", foreground=tmp_path / "mask.png",
+        effects=SNOW,
     )  # fmt: skip
     wanted = np.full((H, W), np.inf, np.float32)
     wanted[top : top + height, left : left + width] = 3.0
@@ -149,7 +149,7 @@ def test_a_profile_goes_through(ending: str, tmp_path: Path):
     profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
     picture = Image.fromarray((LIGHT[..., :3] * 255).astype(np.uint8))
     picture.save(tmp_path / f"plate.{ending}", icc_profile=profile)
-    scene = fl.Scene(None, tmp_path / f"plate.{ending}", effects=SNOW)
+    scene = fl.Scene(tmp_path / f"plate.{ending}", effects=SNOW)
     for out in (f"out.{ending}", "out.jpg"):
         scene.write(tmp_path / out)
         with Image.open(tmp_path / out) as found:
@@ -200,7 +200,7 @@ def test_every_plate_keeps_its_own_time_code(tmp_path: Path):
         opaque = np.concatenate([LIGHT[..., :3], np.ones_like(LIGHT[..., :1])], axis=2)
         out.write_scanlines(0, H, 0, opaque.astype(np.float16))
         out.close()
-    scene = fl.Scene(None, tmp_path / "plate.####.exr", effects=SNOW)
+    scene = fl.Scene(tmp_path / "plate.####.exr", effects=SNOW)
     scene.write(tmp_path / "out.####.exr", layers=True)
     for number in range(1001, 1004):
         code = TimeCode.of_text("01:00:00:00", Fraction(24)).later(number)
@@ -216,7 +216,7 @@ def test_every_plate_keeps_its_own_time_code(tmp_path: Path):
 
 
 def test_more_bits_than_the_plate_has_are_steps_of_the_weather(tmp_path: Path):
-    scene = fl.Scene((W, H), "#203040", effects=SNOW)
+    scene = fl.Scene("#203040", size=(W, H), effects=SNOW)
     scene.write(tmp_path / "a.png", 5, bits=16)
     deep = io.read_picture(tmp_path / "a.png").pixels
     assert deep.dtype == np.uint16 and len(np.unique(deep % 257)) > 20
@@ -232,7 +232,7 @@ def test_more_bits_than_the_plate_has_are_steps_of_the_weather(tmp_path: Path):
 )  # fmt: skip
 def test_bits_that_a_file_cannot_hold_are_refused(name: str, bits: Any, tmp_path: Path):
     with pytest.raises(ValueError, match="bits must be"):
-        fl.Scene((W, H), effects=SNOW).write(tmp_path / name, "1", bits=bits)
+        fl.Scene(size=(W, H), effects=SNOW).write(tmp_path / name, "1", bits=bits)
     assert not list(tmp_path.iterdir())
 
 
@@ -240,11 +240,11 @@ def test_snow_of_the_display_window_is_that_of_a_plate_without_overscan(tmp_path
     """The lens is that of the display window: overscan shows more of the same snow."""
     plate(tmp_path / "wide.exr", [], windows=WINDOWS["uneven overscan"])
     flakes = [fl.TentSnow(flakes=400)]
-    wide = fl.Scene(None, tmp_path / "wide.exr", effects=flakes)
+    wide = fl.Scene(tmp_path / "wide.exr", effects=flakes)
     left, top, width, height = wide.display
     black = np.zeros((height, width, 3), np.float32)
     lens = fl.Camera(1.2 * width, aspect=1.0)
-    plain = fl.Scene(None, black, effects=flakes, camera=lens)
+    plain = fl.Scene(black, effects=flakes, camera=lens)
     assert wide.camera.camera.focal == pytest.approx(lens.focal)
     whole = wide.render(3, layers=True)
     inner = plain.render(3, layers=True)
@@ -256,7 +256,7 @@ def test_snow_of_the_display_window_is_that_of_a_plate_without_overscan(tmp_path
 def test_the_weather_alone_of_a_plate_of_16_bits_has_16(tmp_path: Path):
     levels = (LIGHT[..., :3] * 65535).astype(np.uint16)
     io.write_picture(tmp_path / "plate.png", levels)
-    fl.Scene(None, tmp_path / "plate.png", effects=SNOW).write(tmp_path / "a.png", alone=True)
+    fl.Scene(tmp_path / "plate.png", effects=SNOW).write(tmp_path / "a.png", alone=True)
     assert io.read_picture(tmp_path / "a.png").pixels.dtype == np.uint16
-    fl.Scene((W, H), effects=SNOW).write(tmp_path / "b.png", alone=True)
+    fl.Scene(size=(W, H), effects=SNOW).write(tmp_path / "b.png", alone=True)
     assert io.read_picture(tmp_path / "b.png").pixels.dtype == np.uint8

@@ -66,7 +66,7 @@ def test_what_a_film_says_goes_through(name: str, tmp_path: Path):
     file, given, tags = FILMS[name]
     film(tmp_path / file, tags, given)
     codec = {"codec": given["codec"]} if "codec" in given else {}
-    scene = fl.Scene(None, tmp_path / file, effects=SNOW)
+    scene = fl.Scene(tmp_path / file, effects=SNOW)
     before = io.open_background(tmp_path / file).tags
     assert (before.primaries, before.full, before.aspect) == (
         tags.primaries if tags.primaries != 2 else 1, tags.full or file.endswith("mkv"), tags.aspect
@@ -80,7 +80,7 @@ def test_what_a_film_says_goes_through(name: str, tmp_path: Path):
         later = io.open_background(tmp_path / f"later{out.suffix}").tags.timecode
         assert later == tags.timecode.later(1)
     # Amount 0 is the film within what the codec loses.
-    plain = fl.Scene(None, tmp_path / file)
+    plain = fl.Scene(tmp_path / file)
     plain.write(tmp_path / f"plain{out.suffix}", **codec)
     one, other = (
         list(io.read_video(path)) for path in (tmp_path / file, tmp_path / f"plain{out.suffix}")
@@ -94,7 +94,7 @@ def test_what_a_film_says_goes_through(name: str, tmp_path: Path):
 
 def test_a_film_of_ten_bits_is_not_made_one_of_eight(tmp_path: Path):
     film(tmp_path / "ten.mp4", Tags(), {"bits": 10})
-    scene = fl.Scene(None, tmp_path / "ten.mp4", effects=SNOW)
+    scene = fl.Scene(tmp_path / "ten.mp4", effects=SNOW)
     assert scene.render(0).dtype == np.uint16
     with pytest.raises(ValueError, match=r"the film has 10 bits, the new one at most 8: bits="):
         scene.write(tmp_path / "out.webm")
@@ -107,7 +107,7 @@ def test_a_film_of_ten_bits_is_not_made_one_of_eight(tmp_path: Path):
 def test_hdr_is_refused(transfer: int, tmp_path: Path):
     film(tmp_path / "hdr.mp4", Tags(primaries=9, transfer=transfer, matrix=9), {"bits": 10})
     with pytest.raises(ValueError, match=r"is HDR \((PQ|HLG)\)"):
-        fl.Scene(None, tmp_path / "hdr.mp4")
+        fl.Scene(tmp_path / "hdr.mp4")
 
 
 def test_interlaced_film_is_refused(tmp_path: Path):
@@ -126,7 +126,7 @@ def test_interlaced_film_is_refused(tmp_path: Path):
 
 
 def test_snow_alone_in_prores_4444(tmp_path: Path):
-    scene = fl.Scene((64, 48), "#000000", effects=SNOW)
+    scene = fl.Scene("#000000", size=(64, 48), effects=SNOW)
     scene.write(tmp_path / "snow.mov", "1-2", alone=True, codec="prores-4444")
     with av.open(str(tmp_path / "snow.mov")) as made:
         frame = next(made.decode(video=0))
@@ -158,8 +158,8 @@ def test_a_film_at_amount_0_is_what_the_codec_makes_of_the_plate(codec: str, tmp
             wave = np.stack([np.sin(k * rows + columns + 0.3 * number) for k in (1, 2, 3)], axis=2)
             levels = (0.5 + 0.4 * wave) * (255 if bits == 8 else 65535)
             film.write(levels.astype(np.uint8 if bits == 8 else np.uint16))
-    none = [fl.Snow.preset("heavy", amount=0.0)]
-    fl.Scene(None, plate, effects=none).write(ours, codec=codec, bits=bits)
+    none = [fl.Snow("heavy", amount=0.0)]
+    fl.Scene(plate, effects=none).write(ours, codec=codec, bits=bits)
     before = pictures(plate)
     with io.VideoWriter(again, (wide, tall), 24, codec=codec, bits=bits, tags=tags) as film:
         for picture in before:

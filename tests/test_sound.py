@@ -79,7 +79,7 @@ def test_the_sound_goes_with_its_frames(
 ):
     plate, out = tmp_path / f"plate.{source}", tmp_path / f"out.{target}"
     film_with_sound(plate, codec)
-    scene = fl.Scene(None, plate, effects=fl.TentSnow(flakes=20), fps=20.0)
+    scene = fl.Scene(plate, effects=fl.TentSnow(flakes=20), fps=20.0)
     done = scene.write(out, "10-29", quality="draft")
     assert done.sound == "kept" and len(list(read_video(out))) == 20
     kind, samples = heard(out)
@@ -98,21 +98,21 @@ def test_the_sound_goes_with_its_frames(
 
 def test_16_6_a_rate_that_is_given_counts_and_30_where_there_is_none(tmp_path: Path):
     film_with_sound(tmp_path / "plate.mp4", "aac", frames=6)
-    scene = fl.Scene(None, tmp_path / "plate.mp4", fps=25)
+    scene = fl.Scene(tmp_path / "plate.mp4", fps=25)
     assert scene.fps == 25.0
     assert "20 frames a second" in scene.write(tmp_path / "a.mp4").sound
     (tmp_path / "scene.toml").write_text('format = 3\nbackground = "plate.mp4"\nfps = 12\n')
-    assert fl.Scene.load(tmp_path / "scene.toml").fps == 12.0
-    assert fl.Scene((64, 48)).fps == fl.Scene(None, np.zeros((4, 5, 3))).fps == 30.0
+    assert fl.open(tmp_path / "scene.toml").fps == 12.0
+    assert fl.Scene(size=(64, 48)).fps == fl.Scene(np.zeros((4, 5, 3))).fps == 30.0
     # A scene that was saved plays as it did.
-    fl.Scene(None, tmp_path / "plate.mp4").save(tmp_path / "again.toml")
-    assert fl.Scene.load(tmp_path / "again.toml").fps == 20.0
+    fl.Scene(tmp_path / "plate.mp4").save(tmp_path / "again.toml")
+    assert fl.open(tmp_path / "again.toml").fps == 20.0
 
 
 def test_sound_that_would_not_fit_is_left_out(tmp_path: Path):
     plate = tmp_path / "plate.mp4"
     film_with_sound(plate, "aac")
-    scene = fl.Scene(None, plate, fps=20.0)
+    scene = fl.Scene(plate, fps=20.0)
     cases: list[tuple[str, dict[str, Any], str]] = [
         ("1-9x2", {}, "follow"),
         ("1-5", {"fps": 25.0}, "20 frames a second"),
@@ -123,7 +123,7 @@ def test_sound_that_would_not_fit_is_left_out(tmp_path: Path):
         done = scene.replace(**change).write(out, frames, quality="draft", overwrite=True)
         assert done.sound.startswith("left out") and why in done.sound
         assert not has_sound(tmp_path / "a.mp4")
-    silent = fl.Scene((64, 48), "#102030")
+    silent = fl.Scene("#102030", size=(64, 48))
     assert silent.write(tmp_path / "b.mp4", "1-3", quality="draft").sound == "none"
     gone = Sound(str(tmp_path / "b.mp4"), Fraction(0), Fraction(1))
     with pytest.raises(ValueError, match="no sound"):

@@ -81,9 +81,9 @@ def test_convergence_moves_the_plane_of_the_picture():
 
 def test_both_eyes_keep_the_background_and_regions():
     picture = np.random.default_rng(2).integers(0, 255, (96, 128, 3)).astype(np.uint8)
-    left, right = Scene(None, picture).stereo(3.0, distance=0.065, convergence=2.0)
+    left, right = Scene(picture).stereo(3.0, distance=0.065, convergence=2.0)
     assert np.array_equal(left, picture) and np.array_equal(right, picture)
-    shown = Scene(None, picture, effects=[Snow(flakes=300)])
+    shown = Scene(picture, effects=[Snow(flakes=300)])
     left, right = shown.stereo(7.5, distance=0.0)
     assert np.array_equal(left, right) and np.array_equal(left, shown.render(7.5))
 
@@ -92,7 +92,7 @@ def test_an_ambiguous_texture_is_told():
     # K = f b / (near_depth longest): 600 px, 65 mm, 3 m and 32 px give 0.406.
     def shown(near: float, **more: Any) -> fl.Scene:
         snow = Snow(wavelengths=(4.0, 32.0), near_depth=near, **{"flakes": 0, **more})
-        return Scene((128, 96), camera=Camera(600.0), effects=[snow])
+        return Scene(size=(128, 96), camera=Camera(600.0), effects=[snow])
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -103,12 +103,12 @@ def test_an_ambiguous_texture_is_told():
 
 
 SHARED: list[tuple[str, list[Any]]] = [
-    ("flakes and texture", [Snow.preset("heavy")]),
+    ("flakes and texture", [Snow("heavy")]),
     ("two of one effect", [Snow(flakes=300)] * 2),
     ("depth by pixel", [Snow(flakes=200, depth_mode="pixel", haze=0.2)]),
     ("rain", [fl.TentRain(drops=400, near_depth=6.0)]),
     ("gusts", [Snow(flakes=200, wind=fl.Wind((0.5, 0.0, 0.0), gusts=0.5, swirl=0.2))]),
-    ("gas", [fl.Mist.preset("fog", wind=(0.3, 0.0, 0.1)), Snow(flakes=200)]),
+    ("gas", [fl.Mist("fog", wind=(0.3, 0.0, 0.1)), Snow(flakes=200)]),
     ("light of the background", [Snow(flakes=200, color="ambient")]),
 ]
 
@@ -122,7 +122,7 @@ def test_both_eyes_at_once_have_the_bits_of_each_alone(name: str, effects: list[
     sun = fl.Sun() if name == "gas" else None
     # The camera flies over a depth, and stands still without.
     camera = fl.CameraPath(Camera(FOCAL), velocity=(0.2, 0.0, 1.5 if deep else 0.0))
-    shown = Scene(None, picture, camera=camera, effects=effects, depth=depth, sun=sun)
+    shown = Scene(picture, camera=camera, effects=effects, depth=depth, sun=sun)
     both = fl.stereo.eyes(shown.camera.camera, distance=0.01, convergence=6.0)
     for about in ({}, {"layers": True}, {"region": np.s_[10:60, 30:99]}):
         pair = shown.stereo(4.5, distance=0.01, convergence=6.0, **about)

@@ -28,7 +28,7 @@ CAMERAS: dict[str, dict[str, Any]] = {
 LENSES = {"pinhole": None, "opening": fl.Lens(focus=4.0, f_stop=1.4)}
 NEAR: dict[str, Any] = {"near": 1.5, "far": 8.0, "method": "simulated"}
 FLAKES: dict[str, Any] = {
-    "snow": fl.Snow.preset("heavy", wind=AIR),
+    "snow": fl.Snow("heavy", wind=AIR),
     "snow, all drawn": fl.Snow(density=12.0, wind=AIR, **NEAR),
     "snow in gusts": fl.Snow(density=12.0, wind=fl.Wind(AIR, gusts=0.8, swirl=0.4), **NEAR),
     "rain, all drawn": fl.Rain(density=60.0, wind=AIR, **NEAR),
@@ -36,8 +36,8 @@ FLAKES: dict[str, Any] = {
 }
 # With the largest error in pixels and the largest median error, of the median speed.
 MEDIA: dict[str, Any] = {
-    "fog": (fl.Mist.preset("fog", wind=AIR), 1e-5, 1e-6),
-    "bank": (fl.Mist.preset("bank", wind=AIR), 1e-5, 1e-6),
+    "fog": (fl.Mist("fog", wind=AIR), 1e-5, 1e-6),
+    "bank": (fl.Mist("bank", wind=AIR), 1e-5, 1e-6),
     "rain on the cone": (fl.ConeRain(haze=0.0, wind=AIR), 1e-5, 1e-6),
     "snow on the cone": (fl.ConeSnow(haze=0.0, flakes=0, wind=AIR), 1e-5, 1e-6),
     # One vector and one depth for each tile, in between interpolated.
@@ -60,7 +60,9 @@ def seen(kind: str, places: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarra
 
 def rendered(effect: Any, kind: str, **more: Any) -> tuple[fl.Scene, fl.Rendered, str]:
     path = fl.CameraPath(fl.Camera(FOCAL), **CAMERAS[kind])
-    scene = fl.Scene(tuple(SIZE), "#203040", camera=path, effects=[effect], fps=FPS, seed=5, **more)
+    scene = fl.Scene(
+        "#203040", size=tuple(SIZE), camera=path, effects=[effect], fps=FPS, seed=5, **more
+    )
     made = scene.render(T, layers=True)
     (name,) = (name for name in made.layers if name in made.depths)
     return scene, made, name

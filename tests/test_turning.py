@@ -172,9 +172,9 @@ def test_a_shift_is_the_flow_of_the_rotation_at_the_middle_of_the_tile():
 @pytest.mark.parametrize("form", FORMS)
 def test_scene_files_keep_the_turn(form: str, tmp_path: Path):
     path = Path_(Camera(90.0), position=PLACES, orientation=FORMS[form])
-    shown = fl.Scene((50, 40), camera=path, effects=[fl.TentSnow(flakes=300)])
+    shown = fl.Scene(size=(50, 40), camera=path, effects=[fl.TentSnow(flakes=300)])
     shown.save(tmp_path / "scene.toml")
-    again = fl.Scene.load(tmp_path / "scene.toml")
+    again = fl.open(tmp_path / "scene.toml")
     for t in (0.0, 3.3):
         assert np.array_equal(again.render(t), shown.render(t))
 
@@ -199,7 +199,7 @@ def test_a_csv_is_a_path(tmp_path: Path):
     (tmp_path / "scene.toml").write_text(
         "format = 3\nsize = [50, 40]\n[camera]\nfocal = 60\npath = 'way.csv'\n"
     )
-    shown = fl.Scene.load(tmp_path / "scene.toml")
+    shown = fl.open(tmp_path / "scene.toml")
     assert np.abs(shown.camera.turn(10.0) - fl.CameraPath.load(file, LENS).turn(10.0)).max() == 0.0
 
 

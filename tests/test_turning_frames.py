@@ -22,7 +22,7 @@ def test_a_closed_path_returns_the_frame():
     for tilt in (None, np.tile((0.1, 0.2, 0.3), (5, 1))):
         path = Path_(Camera(110.0), position=loop, orientation=tilt)
         assert not path.turns
-        shown = fl.Scene((90, 70), camera=path, effects=[still])
+        shown = fl.Scene(size=(90, 70), camera=path, effects=[still])
         # But for the waves' temporal filter, which goes by the rate of the frame.
         field = still.parts.texture.field
         frames = [one(shown, t) for t in (0.0, 4.0)]

@@ -20,7 +20,7 @@ import flurries as fl
 from flurries.scene.output import OutputFields
 
 PICTURE = np.full((48, 64, 3), 90, np.uint8)
-SCENE = fl.Scene(None, PICTURE, effects=[fl.TentSnow.preset("heavy"), fl.Mist()], fps=24)
+SCENE = fl.Scene(PICTURE, effects=[fl.TentSnow("heavy"), fl.Mist()], fps=24)
 
 
 def test_write_of_a_scene_has_the_options_of_an_output_and_says_them_all():
@@ -49,7 +49,9 @@ def test_a_scene_in_one_line():
         "camera=still, focal 76.8 px, effects=TentSnow, Mist)"
     )
     way = fl.CameraPath(fl.Camera(70.0), velocity=(0, 0, 1))
-    assert "camera=moving, focal 70 px, effects=none" in repr(fl.Scene((8, 6), "#000000", way))
+    assert "camera=moving, focal 70 px, effects=none" in repr(
+        fl.Scene("#000000", size=(8, 6), camera=way)
+    )
 
 
 def test_a_rendered_frame_in_one_line():
@@ -64,7 +66,7 @@ def test_both_have_a_page_in_a_notebook(shown: object):
 
 
 def test_what_was_made_of_a_scene_is_not_written_into_its_page():
-    odd = fl.Scene((8, 6), "#000000", effects=[fl.TentSnow(color=(0.5, 0.25, 1.0), flakes=3)])
+    odd = fl.Scene("#000000", size=(8, 6), effects=[fl.TentSnow(color=(0.5, 0.25, 1.0), flakes=3)])
     assert "color (0.5, 0.25, 1), " in odd._repr_html_() or "flakes 3" in odd._repr_html_()
 
 
@@ -78,9 +80,8 @@ def test_a_scene_survives_a_copy_with_its_new_arguments():
     fl.Snow, fl.Rain, fl.TentSnow, fl.TentRain, fl.Mist, fl.ConeSnow, fl.ConeRain,
 ])  # fmt: skip
 def test_the_types_name_all_presets(kind: type[Any]):
-    name = typing.get_type_hints(kind.preset)["name"]
-    looks = kind.PRESETS
-    assert typing.get_args(name) == tuple(looks)
+    named, _ = typing.get_args(typing.get_type_hints(kind)["preset"].type)
+    assert typing.get_args(named) == tuple(kind.PRESETS)
 
 
 @pytest.mark.parametrize("kind", [
@@ -94,17 +95,17 @@ def test_help_of_an_effect_shows_fields_and_what_users_call(kind: type[Any]):
     assert not names & {"needs", "parts", "render", "over"}
     text = pydoc.plain(pydoc.render_doc(kind))
     assert "__post_init__" not in text and "__delattr__" not in text
-    assert "preset(" in text
+    assert "preset" in text
 
 
 @pytest.mark.parametrize(("call", "near"), [
-    (lambda: fl.Snow("heavy"), "Snow takes its fields by name; a preset is Snow.preset('heavy')"),
+    (lambda: fl.Snow(3.0), "preset must be one of 'light'"),
     (lambda: fl.Snow(denisty=3.0), "Snow has no 'denisty'; did you mean 'density'?"),
     (lambda: fl.TentSnow(flake=3), "TentSnow has no 'flake'; did you mean 'flakes'?"),
     (lambda: fl.ConeRain(drop=3), "ConeRain has no 'drop'; did you mean 'drops'?"),
     (lambda: fl.Snow(severty=3), "Snow has no 'severty'; did you mean 'severity'?"),
-    (lambda: fl.Mist.preset("fog", visibilty=3), "Mist has no 'visibilty'; did you mean "),
-    (lambda: fl.Snow.preset("light", amuont=3), "Snow has no field 'amuont'; did you mean 'amount"),
+    (lambda: fl.Mist("fog", visibilty=3), "Mist has no 'visibilty'; did you mean "),
+    (lambda: fl.Snow("light", amuont=3), "Snow has no 'amuont'; did you mean 'amount"),
     (lambda: fl.Scene(efects=()), "Scene has no 'efects'; did you mean 'effects'?"),
     (lambda: fl.Camera(foccal=3.0), "Camera has no 'foccal'; did you mean 'focal'?"),
     (lambda: fl.CameraPath(velocty=3.0), "CameraPath has no 'velocty'; did you mean 'velocity'?"),
@@ -119,7 +120,7 @@ def test_a_mistyped_argument_is_answered_with_the_nearest(call: Any, near: str):
 def test_signatures_stay_what_they_are():
     assert "density" in inspect.signature(fl.Snow).parameters
     assert list(inspect.signature(fl.Scene).parameters)[:4] == [
-        "size", "background", "camera", "effects",
+        "background", "size", "camera", "effects",
     ]  # fmt: skip
 
 

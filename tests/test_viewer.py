@@ -24,7 +24,7 @@ from flurries.viewer.preview import Preview
 from flurries.viewer.session import Session, jpeg
 
 SNOW = fl.TentSnow(flakes=300, wind=(0.9, 0.0, 0.0), fall=1.2)
-SCENE = fl.Scene((160, 120), "#203040", effects=[SNOW], fps=25.0, seed=5)
+SCENE = fl.Scene("#203040", size=(160, 120), effects=[SNOW], fps=25.0, seed=5)
 
 
 def decoded(data: bytes) -> np.ndarray:
@@ -63,7 +63,7 @@ def place(session: Session, effect: int = 0) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", sorted(OURS))
 def test_every_effect_of_scene_files_can_be_tuned(kind: str):
-    scene = fl.Scene((64, 48), effects=[OURS[kind]()])
+    scene = fl.Scene(size=(64, 48), effects=[OURS[kind]()])
     session = Session(scene)
     about = session.describe()
     # Three requests, each with a third of the controls.
@@ -91,7 +91,7 @@ def test_charts_are_the_tiles_own():
     camera = fl.Camera(200.0)
     path = fl.CameraPath(camera, velocity=(0.0, 0.0, 2.0))
     snow = fl.TentSnow(wavelengths=(4.0, 16.0), tile=32, overlap=8, near_depth=10.0, alias="cut")
-    scene = fl.Scene((160, 120), camera=path, effects=[snow], fps=25.0)
+    scene = fl.Scene(size=(160, 120), camera=path, effects=[snow], fps=25.0)
     found = chart(scene, 10.0, 0, (0.9, 0.2))
     assert found is not None
     left, top, side = found.tile
@@ -157,9 +157,9 @@ def test_a_look_by_name_comes_first_and_what_is_tuned_after_it():
     # The sliders stand where the look does.
     shown, _ = Session(scene).answer({"kind": "describe", "values": {"0.preset": "blizzard"}})
     rows = {row["key"]: row["value"] for row in shown["controls"]}
-    blizzard = fl.Snow.preset("blizzard", seed=4)
+    blizzard = fl.Snow("blizzard", seed=4)
     assert rows["0.density"] == blizzard.density and rows["0.preset"] == "blizzard"
-    assert applied(scene, values).effects[0] == fl.Snow.preset("blizzard", seed=4, haze=0.3)
+    assert applied(scene, values).effects[0] == fl.Snow("blizzard", seed=4, haze=0.3)
     assert applied(scene, {"0.preset": "as given"}).effects == scene.effects
     head, _ = Session(scene).answer({"values": {"0.preset": "storm"}})
     assert "0.preset" in head["error"] and "blizzard" in head["error"]
@@ -182,7 +182,7 @@ def test_a_lamp_a_lens_and_a_depth_are_turned_on_and_off(tmp_path: Path):
     assert lamp.place[0] == -2.0 and lamp.power == 90.0 and lamp.color == (1.0, 0.0, 0.0)
     assert tuned.lens is not None and tuned.lens.focus == 2.0 and tuned.depth is None
     session.answer({"kind": "save", "values": values})
-    assert np.array_equal(fl.Scene.load(tmp_path / "lit.toml").render(4), tuned.render(4))
+    assert np.array_equal(fl.open(tmp_path / "lit.toml").render(4), tuned.render(4))
     made: dict[str, Any] = {"picture": scene.background}
     exec(session.answer({"kind": "python", "values": values})[0]["text"], made)
     assert np.array_equal(made["scene"].render(4), tuned.render(4))
@@ -266,7 +266,7 @@ def test_the_air_goes_on_from_where_it_is_for_each_page():
 
 def test_a_preview_is_the_same_view_smaller():
     big = fl.Scene(
-        None, np.zeros((768, 1024, 3), np.uint8), foreground=np.zeros((768, 1024), np.float32),
+        np.zeros((768, 1024, 3), np.uint8), foreground=np.zeros((768, 1024), np.float32),
         depth=np.full((768, 1024), 300.0, np.float32),
         effects=[fl.TentSnow(flakes=0, haze=0.0, wavelengths=(8.0, 64.0), tile=96, overlap=16)],
     )  # fmt: skip
@@ -290,7 +290,7 @@ def test_save_and_python_make_the_scene_of_the_sliders(tmp_path: Path):
     names = {"mine.toml", "mine-background.png", "mine-depth.exr"}
     assert {path.name for path in tmp_path.iterdir()} == names
     wanted = applied(scene, values).render(9)
-    assert np.array_equal(fl.Scene.load(tmp_path / "mine.toml").render(9), wanted)
+    assert np.array_equal(fl.open(tmp_path / "mine.toml").render(9), wanted)
     assert np.array_equal(session.tuned.render(9), wanted)
     made: dict[str, Any] = {"picture": picture, "depth": scene.depth}
     exec(session.answer({"kind": "python", "values": values})[0]["text"], made)

@@ -243,6 +243,6 @@ def test_equal_winds_are_equal():
     wind = Wind(gusts=1.0)
     at = RNG.uniform(-5, 5, (5, 3))
     effects = [Snow(wind=wind, seed=1), fl.TentRain(wind=wind, seed=2)]
-    rates = [wind_at(e.parts.motion, one(fl.Scene((64, 48), effects=effects), 9.0, i), at)[1]
+    rates = [wind_at(e.parts.motion, one(fl.Scene(size=(64, 48), effects=effects), 9.0, i), at)[1]
              for i, e in enumerate(effects)]  # fmt: skip
     assert np.array_equal(*rates)

@@ -81,7 +81,7 @@ def test_measured_on_frames_flakes_have_the_wind_of_their_place(kind: str):
 
 def test_a_texture_in_a_profile_wants_a_camera_that_does_not_turn():
     path = fl.CameraPath(LENS, orientation=[(0, 0, 0), (0, 0.01, 0)])
-    shown = fl.Scene((64, 48), camera=path, effects=[Snow(wind=Wind(profile=SHEAR), flakes=0)])
+    shown = fl.Scene(size=(64, 48), camera=path, effects=[Snow(wind=Wind(profile=SHEAR), flakes=0)])
     with pytest.raises(ValueError, match="wind: a profile"):
         shown.render(3)
 
@@ -108,9 +108,9 @@ def test_scene_files_keep_the_wind(kind: str, tmp_path: Path):
     wind = {"gusts": Wind(Keys([(0, (1, 0, 0)), (9, (2, 0, 0))]), gusts=0.5, swirl=0.25, seed=9),
             "profile": Wind(profile=SHEAR),
             "keyed profile": Wind((1, 0, 0), profile=[(1, 0.5), (9, 2)])}  # fmt: skip
-    shown = fl.Scene((64, 48), effects=[Snow(wind=wind[kind], flakes=50)])
+    shown = fl.Scene(size=(64, 48), effects=[Snow(wind=wind[kind], flakes=50)])
     shown.save(tmp_path / "scene.toml")
-    again = fl.Scene.load(tmp_path / "scene.toml")
+    again = fl.open(tmp_path / "scene.toml")
     assert again.effects == shown.effects and fingerprint(again) == fingerprint(shown)
     assert np.array_equal(again.render(3), shown.render(3))
 
@@ -119,13 +119,13 @@ def test_a_wind_by_hand_and_its_mistakes(tmp_path: Path):
     file = tmp_path / "scene.toml"
     head = "format = 3\n[[effects]]\nkind = 'tent_snow'\n"
     file.write_text(head + "wind = {mean = [1, 0, 0], gusts = 0.5}\n")
-    assert fl.Scene.load(file).effects[0].wind == Wind((1, 0, 0), gusts=0.5)
+    assert fl.open(file).effects[0].wind == Wind((1, 0, 0), gusts=0.5)
     for text, words in (("wind = {mean = [1, 0, 0], gust = 0.5}", "line 4.*'gust'.*'gusts'"),
                         ("wind = {gusts = -1}", "line 4.*gusts"),
                         ("wind = {profile = {keys = [[1, [0, 1]]]}}", "line 4.*profile"),
                         ):  # fmt: skip
         file.write_text(head + text + "\n")
         with pytest.raises(ValueError, match=words):
-            fl.Scene.load(file)
+            fl.open(file)
     with pytest.raises(ValueError, match="wind: a field"):
-        fl.Scene((64, 48), effects=[Snow(wind=Wind(field=GRID))]).save(file)
+        fl.Scene(size=(64, 48), effects=[Snow(wind=Wind(field=GRID))]).save(file)

@@ -31,10 +31,10 @@ def scene_of(kind: type[Any], name: str) -> fl.Scene:
     # The paper's looks have no metres of their own.
     if kind is fl.Mist and "visibility" not in kind.PRESETS[name]:
         changes["visibility"] = 30.0
-    effect = kind.preset(name, **changes)
+    effect = kind(name, **changes)
     depth = 40.0 if kind is fl.Mist else None
     picture = fl.io.photograph(NAMES[0], size=SIZE)
-    return fl.Scene(None, picture, effects=[effect], fps=24, seed=3, depth=depth)
+    return fl.Scene(picture, effects=[effect], fps=24, seed=3, depth=depth)
 
 
 def write(stage: Path, *, films: bool) -> None:
@@ -47,7 +47,7 @@ def write(stage: Path, *, films: bool) -> None:
         for name in presets(kind):
             file = folder / f"{title}_{name.replace(' ', '_')}.webp"
             film(file, scene_of(kind, name), FRAMES if films else 1)
-            figures.append(figure(f"looks/{file.name}", f"fl.{kind.__name__}.preset({name!r})"))
+            figures.append(figure(f"looks/{file.name}", f"fl.{kind.__name__}({name!r})"))
         gallery.append(
             f"## `fl.{kind.__name__}`\n\n::::{{container}} looks\n" + "".join(figures) + "::::\n"
         )
@@ -75,8 +75,8 @@ Every look by name, one second of it over a photograph that comes with the packa
 under each picture makes it; give it to a scene:
 
 ```text
-snow = fl.Snow.preset("heavy")
-scene = fl.Scene(None, fl.io.photograph(), effects=[snow], fps=24)
+snow = fl.Snow("heavy")
+scene = fl.Scene(fl.io.photograph(), effects=[snow], fps=24)
 scene.write("snow.mp4", "48-71")
 ```
 

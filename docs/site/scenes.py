@@ -35,7 +35,7 @@ HEAD = """# Keys of scene.toml
 <!-- search: scene.toml, scene file, toml, keys, settings, config file -->
 
 A scene file says what `fl.Scene` and its effects say in Python, with the same names. `flurries render scene.toml`
-renders it, `fl.Scene.load` and `scene.save` read and write it. A key that is not known is refused with its line and the
+renders it, `fl.open` and `scene.save` read and write it. A key that is not known is refused with its line and the
 nearest known one.
 
 ```toml

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from flurries.light.lamp import Lamp, Sun
     from flurries.motion.keys import Keys
     from flurries.motion.wind import Wind
-    from flurries.scene import Scene
+    from flurries.scene import Scene, open
     from flurries.scene.depth import DepthMap
     from flurries.scene.flakes import flakes
     from flurries.scene.foreground import Foreground
@@ -87,6 +87,7 @@ __all__ = [
     "flakes",
     "gas",
     "io",
+    "open",
     "particles",
     "register",
     "reproducible",
@@ -114,6 +115,7 @@ _FROM = {
     "Layer": "frame.layer",
     "Rendered": "frame.truth",
     "Scene": "scene",
+    "open": "scene",
     "Lamp": "light.lamp",
     "Lens": "camera.optics",
     "Sun": "light.lamp",

@@ -142,15 +142,10 @@ def suggesting(kind: type[_Kind]) -> type[_Kind]:
     @functools.wraps(plain)
     def init(self: Any, *others: Any, **given: Any) -> None:
         if others and by_name:
-            call = f"{kind.__name__}.preset({others[0]!r:.40})"
-            hint = f"; a preset is {call}" if isinstance(others[0], str) else ""
-            raise TypeError(f"{kind.__name__} takes its fields by name{hint}")
+            raise TypeError(f"{kind.__name__} takes its fields by name")
         for name in given:
             if name not in known:
-                hint = suggestion(name, known)
-                if name == "preset" and hasattr(kind, "preset"):
-                    hint = f"; did you mean {kind.__name__}.preset({given[name]!r:.40})?"
-                raise TypeError(f"{kind.__name__} has no {name!r}{hint}")
+                raise TypeError(f"{kind.__name__} has no {name!r}{suggestion(name, known)}")
         plain(self, *others, **given)
 
     kind.__init__ = init  # type: ignore[method-assign]

@@ -142,7 +142,7 @@ def tracing(*, memory: bool = False) -> Iterator[Trace]:
     Examples
     --------
     >>> import flurries as fl
-    >>> scene = fl.Scene((64, 48), "#000000", effects=[fl.TentSnow(flakes=0)])
+    >>> scene = fl.Scene("#000000", size=(64, 48), effects=[fl.TentSnow(flakes=0)])
     >>> with fl.trace.tracing() as trace:
     ...     frame = scene.render(3)
     >>> sorted(trace.calls)

@@ -45,7 +45,7 @@ def browser() -> Iterator[Any]:
 def scene() -> fl.Scene:
     from skimage import data
 
-    return fl.Scene(None, data.astronaut(), effects=[fl.TentSnow.preset("heavy", flakes=6000)])
+    return fl.Scene(data.astronaut(), effects=[fl.TentSnow("heavy", flakes=6000)])
 
 
 @contextmanager
@@ -190,7 +190,7 @@ def test_python_and_a_film(page: Page, tmp_path: Path):
     page.click(".fl-code")
     until(page, "!!document.querySelector('.flurries').dataset.python")
     said = page.evaluate("document.querySelector('.flurries').dataset.python")
-    assert "haze=0." in said and "fl.Scene((512, 512), picture" in said
+    assert "haze=0." in said and "fl.Scene(picture, size=(512, 512)" in said
     page.click(".fl-film")
     until(page, "!!document.querySelector('.flurries').dataset.film", 120.0)
     assert (tmp_path / "tuned.mp4").exists()
@@ -230,11 +230,11 @@ def test_a_color_from_the_full_picker(page: Page):
 
 
 def test_a_scene_file_with_lamp_lens_and_depth_is_tuned_and_saved(browser: Any, tmp_path: Path):
-    snow = fl.Snow.preset("heavy")
-    dark = fl.Scene((320, 240), "#1e1e1e", effects=[snow], depth=3.0)
+    snow = fl.Snow("heavy")
+    dark = fl.Scene("#1e1e1e", size=(320, 240), effects=[snow], depth=3.0)
     dark.save(tmp_path / "a.toml")
     shown = []
-    with opened(browser, fl.Scene.load(tmp_path / "a.toml"), tmp_path / "b.toml") as tab:
+    with opened(browser, fl.open(tmp_path / "a.toml"), tmp_path / "b.toml") as tab:
         stop(tab)
         for key, word in (("scene.depth", "off"), ("lamp.on", "on"), ("lens.on", "on")):
             shown.append(tab.evaluate(PIXELS))
@@ -247,6 +247,6 @@ def test_a_scene_file_with_lamp_lens_and_depth_is_tuned_and_saved(browser: Any, 
         tab.click(".fl-save")
         until(tab, "!!document.querySelector('main').dataset.saved")
     assert len(set(shown)) == 4
-    saved = fl.Scene.load(tmp_path / "b.toml")
+    saved = fl.open(tmp_path / "b.toml")
     assert len(saved.lights) == 1 and saved.lens is not None and saved.depth is None
     assert abs(saved.effects[0].amount - 0.5) < 0.05

@@ -29,7 +29,7 @@ from flurries.io.timecode import TimeCode
 H, W = 48, 64
 LIGHT = np.random.default_rng(1).random((H, W, 3)).astype(np.float32)
 # Gas wants square pixels, which the plate of the fixture has not.
-WIDE = [fl.TentSnow.preset("heavy"), fl.Snow.preset("heavy")]
+WIDE = [fl.TentSnow("heavy"), fl.Snow("heavy")]
 
 
 def needs(program: str) -> Any:
@@ -60,7 +60,7 @@ def plate(path: Path) -> None:
 @pytest.fixture
 def shot(tmp_path: Path) -> Path:
     plate(tmp_path / "plate.exr")
-    scene = fl.Scene(None, tmp_path / "plate.exr", effects=WIDE)
+    scene = fl.Scene(tmp_path / "plate.exr", effects=WIDE)
     scene.write(tmp_path / "layers.exr", "5", layers=True, bits="float")
     scene.write(tmp_path / "out.exr", "5", bits="float")
     scene.replace(effects=()).write(tmp_path / "same.exr", "5", bits="float")
@@ -82,7 +82,7 @@ def test_openexr_knows_the_attributes_by_its_own_names(shot: Path):
 
 def test_the_module_of_openexr_counts_deep_samples(tmp_path: Path):
     openexr = pytest.importorskip("OpenEXR", reason="OpenEXR is missing: make test-clients")
-    scene = fl.Scene((72, 54), "#334455", effects=[fl.Snow.preset("heavy"), fl.Mist.preset("fog")])
+    scene = fl.Scene("#334455", size=(72, 54), effects=[fl.Snow("heavy"), fl.Mist("fog")])
     scene.write(tmp_path / "deep.exr", 3, deep=True)
     ours = read_deep(tmp_path / "deep.exr")
     with openexr.File(str(tmp_path / "deep.exr"), separate_channels=True) as file:
@@ -121,7 +121,7 @@ def test_ffprobe_says_what_we_wrote(name: str, tmp_path: Path):
     run("ffmpeg", "-v", "error", "-i", tmp_path / "mute.mov", "-f", "lavfi", "-i",
         "sine=frequency=440:duration=1", "-map", "0:v", "-map", "1:a", "-c:v", "copy", "-c:a",
         "aac", "-shortest", tmp_path / "plate.mov")  # fmt: skip
-    scene = fl.Scene(None, tmp_path / "plate.mov", effects=[fl.TentSnow.preset("heavy")])
+    scene = fl.Scene(tmp_path / "plate.mov", effects=[fl.TentSnow("heavy")])
     done = scene.write(tmp_path / file, codec=name.split()[0], bits=bits)
     assert done.sound == "kept" and has_sound(tmp_path / file)
     said = json.loads(run("ffprobe", "-v", "error", "-show_streams", "-show_format", "-of", "json",
@@ -229,8 +229,8 @@ def test_our_points_land_in_blender_on_the_pixels_where_we_draw_them(bpy: Any, t
     way = fl.CameraPath(
         fl.Camera(70.0, center=(30.0, 26.0), rotation=(0.1, -0.1, 0.2)), velocity=(0.5, 0.1, 2.0)
     )
-    snow = fl.Snow.preset("heavy", method="simulated", far=8.0)
-    scene = fl.Scene((W, H), (0.0, 0.0, 0.0), camera=way, effects=[snow], fps=24.0)
+    snow = fl.Snow("heavy", method="simulated", far=8.0)
+    scene = fl.Scene((0.0, 0.0, 0.0), size=(W, H), camera=way, effects=[snow], fps=24.0)
     scene.write(tmp_path / "flakes.usdc", "1001-1003")
     seen = blender(flakes=tmp_path / "flakes.usdc")
     program = scene.program

@@ -67,7 +67,7 @@ def closed_path(dtype: Any) -> float:
     path = fl.CameraPath(EYE, position=fl.Keys([(0, (0, 0, 0)), (5e5, (3e4, 1e3, 7.0)),
                                                 (1e6, (0, 0, 0))]))  # fmt: skip
     snow = fl.TentSnow(fall=0.0, wind=(0.0, 0.0, 0.0), flakes=200, sway=(0.0, 0.0), shutter=0.0)
-    scene = fl.Scene((160, 120), camera=path, effects=[snow])
+    scene = fl.Scene(size=(160, 120), camera=path, effects=[snow])
     return float(np.count_nonzero(scene.render(1e6) != scene.render(0)))
 
 

@@ -15,7 +15,7 @@ from public.arrays import ASIDE, COVER, DEPTH, LENS, MATRICES, OTHER, PICTURE, P
 
 LEVELS = (255 * PICTURE).astype(np.uint8)
 LAYER = np.dstack([0.5 * PICTURE, np.full(SHAPE, 0.5)])
-SCENE = fl.Scene((32, 24), "#304050", effects=[fl.TentSnow(flakes=20)])
+SCENE = fl.Scene("#304050", size=(32, 24), effects=[fl.TentSnow(flakes=20)])
 DEEP = Deep(np.array([[1, 0], [2, 0]]), np.full((3, 6), 0.5, np.float32))
 PLATE: dict[str, Any] = {"image": PICTURE, "index": 3}
 
@@ -58,9 +58,10 @@ CALLS: dict[str, Call] = {
          "effects": [fl.TentSnow(flakes=50)]},
         then=lambda scene: scene.render(3), pictures=("background", "foreground"), light=True,
         floats=("depth",), takes={"foreground": ("bool", "NaN")}, loose=True),
+    "open": Call({"path": "scene.toml"}),
     "DepthMap": Call(
         {"source": COVER, "near": 2.0, "far": 50.0}, pictures=("source",),
-        then=lambda source: fl.Scene((30, 24), depth=source).depth_at(0)),
+        then=lambda source: fl.Scene(size=(30, 24), depth=source).depth_at(0)),
     "Foreground": Call({"source": "picture.png", "depth": 4.0}, loose=True),
     "CameraPath": Call(
         {"camera": LENS, "position": POINTS[:3], "orientation": 0.1 * POINTS[:3]},

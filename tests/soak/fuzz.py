@@ -109,7 +109,7 @@ def jobs(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
     effects = [
         fl.TentSnow(wind=wind), fl.TentRain(), fl.Mist(count=40), fl.ConeSnow(), fl.ConeRain()
     ]  # fmt: skip
-    scene = fl.Scene((56, 40), "#304050", camera, effects, sun=fl.Sun())
+    scene = fl.Scene("#304050", size=(56, 40), camera=camera, effects=effects, sun=fl.Sun())
     scene.save(folder / "a.toml")
     scene.write(folder / "out" / "%d.png", "1-3")
     (folder / "out" / manifest.NAME).rename(folder / "a.json")
@@ -125,7 +125,7 @@ def jobs(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
         ("depth.exr", "bad.exr", read_depth), ("depth.exr", "bad.exr", read_layers),
         ("views.exr", "bad.exr", read_views), ("a.mp4", "bad.mp4", films),
         ("a.mkv", "bad.mkv", films), ("a.webm", "bad.webm", films),
-        ("a.toml", "bad.toml", fl.Scene.load), ("a.json", manifest.NAME, manifest_of),
+        ("a.toml", "bad.toml", fl.open), ("a.json", manifest.NAME, manifest_of),
         ("a.csv", "bad.csv", read_path),
         ("a.chan", "bad.chan", lambda path: importers.load(path, (40, 56))),
         ("a.txt", "bad.txt", lambda path: importers.load(path, (40, 56))),

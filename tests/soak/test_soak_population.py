@@ -61,7 +61,7 @@ def test_rates_and_extinctions_are_shown_as_asked(kind: type, rate: float, wall:
     frames = times(24, least=12)
     seen = []
     for seed in range(frames // 4):
-        scene = fl.Scene((400, 300), "#000000", effects=[effect], depth=wall, seed=seed)
+        scene = fl.Scene("#000000", size=(400, 300), effects=[effect], depth=wall, seed=seed)
         seen += [1.0 - cover(scene, 400.0 * n).mean(dtype=float) for n in range(4)]
     # From the middle of the fade before the lens on. What is not hidden is a mean of independent
     # flakes, so that this is exact; the noise of the mean is allowed twice.

@@ -75,17 +75,17 @@ def photograph(size: int) -> Array:
 def three(picture: Array, *, seed: int = 1) -> list[Scene]:
     """Return the three scenes of experiment (a): few flakes, the paper's texture, flakes."""
     looks: list[Snow | TentSnow] = [
-        TentSnow.preset("heavy", flakes=FEW, texture=0.0, haze=0.0),
-        TentSnow.preset("heavy", flakes=FEW),
-        Snow.preset("heavy"),
+        TentSnow("heavy", flakes=FEW, texture=0.0, haze=0.0),
+        TentSnow("heavy", flakes=FEW),
+        Snow("heavy"),
     ]
-    return [Scene(None, picture, effects=[look], fps=FPS, seed=seed) for look in looks]
+    return [Scene(picture, effects=[look], fps=FPS, seed=seed) for look in looks]
 
 
 def flight(picture: Array, *, seed: int = 1) -> Scene:
     camera = CameraPath(Camera(DEFAULT_FOCAL * picture.shape[1]), velocity=FLIGHT)
-    snow = Snow.preset("heavy", wind=(0.0, 0.0, 0.0))
-    return Scene(None, picture, camera, [snow], fps=FPS, seed=seed)
+    snow = Snow("heavy", wind=(0.0, 0.0, 0.0))
+    return Scene(picture, camera=camera, effects=[snow], fps=FPS, seed=seed)
 
 
 def _film(film: Path, scenes: list[Scene], frames: int, words: Words) -> list[Path]:

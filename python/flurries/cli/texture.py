@@ -55,7 +55,7 @@ def texture(
     """
     width, height = parse_size(size)
     # The presets' numbers are plain ones.
-    opacity: Any = TentSnow.preset(look)  # type: ignore[arg-type]
+    opacity: Any = TentSnow(look)  # type: ignore[arg-type]
     made = export_loop(
         output, frames, (height, width), velocity, seed=seed, wavelengths=_band(band),
         exponent=opacity.exponent, shutter=shutter, mean=opacity.mean, spread=opacity.spread,

@@ -18,7 +18,7 @@ from flurries.io.files import file_of
 from flurries.io.sequences import EXTEND
 from flurries.scene.arguments import parse_size
 from flurries.scene.foreground import Foreground
-from flurries.scene.scene import Scene
+from flurries.scene.scene import Scene, open_scene
 
 # Back to front.
 KINDS: dict[str, type[Any]] = {
@@ -98,7 +98,7 @@ def scene_of(source: str, **options: Any) -> Scene:
     if options["fly"] is not None and options["camera"] is not None:
         raise click.UsageError("--camera and --fly must not both be given")
     if Path(source).suffix.lower() == ".toml":
-        scene = _changed(Scene.load(source), changes, options)
+        scene = _changed(open_scene(source), changes, options)
     else:
         scene = _new(source, changes, options)
     lens = scene.camera.camera
@@ -122,7 +122,7 @@ def _new(source: str, changes: dict[str, Any], options: dict[str, Any]) -> Scene
     background: Any = source
     if not source.startswith("#"):
         background = open_background(source, overscan="size" not in changes)
-    return Scene(changes.pop("size", None), background, effects=effects, **changes)
+    return Scene(background, size=changes.pop("size", None), effects=effects, **changes)
 
 
 def _changed(scene: Scene, changes: dict[str, Any], options: dict[str, Any]) -> Scene:
@@ -166,7 +166,7 @@ def _effect(kind: type[Any], look: str, given: dict[str, Any]) -> Any:
     """Return an effect by a preset's name, by a knob such as "severity=3", or plain."""
     knob, is_knob, value = look.partition("=")
     if not is_knob:
-        return kind.preset(look, **given) if look else kind(**given)
+        return kind(look, **given) if look else kind(**given)
     known: tuple[str, ...] = getattr(kind, "KNOBS", ())
     if knob not in known:
         names = " or ".join(f"{one}=NUMBER" for one in known) or "none"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass, field
 from functools import cached_property, lru_cache, partial
 from typing import Any, ClassVar
 
@@ -30,7 +30,7 @@ from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.double_cone import FARTHEST, DoubleCone
 from flurries.effects.flakes import Flakes
-from flurries.effects.knobs import preset
+from flurries.effects.knobs import looks
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import CONE_RAIN, CONE_SNOW, ConeRainLook, ConeSnowLook
@@ -106,6 +106,7 @@ class _Cone(metaclass=Described):
         )  # fmt: skip
 
 
+@looks
 @suggesting
 @dataclass(frozen=True, kw_only=True)
 class ConeRain(_Cone):
@@ -115,6 +116,8 @@ class ConeRain(_Cone):
 
     Parameters
     ----------
+    preset : str, optional
+        A look by name, of ``PRESETS``; given fields replace its own.
     amount, fall, color, haze, look, seed
         As in :class:`TentRain`.
     wind : (x, y, z) or Wind
@@ -154,11 +157,12 @@ class ConeRain(_Cone):
     Examples
     --------
     >>> import flurries as fl
-    >>> scene = fl.Scene((160, 120), "#203040", effects=[fl.ConeRain.preset("downpour")])
+    >>> scene = fl.Scene("#203040", size=(160, 120), effects=[fl.ConeRain("downpour")])
     >>> scene.render(17).shape
     (120, 160, 3)
     """
 
+    preset: InitVar[ConeRainLook | None] = field(default=None, kw_only=False)
     drops: int = 700
     drop_size: float = 0.004
     drop_length: float = 0.05
@@ -167,18 +171,13 @@ class ConeRain(_Cone):
     NAME: ClassVar[str] = "cone_rain"
     PRESETS: ClassVar[Mapping[str, dict[str, Any]]] = CONE_RAIN
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, *_: Any) -> None:
         settle(self, _RAIN)
         most = 0.5 * self._tile_metres
         if self.drop_length > most:
             raise ValueError(
                 f"drop_length must be at most half a tile ({most:g} m), got {self.drop_length!r}"
             )
-
-    @classmethod
-    def preset(cls, name: ConeRainLook, **changes: Any) -> ConeRain:
-        """Return a look by name; further arguments replace single values of it."""
-        return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
     def parts(self) -> Precipitation[DoubleCone]:
@@ -191,6 +190,7 @@ class ConeRain(_Cone):
         return self._parts(make, self.drop_length, (0.3, 0.55, 0.8, 1.0))
 
 
+@looks
 @suggesting
 @dataclass(frozen=True, kw_only=True)
 class ConeSnow(_Cone):
@@ -198,6 +198,8 @@ class ConeSnow(_Cone):
 
     Parameters
     ----------
+    preset : str, optional
+        A look by name, of ``PRESETS``; given fields replace its own.
     amount, fall, wind, color, haze, shutter, gain, conserve, damping, radius, repeats, slope, \
 tile, look, seed
         As in :class:`ConeRain`.
@@ -215,6 +217,7 @@ tile, look, seed
         of its own.
     """
 
+    preset: InitVar[ConeSnowLook | None] = field(default=None, kw_only=False)
     fall: Number = 1.4
     wind: Vector | Wind = (0.36, 0.0, 0.0)
     color: Color = 0.98
@@ -230,13 +233,8 @@ tile, look, seed
     NAME: ClassVar[str] = "cone_snow"
     PRESETS: ClassVar[Mapping[str, dict[str, Any]]] = CONE_SNOW
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, *_: Any) -> None:
         settle(self, _SNOW)
-
-    @classmethod
-    def preset(cls, name: ConeSnowLook, **changes: Any) -> ConeSnow:
-        """Return a look by name; further arguments replace single values of it."""
-        return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
     def parts(self) -> Precipitation[DoubleCone]:

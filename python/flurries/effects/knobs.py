@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any, TypeVar
 
-from flurries._contract import choice, suggesting, suggestion
+from flurries._contract import choice, suggesting
 
 _Kind = TypeVar("_Kind")
 
@@ -72,16 +72,29 @@ def _with_look(
     return {**{name: value for name, value in look.items() if value is not None}, **own}
 
 
-def preset(
-    kind: type[_Kind], looks: Mapping[str, Mapping[str, Any]], name: str, changes: dict[str, Any]
-) -> _Kind:
-    """Return an effect of a look by name; `changes` replace single values of it."""
-    values = dict(looks[choice("preset", name, tuple(looks))])
-    unknown = set(changes) - {f.name for f in fields(kind)}  # type: ignore[arg-type]
-    if turned := unknown & set(getattr(kind, "KNOBS", ())):
-        raise TypeError(f"{min(turned)} and a preset set the same fields: give one of them")
-    if unknown:
-        known = [f.name for f in fields(kind)]  # type: ignore[arg-type]
-        near = suggestion(min(unknown), known)
-        raise TypeError(f"{kind.__name__} has no field {min(unknown)!r}{near}")
-    return kind(**{**values, **changes})
+def looks(kind: type[_Kind]) -> type[_Kind]:
+    """Let a class with ``PRESETS`` take the name of one, first or as `preset`.
+
+    Fields that are given replace those of the preset.
+    """
+    plain = kind.__init__
+
+    @functools.wraps(plain)
+    def init(self: Any, *others: Any, preset: str | None = None, **given: Any) -> None:
+        if len(others) > 1 or (others and preset is not None):
+            raise TypeError(f"{kind.__name__} takes one preset and its fields by name")
+        name = others[0] if others else preset
+        plain(self, **(given if name is None else kind.of_preset(name, given)))  # type: ignore[attr-defined]
+
+    kind.__init__ = init  # type: ignore[method-assign]
+    if not hasattr(kind, "of_preset"):
+        kind.of_preset = classmethod(_of_preset)  # type: ignore[attr-defined]
+    return kind
+
+
+def _of_preset(kind: Any, name: str, changes: dict[str, Any]) -> dict[str, Any]:
+    values = kind.PRESETS[choice("preset", name, tuple(kind.PRESETS))]
+    for knob in getattr(kind, "KNOBS", ()):
+        if changes.get(knob) is not None:
+            raise TypeError(f"{knob} and a preset set the same fields: give one of them")
+    return {**values, **changes}

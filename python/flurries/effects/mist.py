@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import InitVar, dataclass
+from dataclasses import InitVar, dataclass, field
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
@@ -13,7 +13,7 @@ from flurries._contract import choice, flag, integer, real, seed_of, vector
 from flurries.effects.checks import Check, length, one_of, optional, part, settle, share
 from flurries.effects.color import AMBIENT, LOCAL, Color, as_color
 from flurries.effects.described import Described
-from flurries.effects.knobs import knobs
+from flurries.effects.knobs import knobs, looks
 from flurries.effects.looks import LOOKS, mist_density, severity_of
 from flurries.effects.presets import BANKS, MIST, MistLook
 from flurries.effects.sunlight import SCATTER, Law
@@ -70,6 +70,7 @@ def _of_visibility(value: object, given: Mapping[str, Any]) -> dict[str, Any]:
     return {"visibility": real("visibility_m", value, above=0.0)}
 
 
+@looks
 @knobs(severity=_of_severity, visibility_m=_of_visibility)
 @dataclass(frozen=True, kw_only=True)
 class Mist(metaclass=Described):
@@ -80,6 +81,9 @@ class Mist(metaclass=Described):
 
     Parameters
     ----------
+    preset : str, optional
+        A look: "clouds", "mist" and "fog" are the paper's, of particles (Johnson 2005, section 4);
+        "valley", "ground", "bank" and "cumulus" have structure. Given fields replace its own.
     amount : float
         Strength of the effect, 0 to 1; scales the density. Keyed.
     count : int, optional
@@ -141,11 +145,12 @@ class Mist(metaclass=Described):
     Examples
     --------
     >>> import flurries as fl
-    >>> fog = fl.Mist.preset("fog", wind=(0.4, 0.0, 0.0))
+    >>> fog = fl.Mist("fog", wind=(0.4, 0.0, 0.0))
     >>> fog.count, round(fog.extinction(), 3)
     (1200, 0.515)
     """
 
+    preset: InitVar[MistLook | None] = field(default=None, kw_only=False)
     amount: Number = 1.0
     count: int | None = None
     visibility: Number | None = None
@@ -201,12 +206,8 @@ class Mist(metaclass=Described):
         return (x, y, z)
 
     @classmethod
-    def preset(cls, name: MistLook, **changes: Any) -> Mist:
-        """Return a look by name; further arguments replace single values of it.
-
-        "clouds", "mist" and "fog" are the paper's, of particles (Johnson 2005, section 4);
-        "valley", "ground", "bank" and "cumulus" have structure.
-        """
+    def of_preset(cls, name: str, changes: dict[str, Any]) -> dict[str, Any]:
+        """Return the fields of a preset with changes."""
         values: dict[str, Any] = dict(cls.PRESETS[choice("preset", name, tuple(cls.PRESETS))])
         far = changes.get("visibility") or changes.get("visibility_m")
         if changes.get("severity") is not None:
@@ -219,7 +220,7 @@ class Mist(metaclass=Described):
             if "radius" in values and "box" not in changes:
                 box = REACH * max(values_of(_VISIBILITY("visibility", far)))
                 values["radius"] = values["radius"] / 5.0 * box
-        return cls(**{**values, **changes})
+        return {**values, **changes}
 
     def particles_in_box(self) -> int:
         """Return the number of particles in the box of the given sides."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import InitVar, dataclass
+from dataclasses import InitVar, dataclass, field
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
@@ -10,7 +10,7 @@ from flurries.effects.checks import DepthMode, settle
 from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.flake_texture import FlakeTexture
-from flurries.effects.knobs import knobs, preset
+from flurries.effects.knobs import knobs, looks
 from flurries.effects.population import (
     POPULATION,
     Method,
@@ -27,6 +27,7 @@ from flurries.motion.wind import Wind
 from flurries.particles.sizes import drop_speed
 
 
+@looks
 @knobs(
     severity=lambda value, _: rain_of_severity(value),
     rate_mm_h=lambda value, _: rain_of_rate(value),
@@ -40,6 +41,8 @@ class Rain(metaclass=Described):
 
     Parameters
     ----------
+    preset : str, optional
+        A look by name, of ``PRESETS``; given fields replace its own.
     density : float
         Drops per cubic metre. Keyed: as it changes, drops come and go one by one.
     drop_size : (smallest, mean, largest)
@@ -91,6 +94,7 @@ class Rain(metaclass=Described):
     True
     """
 
+    preset: InitVar[RainLook | None] = field(default=None, kw_only=False)
     density: Number = 700.0
     drop_size: tuple[float, float, float] | Keys = (0.0005, 0.0009, 0.006)
     opacity: float = 0.9
@@ -122,11 +126,6 @@ class Rain(metaclass=Described):
         settle(
             self, {**checks, "drop_size": size_law, "gain": partial(as_number, low=0.0, high=100.0)}
         )
-
-    @classmethod
-    def preset(cls, name: RainLook, **changes: Any) -> Rain:
-        """Return a look by name; further arguments replace single values of it."""
-        return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
     def parts(self) -> Precipitation[FlakeTexture] | Mixture:

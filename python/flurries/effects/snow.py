@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import InitVar, dataclass
+from dataclasses import InitVar, dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -10,7 +10,7 @@ from flurries.effects.checks import DepthMode, settle
 from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.flake_texture import FlakeTexture
-from flurries.effects.knobs import knobs, preset
+from flurries.effects.knobs import knobs, looks
 from flurries.effects.population import (
     POPULATION,
     Method,
@@ -26,6 +26,7 @@ from flurries.motion.wind import Wind
 from flurries.particles.sizes import snow_speed
 
 
+@looks
 @knobs(
     severity=lambda value, _: snow_of_severity(value),
     rate_mm_h=lambda value, _: snow_of_rate(value),
@@ -40,6 +41,8 @@ class Snow(metaclass=Described):
 
     Parameters
     ----------
+    preset : str, optional
+        A look by name, of ``PRESETS``; given fields replace its own.
     density : float
         Flakes per cubic metre. Keyed: as it changes, flakes come and go one by one.
     flake_size : (smallest, mean, largest)
@@ -105,11 +108,12 @@ class Snow(metaclass=Described):
     Examples
     --------
     >>> import flurries as fl
-    >>> snow = fl.Snow.preset("heavy", wind=(1.0, 0.0, 0.0))
-    >>> snow.density > fl.Snow.preset("light").density
+    >>> snow = fl.Snow("heavy", wind=(1.0, 0.0, 0.0))
+    >>> snow.density > fl.Snow("light").density
     True
     """
 
+    preset: InitVar[SnowLook | None] = field(default=None, kw_only=False)
     density: Number = 30.0
     flake_size: tuple[float, float, float] | Keys = (0.003, 0.007, 0.022)
     opacity: float = 0.9
@@ -138,11 +142,6 @@ class Snow(metaclass=Described):
 
     def __post_init__(self, *_: Any) -> None:
         settle(self, {**POPULATION, "flake_size": size_law})
-
-    @classmethod
-    def preset(cls, name: SnowLook, **changes: Any) -> Snow:
-        """Return a look by name; further arguments replace single values of it."""
-        return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
     def parts(self) -> Precipitation[FlakeTexture] | Mixture:

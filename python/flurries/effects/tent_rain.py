@@ -8,7 +8,7 @@ none that moves: the tile grows with the speed.
 from __future__ import annotations
 
 import math
-from dataclasses import InitVar, dataclass
+from dataclasses import InitVar, dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -28,7 +28,7 @@ from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.field import Field
 from flurries.effects.flakes import Flakes
-from flurries.effects.knobs import knobs, preset
+from flurries.effects.knobs import knobs, looks
 from flurries.effects.looks import rain_of_rate, rain_of_severity, rate_of, severity_of
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
@@ -51,6 +51,7 @@ _CHECKS = {
 }
 
 
+@looks
 @knobs(
     severity=lambda value, _: rain_of_severity(severity_of(value)) | {"drops": None},
     rate_mm_h=lambda value, _: rain_of_rate(rate_of(value, "rain")) | {"drops": None},
@@ -63,6 +64,8 @@ class TentRain(metaclass=Described):
 
     Parameters
     ----------
+    preset : str, optional
+        A look by name, of ``PRESETS``; given fields replace its own.
     amount : float
         Strength of the whole effect, 0 to 1; scales drops, texture and haze. Keyed.
     fall : float
@@ -145,11 +148,12 @@ class TentRain(metaclass=Described):
     Examples
     --------
     >>> import flurries as fl
-    >>> rain = fl.TentRain.preset("downpour", wind=(2.0, 0.0, 0.0))
-    >>> rain.drops > fl.TentRain.preset("drizzle").drops
+    >>> rain = fl.TentRain("downpour", wind=(2.0, 0.0, 0.0))
+    >>> rain.drops > fl.TentRain("drizzle").drops
     True
     """
 
+    preset: InitVar[TentRainLook | None] = field(default=None, kw_only=False)
     amount: Number = 1.0
     fall: Number = 8.0
     wind: Vector | Wind = (0.56, 0.0, 0.0)
@@ -185,11 +189,6 @@ class TentRain(metaclass=Described):
 
     def __post_init__(self, *_: Any) -> None:
         settle(self, _CHECKS)
-
-    @classmethod
-    def preset(cls, name: TentRainLook, **changes: Any) -> TentRain:
-        """Return a look by name; further arguments replace single values of it."""
-        return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
     def parts(self) -> Precipitation[Texture]:

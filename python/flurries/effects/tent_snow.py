@@ -7,7 +7,7 @@ flakes there do.
 
 from __future__ import annotations
 
-from dataclasses import InitVar, dataclass
+from dataclasses import InitVar, dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -27,7 +27,7 @@ from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.field import Field
 from flurries.effects.flakes import Flakes
-from flurries.effects.knobs import knobs, preset
+from flurries.effects.knobs import knobs, looks
 from flurries.effects.looks import rate_of, severity_of, snow_of_rate, snow_of_severity
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
@@ -49,6 +49,7 @@ _CHECKS = {
 }
 
 
+@looks
 @knobs(
     severity=lambda value, _: snow_of_severity(severity_of(value)) | {"flakes": None},
     rate_mm_h=lambda value, _: snow_of_rate(rate_of(value, "snow")) | {"flakes": None},
@@ -62,6 +63,8 @@ class TentSnow(metaclass=Described):
 
     Parameters
     ----------
+    preset : str, optional
+        A look by name, of ``PRESETS``; given fields replace its own.
     amount : float
         Strength of the whole effect, 0 to 1; scales flakes, texture and haze. Keyed.
     fall : float
@@ -140,11 +143,12 @@ class TentSnow(metaclass=Described):
     Examples
     --------
     >>> import flurries as fl
-    >>> snow = fl.TentSnow.preset("heavy", wind=(1.0, 0.0, 0.0))
-    >>> snow.flakes > fl.TentSnow.preset("light").flakes
+    >>> snow = fl.TentSnow("heavy", wind=(1.0, 0.0, 0.0))
+    >>> snow.flakes > fl.TentSnow("light").flakes
     True
     """
 
+    preset: InitVar[TentSnowLook | None] = field(default=None, kw_only=False)
     amount: Number = 1.0
     fall: Number = 1.4
     wind: Vector | Wind = (0.36, 0.0, 0.0)
@@ -179,11 +183,6 @@ class TentSnow(metaclass=Described):
 
     def __post_init__(self, *_: Any) -> None:
         settle(self, _CHECKS)
-
-    @classmethod
-    def preset(cls, name: TentSnowLook, **changes: Any) -> TentSnow:
-        """Return a look by name; further arguments replace single values of it."""
-        return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
     def parts(self) -> Precipitation[Texture]:

@@ -62,7 +62,7 @@ def to_dask(scene: Rendering, frames: Any = None, *, group: int | None = None) -
     Examples
     --------
     >>> import flurries as fl
-    >>> film = fl.Scene((64, 48), effects=fl.TentSnow(flakes=20)).to_dask("0-9")  # doctest: +SKIP
+    >>> film = fl.Scene(size=(64, 48), effects=fl.Snow()).to_dask("0-9")  # doctest: +SKIP
     >>> film.shape, film[3].compute().shape  # doctest: +SKIP
     ((10, 48, 64, 3), (48, 64, 3))
     """

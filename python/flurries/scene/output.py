@@ -100,7 +100,7 @@ class Output:
     Examples
     --------
     >>> import flurries as fl
-    >>> scene = fl.Scene((64, 48), "#203040", output=fl.Output(bits="float", motion="y-up"))
+    >>> scene = fl.Scene("#203040", size=(64, 48), output=fl.Output(bits="float", motion="y-up"))
     >>> scene.output.bits
     'float'
     """

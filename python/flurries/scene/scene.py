@@ -67,14 +67,14 @@ class Scene(Rendering):
 
     Parameters
     ----------
-    size : (width, height), optional
-        Size of the frame in pixels; the background's own if not given. Files and colors are fitted
-        to it (scaled to cover, cut at the sides); an array must have it.
     background : path, "#rrggbb", (r, g, b) floats, array, or source
         A picture, an image sequence (``plate.%04d.png``), or a video file; a color; an array
         (H, W, 3) of uint8, uint16 or float. Integers hold display values, floats linear light. With
         alpha, (H, W, 4), frames have it too: the weather over the picture, premultiplied for
         floats and straight for integers.
+    size : (width, height), optional
+        Size of the frame in pixels; the background's own if not given. Files and colors are fitted
+        to it (scaled to cover, cut at the sides); an array must have it.
     camera : Camera or CameraPath, optional
         A still camera of 1.2 picture widths if not given.
     effects : sequence
@@ -126,14 +126,14 @@ class Scene(Rendering):
     Examples
     --------
     >>> import flurries as fl
-    >>> scene = fl.Scene((320, 240), "#203040", effects=[fl.TentSnow.preset("heavy")])
+    >>> scene = fl.Scene("#203040", size=(320, 240), effects=[fl.TentSnow("heavy")])
     >>> frame = scene.render(17)
     >>> frame.shape, frame.dtype.name
     ((240, 320, 3), 'uint8')
     """
 
-    size: tuple[int, int]
     background: Background
+    size: tuple[int, int]
     camera: CameraPath
     effects: tuple[Any, ...]
     fps: float
@@ -158,8 +158,9 @@ class Scene(Rendering):
 
     def __init__(
         self,
-        size: tuple[int, int] | None = None,
         background: Background = "#000000",
+        *,
+        size: tuple[int, int] | None = None,
         camera: Camera | CameraPath | None = None,
         effects: Effect | Sequence[Effect] = (),
         fps: float | None = None,
@@ -302,18 +303,38 @@ class Scene(Rendering):
         given = self.background
         return self.replace(background=copy(given) if hasattr(given, "spec") else given)
 
-    @staticmethod
-    def load(path: str | Path) -> Scene:
-        """Return the scene of a TOML file; see :mod:`flurries.scene.toml`."""
-        from flurries.scene.toml import load
-
-        return load(path)
-
     def save(self, path: str | Path) -> None:
         """Write the scene to a TOML file; backgrounds must be files or colors."""
         from flurries.scene.toml import save
 
         save(self, path)
+
+
+def open_scene(path: str | Path, **arguments: Any) -> Scene:
+    """Return the scene of a file.
+
+    Parameters
+    ----------
+    path : str or path
+        A scene file that ends in .toml, or a background: a picture, a sequence or a film.
+    **arguments
+        Of :class:`Scene`; those of a scene file are replaced by them.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> fl.Scene(size=(64, 48), effects=[fl.Snow()]).save("street.toml")
+    >>> fl.open("street.toml", fps=24).fps
+    24.0
+    """
+    from flurries.scene.toml import load
+
+    if not isinstance(path, (str, Path)):
+        raise TypeError(f"path must be a str or a path, got {path!r:.60}")
+    if not str(path).lower().endswith(".toml"):
+        return Scene(path, **arguments)
+    found = load(path)
+    return found.replace(**arguments) if arguments else found
 
 
 def expect_scene(scene: object) -> Scene:

@@ -72,7 +72,7 @@ def dressed(scene: Scene, values: Mapping[str, Any]) -> Scene:
             raise ValueError(f"values must have keys of sliders, got '{index}.{PRESET}'")
         seed = getattr(effect, "seed", None)
         kept = {} if seed is None else {"seed": seed}
-        effects[index] = type(effect).preset(looks.checked(name), **kept)
+        effects[index] = type(effect)(looks.checked(name), **kept)
     if not effects:
         return scene
     return scene.derive(effects=tuple(effects.get(i, e) for i, e in enumerate(scene.effects)))

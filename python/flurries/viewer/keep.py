@@ -57,8 +57,8 @@ def python_of(scene: Scene) -> str:
         named = plain or isinstance(scene.depth, (str, Path))
         more += f", depth={said!r}" if named else ", depth=depth"
     more += f", space={scene.space!r}" if scene.space != "auto" else ""
-    lines.append(f"scene = fl.Scene({scene.size}, {background}, camera, effects, "
-                 f"fps={scene.fps:g}{more})")  # fmt: skip
+    lines.append(f"scene = fl.Scene({background}, size={scene.size}, camera=camera, "
+                 f"effects=effects, fps={scene.fps:g}{more})")  # fmt: skip
     return "\n".join(lines) + "\n"
 
 

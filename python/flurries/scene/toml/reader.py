@@ -120,13 +120,12 @@ def _effect(text: SceneText, table: Any, index: int) -> Any:
     with text.errors(("kind",), *at):
         effect = class_of(kind)
     keys = ["kind", *(f.name for f in fields(effect)), *getattr(effect, "KNOBS", ())]
-    keys += ["preset"] if hasattr(effect, "preset") else []
+    keys += ["preset"] if hasattr(effect, "PRESETS") else []
     given = text.table(table, tuple(keys), f"effect {kind!r}", *at)
     del given["kind"]
-    preset = [given.pop("preset")] if "preset" in given else []
     values = {key: _value(text, value, *at, key) for key, value in given.items()}
     with text.errors(table, *at):
-        return effect.preset(*preset, **values) if preset else effect(**values)
+        return effect(**values)
 
 
 def _foreground(text: SceneText, value: Any) -> Any:
