@@ -49,7 +49,7 @@ def main() -> None:
     cases = {
         "heavy frame": lambda: still.render(7),
         "heavy frame, flying": lambda: flying.render(7),
-        "flakes with layers": lambda: still.render(7, layers=True),
+        "flakes with layers": lambda: still.layers(7),
     }
     names = ("calls", "files", "changes of file", "checks")
     print(f"{'':24}" + "".join(f"{name:>18}" for name in names))

@@ -133,9 +133,9 @@ def motions(flakes: Callable[[fl.Scene, float], np.ndarray]) -> Iterator[str]:
         twin = View(size=(480, 360), focal=576.0, fps=FPS, **view)
         away = twin.project(now["place"].T, t)[0].T - now["pixel"]
         yield verdict(f"{name}: places in the picture, px", float(np.abs(away).max()), 1e-3)
-        layers = scene.render(t, layers=True)
-        (ids,), (motion,) = layers.ids.values(), layers.motions.values()
-        (cover,) = layers.coverages.values()
+        layers = scene.layers(t)
+        (layer,) = layers.layers.values()
+        ids, motion, cover = layer.ids, layer.motion, layer.coverage
         # Of each flake the pixel that it covers most; where it is faint the texture's motion shows.
         order = np.argsort(-cover.ravel(), kind="stable")
         order = order[cover.ravel()[order] > 0.3]

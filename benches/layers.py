@@ -46,7 +46,7 @@ def ratios(flat: fl.Scene, deep: fl.Scene, rounds: int) -> list[float]:
     frame = count()
     calls: Calls = {
         "one": lambda: flat.render(next(frame)),
-        "layers": lambda: flat.render(next(frame), layers=True),
+        "layers": lambda: flat.layers(next(frame)),
         "depth": lambda: deep.render(next(frame)),
         "both": lambda: flat.stereo(next(frame), **EYES),
         "both, deep": lambda: deep.stereo(next(frame), **EYES),

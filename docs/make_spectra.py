@@ -40,7 +40,7 @@ def effects() -> list[fl.TentSnow | fl.Snow]:
 def spectrum(effect: fl.TentSnow | fl.Snow) -> Floats:
     """Return the power by frequency in time (down) and along y (across), each in fftshift order."""
     scene = fl.Scene(size=SIZE, camera=fl.Camera(FOCAL), effects=[effect], seed=2)
-    film = np.stack([scene.render(t, layers=True).alpha for t in range(FRAMES)]).astype(np.float64)
+    film = np.stack([scene.layers(t).alpha for t in range(FRAMES)]).astype(np.float64)
     film -= film.mean()
     window = np.hanning(FRAMES)[:, None, None] * np.hanning(SIZE[1])[:, None]
     # Waves along y alone: the mean over columns, of runs as short as the picture has many of.

@@ -26,8 +26,8 @@ summary = scene.write(folder / "snow_%04d.png", "1-4", overwrite=True)
 print(summary.written, Path(summary.files[0]).name)
 
 # What a compositor wants: the snow alone, how deep it is, and how it moves.
-parts = scene.render(24, layers=True)
-flakes = parts.layers["snow"]
+parts = scene.layers(24)
+flakes = parts.layers["snow"].rgba
 share = float(np.mean(flakes[..., 3] > 0.1))
 print(f"{parts!r}: opacity {parts.alpha.mean():.3f}, {share:.0%} of the pixels show snow")
 scene.replace(space="linear").write(folder / "snow.exr", 24, layers=True, overwrite=True)

@@ -53,7 +53,7 @@ def frame(effect: Any, size: tuple[int, int]) -> np.ndarray:
     left, top = (size[0] - WIDE) // 2, (size[1] - HIGH) // 2
     region = np.s_[top : top + HIGH, left : left + WIDE]
     scene = fl.Scene("#000000", size=size, effects=[effect], seed=7)
-    return np.asarray(scene.render(7, layers=True, region=region).alpha)
+    return np.asarray(scene.layers(7, region=region).alpha)
 
 
 def sheet(version: str) -> np.ndarray:

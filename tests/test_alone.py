@@ -32,7 +32,7 @@ def test_a_png_holds_straight_display_values(tmp_path: Path):
     seen = layer.alpha > 0.15
     color = layer.pixels[seen].mean(axis=0) / 255.0
     assert np.abs(color - (0.9, 0.8, 1.0)).max() < 0.01
-    assert np.abs(layer.alpha - scene.render(7, layers=True).alpha).max() <= 0.5 / 255 + 1e-6
+    assert np.abs(layer.alpha - scene.layers(7).alpha).max() <= 0.5 / 255 + 1e-6
 
 
 @pytest.mark.parametrize("name", ["film.mp4", "%d.jpg"])

@@ -104,7 +104,7 @@ def frames(scene: fl.Scene, several: fl.Scene, step: int) -> list[Any]:
     asked = [
         # The second time what stands still is known.
         lambda: [scene.render(7.5)], lambda: [scene.render(7.5)], lambda: [several.render(3.0)],
-        lambda: [scene.render(3, layers=True).image, scene.render(3, region=part)],
+        lambda: [scene.layers(3).image, scene.render(3, region=part)],
         lambda: [scene.render(3)], lambda: several.stereo(3.0, distance=0.065),
     ]  # fmt: skip
     made = [ask() for ask in asked[::step]][::step]

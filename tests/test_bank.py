@@ -110,7 +110,7 @@ def test_the_side_to_the_sun_is_bright_by_the_gas_before_it():
     way = np.array([0.48, 0.6, 0.64])
     about = {"camera": fl.Camera(FOCAL), "sun": fl.Sun(tuple(way), ambient=0.0)}
     black = np.zeros((160, 200, 3), np.float32)
-    found = fl.Scene(black, effects=[cloud], **about).render(0.0, layers=True)
+    found = fl.Scene(black, effects=[cloud], **about).layers(0.0)
     at = np.mgrid[:160, :200][::-1].T.swapaxes(0, 1) + 0.5 - [100, 80]
     points = np.concatenate([at / FOCAL * 60.0, np.zeros((160, 200, 1))], axis=2)
     s = np.linspace(0.0, 60.0, 601)
@@ -131,7 +131,7 @@ def test_the_sky_lights_the_top_and_dims_below_it():
 
     def color(mist):
         scene = fl.Scene(plate, effects=[mist], **about)
-        layer = scene.render(0.0, layers=True).layers["mist"].astype(np.float64)
+        layer = scene.layers(0.0).layers["mist"].rgba.astype(np.float64)
         part = scene.render(0.0, region=np.s_[40:80, 90:150])
         np.testing.assert_array_equal(part, scene.render(0.0)[40:80, 90:150])
         shown = layer[..., 3] > 1e-4

@@ -272,13 +272,13 @@ def test_a_zoom_moves_texture_and_flakes_alike():
     ):
         path = fl.CameraPath(fl.Camera(1.0), focal=fl.Keys([(0, 600.0), (100, 700.0)]))
         scene = fl.Scene(size=size, camera=path, effects=effect)
-        now, later = (scene.render(t, layers=True) for t in (50, 51))
-        motion = now.motions["snow"]
+        now, later = (scene.layers(t) for t in (50, 51))
+        motion = now.layers["snow"].motion
         # Outwards at the focal length's own rate, beside the fall.
-        still = scene.replace(camera=fl.Camera(650.0)).render(50, layers=True).motions["snow"]
+        still = scene.replace(camera=fl.Camera(650.0)).layers(50).layers["snow"].motion
         covered = np.ones(motion.shape[:2], bool)
         if effect.flakes:
-            covered = now.ids["snow"] >= 0
+            covered = now.layers["snow"].ids >= 0
         radial = np.arange(size[0]) + 0.5 - size[0] / 2
         want = radial / 650.0 * np.ones((size[1], 1))
         slope = np.polyfit(want[covered], motion[..., 0][covered], 1)[0]
@@ -287,8 +287,8 @@ def test_a_zoom_moves_texture_and_flakes_alike():
         rows, cols = np.nonzero(covered)
         landed = np.rint(np.c_[rows, cols] + motion[covered][:, ::-1]).astype(int)
         inside = ((landed >= 0) & (landed < motion.shape[:2])).all(axis=1)
-        a = now.layers["snow"][..., 3][covered][inside]
-        b = later.layers["snow"][..., 3][tuple(landed[inside].T)]
+        a = now.layers["snow"].alpha[covered][inside]
+        b = later.layers["snow"].alpha[tuple(landed[inside].T)]
         assert np.corrcoef(a, b)[0, 1] > 0.7
     got = tile_zoom((H, W), 0.01, fl.Camera(100.0), tile=32, overlap=8)
     first = 0.01 * np.array(

@@ -44,13 +44,13 @@ def test_the_films_and_stills(made: tuple[Path, list[Path]]):
 
 def test_the_layers_are_those_of_the_flight(made: tuple[Path, list[Path]]):
     layers = read_layers(made[0] / "flight.exr")
-    want = demo.flight(PICTURE).replace(space="linear").render(2, layers=True)
+    want = demo.flight(PICTURE).replace(space="linear").layers(2)
     assert {"rgba", "snow", "snow.depth", "snow.forward", "snow.coverage"} <= set(layers)
     assert np.abs(layers["snow"][..., 3] - want.alpha).max() <= 2.0**-11
 
 
 def test_the_three_looks_differ_as_their_names_say():
-    few, textured, heavy = (scene.render(5, layers=True) for scene in demo.three(PICTURE))
+    few, textured, heavy = (scene.layers(5) for scene in demo.three(PICTURE))
     assert 0 < few.alpha.mean() < min(textured.alpha.mean(), heavy.alpha.mean())
     # The same flakes under the texture: nowhere is it clearer.
     assert (textured.alpha >= few.alpha - 1e-6).all()

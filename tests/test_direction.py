@@ -60,7 +60,7 @@ def pictures(method: str, camera: str, wind: float, look: str) -> list[np.ndarra
         fl.Scene("#000000", size=(SIDE, SIDE), camera=path, effects=[snow], seed=3 + n)
         for n in range(SEEDS)
     ]
-    found = [one.render(TIME, layers=True).layers["snow"][..., 3] for one in scenes]
+    found = [one.layers(TIME).layers["snow"].alpha for one in scenes]
     return [one.astype(np.float64) for one in found]
 
 

@@ -124,7 +124,7 @@ def test_a_flake_is_a_ball_over_pixels():
         ball = 1.0 - np.exp(-tau * np.sqrt(np.maximum(1.0 - u, 0.0)))
         share = flake["opacity"] / 0.6
         through *= 1.0 - share * ball.reshape(H, fine, W, fine).mean(axis=(1, 3))
-    alpha = shown.render(0, layers=True).alpha
+    alpha = shown.layers(0).alpha
     assert alpha.max() > 0.3
     # Radii of tables are 4 % apart.
     assert np.abs(alpha - (1.0 - through)).max() < 0.03

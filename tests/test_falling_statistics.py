@@ -29,7 +29,7 @@ def picture(method: str, seed: int) -> np.ndarray:
     scene = fl.Scene(
         "#000000", size=(240, 160), camera=fl.Camera(768.0), effects=[snow], seed=8 + seed
     )
-    return scene.render(10.0, layers=True).alpha.astype(np.float64)
+    return scene.layers(10.0).alpha.astype(np.float64)
 
 
 def test_ours_are_the_numbers_of_drawn_flakes_and_a_gaussian_fails():

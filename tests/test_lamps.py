@@ -51,8 +51,8 @@ def test_drawn_flakes_have_that_radiance():
         "#000000", size=(160, 120), camera=fl.Camera(150.0), effects=[snow], lights=[lamp],
         space="linear", seed=2,
     )  # fmt: skip
-    seen = scene.render(0, layers=True)
-    light, alpha, ids = seen.layers["snow"][..., 0], seen.alpha, seen.ids["snow"]
+    seen = scene.layers(0)
+    light, alpha, ids = seen.layers["snow"].rgba[..., 0], seen.alpha, seen.layers["snow"].ids
     places = {int(one["id"]): one["place"] for one in fl.flakes(scene, 0)}
     # Where a flake is alone its light is that of its own place.
     checked = 0
@@ -100,10 +100,10 @@ def test_lamps_light_snow_and_leave_opacity():
     dark = fl.Scene(plate, effects=[snow], seed=1)
     lamp = fl.Lamp((1.0, -1.0, 6.0), color=(1.0, 0.6, 0.3), power=40.0)
     lit = dark.replace(lights=(lamp,))
-    pair = [scene.render(4, layers=True) for scene in (dark, lit)]
+    pair = [scene.layers(4) for scene in (dark, lit)]
     assert np.abs(pair[0].alpha - pair[1].alpha).max() < 1e-6
-    more = pair[1].layers["snow"][..., :3].astype(np.float64).sum(axis=(0, 1))
-    more -= pair[0].layers["snow"][..., :3].sum(axis=(0, 1))
+    more = pair[1].layers["snow"].rgba[..., :3].astype(np.float64).sum(axis=(0, 1))
+    more -= pair[0].layers["snow"].rgba[..., :3].sum(axis=(0, 1))
     assert (more > 0.0).all() and abs(more[1] / more[0] - 0.6) < 0.02
     assert np.array_equal(pair[1].image, lit.render(4))
     assert np.array_equal(lit.render(4)[30:70, 20:90], lit.render(4, region=np.s_[30:70, 20:90]))

@@ -22,7 +22,7 @@ def scene(*effects, **about):
 
 
 def cover(shown, t=0.0, **options):
-    return shown.render(t, layers=True, **options).alpha
+    return shown.layers(t, **options).alpha
 
 
 @pytest.mark.parametrize(
@@ -121,8 +121,8 @@ def test_what_stands_in_the_picture_hides_gas_behind_it():
 
 def test_the_sun_shades_the_gas():
     effect = fl.Mist("clouds", center=(0, 0, 7.0), box=4.0, scatter="even", forward=0.0)
-    dark = scene(effect, sun=fl.Sun((0, 1, 0), 1.0, ambient=0.0)).render(0, layers=True)
-    layer = dark.layers["mist"]
+    dark = scene(effect, sun=fl.Sun((0, 1, 0), 1.0, ambient=0.0)).layers(0)
+    layer = dark.layers["mist"].rgba
     with np.errstate(invalid="ignore", divide="ignore"):
         light = np.where(layer[..., 3] > 0.2, layer[..., 1] / layer[..., 3], np.nan)
     own = fl.io.srgb_to_linear(np.array(0.86))

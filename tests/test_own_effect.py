@@ -49,8 +49,8 @@ def test_the_page_makes_frames_files_and_eyes(page: dict[str, Any], tmp_path: Pa
     spec = oiio.ImageBuf(str(tmp_path / "ash.0002.exr")).spec()
     assert {"ash.R", "ash.A", "ash.depth.Z", "ash.forward.u", "ash.id"} <= set(spec.channelnames)
     assert (page["left"] != page["right"]).any()
-    flakes = scene.render(2, layers=True)
-    assert flakes.ids["ash"].max() > 0 and np.isfinite(flakes.depths["ash"]).any()
+    flakes = scene.layers(2)
+    assert flakes.layers["ash"].ids.max() > 0 and np.isfinite(flakes.layers["ash"].depth).any()
 
 
 def test_a_kind_is_strict_about_its_keys(page: dict[str, Any], tmp_path: Path):

@@ -53,9 +53,11 @@ def both(effect: Any, picture: Any = BYTES, **more: Any) -> tuple[fl.Scene, fl.S
     )
 
 
-def traced(scene: fl.Scene, t: float = 7.0, **more: Any) -> tuple[Any, fl.trace.Trace]:
+def traced(
+    scene: fl.Scene, t: float = 7.0, way: str = "render", **more: Any
+) -> tuple[Any, fl.trace.Trace]:
     with fl.trace.tracing() as trace:
-        image = scene.render(t, **more)
+        image = getattr(scene, way)(t, **more)
     return image, trace
 
 
@@ -116,7 +118,7 @@ def test_nothing_is_made_where_all_is_hidden():
         assert set(trace.calls) == {"background", "composite"}
         assert left_out(planned)["all effects"] == "they are behind what stands in front"
     # The layers themselves are whole under a picture.
-    assert planned.render(7, layers=True).alpha.max() > 0.0
+    assert planned.layers(7).alpha.max() > 0.0
 
 
 @pytest.mark.parametrize(
@@ -134,7 +136,7 @@ def test_only_the_part_that_is_seen_is_made(kind: str, front: str):
     for part in (None, np.s_[30:90, 10:60], np.s_[80:90, 5:60]):
         image, trace = traced(planned, region=part)
         # With the layers apart all of the window is made.
-        want, full = traced(whole, region=part, layers=True)
+        want, full = traced(whole, region=part, way="layers")
         assert np.array_equal(image, want.image)
         assert trace.counts.get("tiles", 0) < full.counts["tiles"]
 
@@ -150,15 +152,15 @@ def test_one_eye_for_two_at_distance_0():
     assert trace.calls["texture"] == 2 and not np.array_equal(left, right)
 
 
-@pytest.mark.parametrize("layers", [False, True])
-def test_what_never_moves_is_made_once(layers: bool):
+@pytest.mark.parametrize("way", ["render", "layers"])
+def test_what_never_moves_is_made_once(way: str):
     planned, whole = both(fl.TentSnow(**STILL))
     with fl.trace.tracing() as trace:
-        images = [planned.render(t, layers=layers) for t in (0, 5, 0.5)]
+        images = [getattr(planned, way)(t) for t in (0, 5, 0.5)]
     assert trace.calls["texture"] == trace.calls["flakes"] == 1
     for t, image in zip((0, 5, 0.5), images, strict=True):
-        want = whole.render(t, layers=layers)
-        if layers:
+        want = getattr(whole, way)(t)
+        if way == "layers":
             assert image.alpha.flags.writeable
             image, want = image.alpha, want.alpha
         assert np.array_equal(image, want)
@@ -459,7 +461,7 @@ def test_accuracy_is_that_of_the_frame_with_other_hand_overs():
     every = scene.replace(effects=[replace(snow, method="simulated"), scene.effects[1]])
     pinned = scene.replace(effects=[replace(snow, handover=depths[2]), scene.effects[1]])
     for one, same in ((near[1], scene), (drawn, every), (near[2], pinned)):
-        alpha = same.render(5, layers=True).alpha
+        alpha = same.layers(5).alpha
         assert one.rms == pytest.approx(float(alpha.std()), rel=5e-3)
         assert one.euler == pytest.approx(judges.euler(alpha > np.percentile(alpha, 99.0)), rel=0.1)
     assert all(one.milliseconds > 0.0 for one in found.settings)

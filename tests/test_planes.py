@@ -49,10 +49,10 @@ def test_threads_never_share():
 
 def test_a_held_frame_stays_what_it_is():
     scene = fl.Scene("#304050", size=(640, 480), effects=[fl.Snow("heavy")])
-    held = vars(scene.render(1, layers=True))
+    held = vars(scene.layers(1))
     kept = {name: value.copy() for name, value in held.items() if isinstance(value, np.ndarray)}
     for t in (2, 3):
-        scene.render(t, layers=True)
+        scene.layers(t)
     assert len(kept) >= 5
     for name, value in kept.items():
         np.testing.assert_array_equal(held[name], value, err_msg=name)

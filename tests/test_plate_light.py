@@ -38,7 +38,7 @@ def picture() -> Array:
 def test_an_even_plate_makes_flakes_of_albedo_times_its_radiance(level: float):
     plate = np.full((H, W, 3), level, np.float32)
     snow = fl.Snow("moderate", color="local")
-    layer = scene(plate, snow).render(3, layers=True).layers["snow"]
+    layer = scene(plate, snow).layers(3).layers["snow"].rgba
     shown = layer[..., 3] > 0.01
     assert shown.any()
     radiance = layer[shown, :3] / layer[shown, 3:]

@@ -139,7 +139,7 @@ def test_pixels_forget_snow_straight_down_as_drawn_flakes_do():
 
 def test_both_methods_draw_the_same_near_flakes():
     """What the hybrid draws, faded where the texture takes over, lies within what is simulated."""
-    drawn = scene("hybrid", far=15.0).render(7.0, layers=True).coverages["snow"]
+    drawn = scene("hybrid", far=15.0).layers(7.0).layers["snow"].coverage
     assert drawn.max() > 0.5
     assert (alpha(scene("simulated", far=15.0)) - drawn).min() > -1e-3
     assert (alpha(scene("simulated", seed=2, far=15.0)) - drawn).min() < -0.3
@@ -218,9 +218,7 @@ def test_a_turning_and_a_zooming_camera_keep_the_amount_of_snow():
 
 def test_rain_shines_more_than_its_color_and_covers_no_more():
     plain, bright = (
-        fl.Scene("#303030", size=(160, 120), effects=[rain], seed=2, space="linear").render(
-            4.0, layers=True
-        )
+        fl.Scene("#303030", size=(160, 120), effects=[rain], seed=2, space="linear").layers(4.0)
         for rain in (fl.Rain(rate_mm_h=20.0, gain=gain) for gain in (1.0, 6.0))
     )
     assert np.array_equal(plain.alpha, bright.alpha)
@@ -245,7 +243,7 @@ def test_keyed_sizes_are_those_of_their_keys():
     for frame, size in ((0, small), (80, large), (200, large)):
         alone = alpha(scene(flake_size=size), frame).mean()
         assert alpha(keyed, frame).mean() == pytest.approx(alone, rel=0.3)
-    assert len(keyed.render(40, layers=True).layers) == 2
+    assert len(keyed.layers(40).layers) == 2
     steps = [keyed.render(t).astype(np.float64).mean() for t in (79.0, 79.9, 80.0, 80.1)]
     assert np.ptp(steps) < 0.2 * np.mean(steps)
 

@@ -38,7 +38,7 @@ def test_presets_are_named_and_grow():
     for name in PRESETS:
         scene = Scene(size=(256, 192), effects=[Rain(name, wind=(1.0, 0.0, 0.0))])
         assert scene.effects[0].wind == (1.0, 0.0, 0.0)
-        got = scene.render(1, layers=True)
+        got = scene.layers(1)
         assert list(got.layers) == ["rain"]
         alphas.append(got.alpha.mean())
     assert alphas[0] < alphas[1] < alphas[2]
@@ -124,7 +124,7 @@ def test_nothing_kept_is_no_streak_and_no_nan():
     # Every wave of a small tile is too fast: the cut leaves nothing that could be renormalised.
     rain = Rain(**{**BARE, "mean": 0.3}, fall=9e4, wind=(9e3, 0.0, 0.0), tile=16, jitter=True,
                 wavelengths=(2.0, 4.0))  # fmt: skip
-    got = black(rain, (64, 64)).render(7, layers=True)
+    got = black(rain, (64, 64)).layers(7)
     assert np.isfinite(got.image).all()
 
 
@@ -235,7 +235,7 @@ def test_drops_are_streaks_as_long_as_the_shutter(shutter: float):
 def test_the_gain_is_light():
     means = [
         black(Rain(texture=0.0, haze=0.0, gain=gain, drops=3000), camera=Camera(600.0))
-        .render(2, layers=True).alpha.mean(dtype=float)
+        .layers(2).alpha.mean(dtype=float)
         for gain in (0.25, 1.0, 4.0)
     ]  # fmt: skip
     # Each drop is faint; those near enough to be drawn wide fade out.

@@ -58,28 +58,28 @@ def warped(values: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def predicted(now: fl.Rendered, later: fl.Rendered, name: str, scale: float = 1.0) -> float:
-    got, seen = warped(now.layers[name][..., 3], scale * now.motions[name])
-    return float(np.corrcoef(got[seen], later.layers[name][..., 3][seen])[0, 1])
+    got, seen = warped(now.layers[name].alpha, scale * now.layers[name].motion)
+    return float(np.corrcoef(got[seen], later.layers[name].alpha[seen])[0, 1])
 
 
 @pytest.mark.parametrize("kind", SCENES)
 def test_motion_predicts_the_next_frame(kind: str):
     scene = fl.Scene("#304050", size=(2 * W, 2 * H), **SCENES[kind])
-    now, later = (scene.render(t, layers=True) for t in (40, 41))
+    now, later = (scene.layers(t) for t in (40, 41))
     (name,) = now.layers
     share = predicted(now, later, name)
     assert share >= 0.9
     # Controls: as if nothing moved, too far, and backwards.
     for scale in (0.0, 2.0, -1.0):
         assert predicted(now, later, name, scale) < share - 0.02, scale
-    assert np.isfinite(now.motions[name]).all()
+    assert np.isfinite(now.layers[name].motion).all()
 
 
 def test_the_texture_moves_as_the_mean_of_its_gradients():
     # The formula of the docstring, with the plain spectrum, by hand.
     effect = fl.TentSnow(fall=0.6, wind=(0.2, 0, 0), flakes=0, alias="keep", shutter=0.0)
     scene = fl.Scene(size=(W, H), camera=fl.Camera(300.0), effects=effect)
-    got = scene.render(10, layers=True)
+    got = scene.layers(10)
     low, high = effect.parts.texture.field.band((H, W))
     # 8/3 of the longest wave, in whole steps of 8 px; 16 px at least.
     tile = max(8 * int(np.ceil(high / 3.0)), 16)
@@ -89,8 +89,8 @@ def test_the_texture_moves_as_the_mean_of_its_gradients():
     length = (power * k).sum() / (power * k**2).sum()
     drift = 300.0 * np.array([0.2, 0.6]) / scene.fps / effect.near_depth
     want = drift * length / high
-    assert np.abs(got.motions["snow"] / want - 1.0).max() < 0.03
-    assert np.abs(got.depths["snow"] / (effect.near_depth * high / length) - 1.0).max() < 0.03
+    assert np.abs(got.layers["snow"].motion / want - 1.0).max() < 0.03
+    assert np.abs(got.layers["snow"].depth / (effect.near_depth * high / length) - 1.0).max() < 0.03
 
 
 def test_ids_are_the_strongest_flake():
@@ -150,17 +150,17 @@ def test_channels_are_called_as_compositors_call_them(tmp_path: Path):
     said = read_header(tmp_path / "a.exr").metadata
     assert said["version"] == fl.__version__ and (said["seed"], said["frame"]) == ("9", "12")
     assert said["light"] == "linear" and "y down" in said["motion"] and len(said["scene"]) > 16
-    whole, read = scene.render(12, layers=True), read_layers(tmp_path / "a.exr")
-    assert np.array_equal(read["snow.forward"], whole.motions["snow"])
+    whole, read = scene.layers(12), read_layers(tmp_path / "a.exr")
+    assert np.array_equal(read["snow.forward"], whole.layers["snow"].motion)
     assert np.array_equal(read["forward"], whole.motion)
-    assert np.array_equal(read["rain.id"], np.maximum(whole.ids["rain"], 0))
-    assert np.array_equal(read["rain.depth"], whole.depths["rain"])
+    assert np.array_equal(read["rain.id"], np.maximum(whole.layers["rain"].ids, 0))
+    assert np.array_equal(read["rain.depth"], whole.layers["rain"].depth)
 
 
 def test_all_ways_to_a_flake_name_it_alike(tmp_path: Path):
     scene = fl.Scene(LIGHT, size=(W, H), effects=fl.Snow("heavy"), fps=24.0)
     flakes = fl.flakes(scene, 12)
-    ids = scene.render(12, layers=True).ids["snow"]
+    ids = scene.layers(12).layers["snow"].ids
     scene.write(tmp_path / "a.exr", 12, layers=True)
     shown = set(np.unique(ids).tolist()) - {-1}
     # As floats these would not be told apart.

@@ -57,25 +57,27 @@ PARTS = [
 
 @pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
 def test_a_region_has_the_bits_of_the_whole(scene: fl.Scene):
-    whole = scene.render(7.5, layers=True)
+    whole = scene.layers(7.5)
     for part in PARTS:
         assert np.array_equal(scene.render(7.5, region=part), whole.image[part])
-        apart = scene.render(7.5, region=part, layers=True)
+        apart = scene.layers(7.5, region=part)
         assert np.array_equal(apart.alpha, whole.alpha[part])
-        assert all(np.array_equal(apart.layers[n], whole.layers[n][part]) for n in whole.layers)
+        assert all(
+            np.array_equal(apart.layers[n].rgba, whole.layers[n].rgba[part]) for n in whole.layers
+        )
 
 
 @pytest.mark.parametrize("t", [1e6, -5.5, 1e6 + 0.37, -1e6, np.float32(2.5), np.int64(3)])
 def test_any_time_is_finite(t: Any):
     for scene in SCENES.values():
-        got = scene.render(t, layers=True)
+        got = scene.layers(t)
         assert np.isfinite(got.image).all() and np.isfinite(got.alpha).all()
         assert 0.0 < got.alpha.mean() < 1.0
 
 
 def test_frozen_and_nobody_elses():
     scene, snow = SCENES["keyed"], Snow()
-    for thing in (scene, snow, scene.render(0, layers=True)):
+    for thing in (scene, snow, scene.layers(0)):
         for field in dataclasses.fields(thing):
             with pytest.raises(dataclasses.FrozenInstanceError):
                 setattr(thing, field.name, 1)
@@ -111,7 +113,7 @@ def test_flakes_come_one_after_the_other():
     snow = Snow(texture=0.0, haze=0.0, amount=Keys([(0, 0.0), (10, 1.0)]), flakes=800, fall=0.0,
                 wind=(0.0, 0.0, 0.0), sway=(0.0, 1.0))  # fmt: skip
     scene = Scene(size=(128, 128), effects=[snow])
-    half, whole = (scene.render(t, layers=True).alpha for t in (5, 10))
+    half, whole = (scene.layers(t).alpha for t in (5, 10))
     assert (half <= whole + 1e-6).all(), "none vanishes while the amount rises"
     share = (half / np.maximum(whole, 1e-9))[whole > 1e-3]
     assert 0.2 < (share < 0.02).mean() < 0.5, "not there yet"
@@ -163,7 +165,7 @@ def test_the_layers_make_the_composite(dtype: type, space: str):
     picture = {np.uint8: BYTES, np.uint16: BYTES.astype(np.uint16) * 257, np.float32: FLOATS}[dtype]
     two = [Snow("heavy", **FEW), Snow(color=(0.9, 0.4, 0.1), **FEW)]
     scene = Scene(picture, effects=two, space=space)
-    got = scene.render(4, layers=True)
+    got = scene.layers(4)
     assert np.array_equal(got.image, scene.render(4))
     assert list(got.layers) == ["snow", "snow2"]
     full = 1.0 if dtype is np.float32 else float(np.iinfo(dtype).max)
@@ -173,7 +175,7 @@ def test_the_layers_make_the_composite(dtype: type, space: str):
     if dtype is not np.float32 and space == "linear":
         values = srgb_to_linear(values)
     through = np.ones((H, W))
-    for layer in got.layers.values():
+    for layer in (one.rgba for one in got.layers.values()):
         assert layer.dtype == np.float32 and layer.shape == (H, W, 4)
         values = layer[..., :3] + (1.0 - layer[..., 3:].astype(np.float64)) * values
         through *= 1.0 - layer[..., 3].astype(np.float64)

@@ -35,7 +35,7 @@ def plate(dtype: Any, opaque: bool = False) -> np.ndarray:
 
 def twin(background: np.ndarray, scene: fl.Scene, t: float) -> np.ndarray:
     """The frame in float64 from its layers: premultiplied over, then back."""
-    layers = scene.render(t, layers=True).layers
+    layers = scene.layers(t).layers
     colors, alpha = background[..., :3].astype(float), background[..., 3:].astype(float)
     whole = background.dtype.kind == "u"
     if whole:
@@ -46,7 +46,7 @@ def twin(background: np.ndarray, scene: fl.Scene, t: float) -> np.ndarray:
         straight = np.divide(colors, alpha, out=np.zeros_like(colors), where=alpha > 0)
         colors = linear_to_srgb(straight) * alpha
     under = np.concatenate([colors, alpha], axis=2)
-    for layer in layers.values():
+    for layer in (one.rgba for one in layers.values()):
         under = layer.astype(float) + (1.0 - layer[..., 3:].astype(float)) * under
     colors, alpha = under[..., :3], under[..., 3:]
     straight = np.divide(colors, alpha, out=np.zeros_like(colors), where=alpha > 0)

@@ -83,7 +83,7 @@ def test_color_by_pixel_is_mixed_in_either_light(space: str, kind: str, matte: A
 @pytest.mark.parametrize("space", ["display", "linear"])
 def test_the_layers_of_a_tuple_make_the_composite(space: str):
     effects = [Given((ONE, MANY)), Given(ONE), fl.TentSnow(flakes=50)]
-    got = fl.Scene(LIGHT, effects=effects, space=space).render(2, layers=True)
+    got = fl.Scene(LIGHT, effects=effects, space=space).layers(2)
     assert list(got.layers) == ["fog", "cloud", "fog2", "snow"]
     whole = weather(got).astype(np.float64)
     behind = LIGHT.astype(np.float64) if space == "linear" else encode(LIGHT.astype(np.float64))
@@ -91,13 +91,13 @@ def test_the_layers_of_a_tuple_make_the_composite(space: str):
     light = values if space == "linear" else decode(values)
     assert np.abs(light / got.image - 1.0).max() < 1e-5
     assert np.abs(whole[..., 3] - got.alpha).max() < 1e-6
-    assert list(got.depths)[:1] == ["cloud"] and np.array_equal(got.depths["cloud"], FAR)
+    assert np.array_equal(got.layers["cloud"].depth, FAR)
 
 
 def test_names_are_unique_and_none_is_taken():
     names = ["snow", "snow2", "snow", "snow", "rgba", "depth", "x.y", "x.y"]
     effects = [Given(tuple(fl.Layer(name, ALPHA) for name in names))]
-    got = fl.Scene(BYTES, effects=effects).render(0, layers=True)
+    got = fl.Scene(BYTES, effects=effects).layers(0)
     assert list(got.layers) == ["snow", "snow2", "snow3", "snow4", "rgba2", "depth2", "x.y", "x.y2"]
 
 

@@ -26,7 +26,7 @@ PLAIN = {"flakes": 0, "haze": 0.0, "mean": 0.5, "spread": 6.0, "power": 1.0, "te
 
 def alpha(snow: Any, depth: Any, t: float = 5.0, seed: int = 0, **more: Any) -> np.ndarray:
     scene = Scene(size=(W, H), depth=depth, effects=[snow], seed=seed)
-    return scene.render(t, layers=True, **more).alpha.astype(float)
+    return scene.layers(t, **more).alpha.astype(float)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -144,8 +144,8 @@ def test_depth_and_motion_of_a_seam_are_weighed_by_power(blend: str):
     half = np.full((H, W), np.inf, np.float32)
     half[:, :64] = 26.0
     snow = Snow(**{**LINEAR, "blend": blend, "fall": 0.4, "wind": (0.2, 0.0, 0.0)})
-    got = Scene(size=(W, H), effects=[snow], depth=half).render(5, layers=True)
-    depth, motion = got.depths["snow"][100], got.motions["snow"][100]
+    got = Scene(size=(W, H), effects=[snow], depth=half).layers(5)
+    depth, motion = got.layers["snow"].depth[100], got.layers["snow"].motion[100]
     # Tiles of 64 px begin every 40 px; the first ends before the wall's edge, the second does not.
     seam = slice(40, 64)
     place = (np.arange(40, 64) - 40 + 0.5) / 24.0
@@ -161,8 +161,8 @@ def test_depth_and_motion_of_a_seam_are_weighed_by_power(blend: str):
     # What is drawn one by one knows nothing of the texture's blend.
     crowd = {**LINEAR, "blend": blend, "flakes": 300, "sway": (0.0, 1.0)}
     covers = [
-        Scene(size=(W, H), effects=[Snow(**{**crowd, **more})], depth=20.0).render(5, layers=True)
-        .coverages["snow"] for more in ({}, {"texture": 0.0})
+        Scene(size=(W, H), effects=[Snow(**{**crowd, **more})], depth=20.0).layers(5)
+        .layers["snow"].coverage for more in ({}, {"texture": 0.0})
     ]  # fmt: skip
     assert covers[0].max() > 0.1 and np.array_equal(*covers)
 

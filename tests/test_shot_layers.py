@@ -24,16 +24,16 @@ EFFECTS: dict[str, Any] = {
 
 def rendered(effect: Any, **changes: Any) -> fl.Rendered:
     given: dict[str, Any] = {"camera": FLIGHT, "effects": [effect], "depth": 40.0, "fps": 24.0}
-    return fl.Scene((0.0, 0.0, 0.0), size=(W, H), **{**given, **changes}).render(3, layers=True)
+    return fl.Scene((0.0, 0.0, 0.0), size=(W, H), **{**given, **changes}).layers(3)
 
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_no_layer_is_behind_the_scene(name: str):
     made = rendered(EFFECTS[name])
     (layer,) = made.layers
-    assert layer in made.depths and layer in made.motions and layer in made.backwards
-    depth = made.depths[layer]
-    shown = made.layers[layer][..., 3] > 0.02
+    assert made.layers[layer].motion is not None and made.layers[layer].backward is not None
+    depth = made.layers[layer].depth
+    shown = made.layers[layer].alpha > 0.02
     assert shown.any() and np.isfinite(depth[shown]).all()
     assert (depth[np.isfinite(depth)] <= 40.0).all(), "behind the scene"
     assert (depth[shown] > 0.0).all() and depth[shown].min() < 40.0
@@ -44,8 +44,8 @@ def test_fog_is_where_its_particles_are():
     fog = fl.Mist(count=1, radius=0.4, density=0.9, box=4.0, center=(0.0, 0.0, 0.0), seed=2)
     camera = fl.CameraPath(LENS, position=[(0.05 * t, 0.0, -6.0 + 0.1 * t) for t in range(9)])
     scene = fl.Scene(size=(W, H), effects=[fog], camera=camera, fps=24.0)
-    made = scene.render(3, layers=True)
-    depth, motion = made.depths["mist"], made.motions["mist"]
+    made = scene.layers(3)
+    depth, motion = made.layers["mist"].depth, made.layers["mist"].motion
     shown = made.alpha > 0.05
     assert shown.any() and np.ptp(depth[shown]) < 1e-4
     asks = scene.program.views(3.0)
@@ -57,7 +57,7 @@ def test_fog_is_where_its_particles_are():
     y, x = np.mgrid[:H, :W] + 0.5
     aside = np.stack([x - W / 2, y - H / 2], axis=-1)[shown]
     place = np.c_[aside / 110.0 * points[0, 2], np.full(len(aside), points[0, 2])]
-    for other, told in ((later, motion), (earlier, made.backwards["mist"])):
+    for other, told in ((later, motion), (earlier, made.layers["mist"].backward)):
         then = place + (other - points)
         wanted = 110.0 * then[:, :2] / then[:, 2:] - aside
         np.testing.assert_allclose(told[shown], wanted, atol=2e-3)
@@ -66,9 +66,9 @@ def test_fog_is_where_its_particles_are():
 def test_thick_fog_before_snow_tells_the_fog():
     snow, fog = fl.Snow("light"), fl.Mist("fog", density=1.0, wind=(2.0, 0.0, 0.0))
     made = rendered([snow, fog][0], effects=[snow, fog])
-    thick = made.layers["mist"][..., 3] > 0.9
+    thick = made.layers["mist"].alpha > 0.9
     assert thick.mean() > 0.3
-    np.testing.assert_array_equal(made.weather_depth[thick], made.depths["mist"][thick])
-    np.testing.assert_array_equal(made.motion[thick], made.motions["mist"][thick])
-    np.testing.assert_array_equal(made.backward[thick], made.backwards["mist"][thick])
+    np.testing.assert_array_equal(made.weather_depth[thick], made.layers["mist"].depth[thick])
+    np.testing.assert_array_equal(made.motion[thick], made.layers["mist"].motion[thick])
+    np.testing.assert_array_equal(made.backward[thick], made.layers["mist"].backward[thick])
     assert made.weather_depth[thick].max() < 3.0

@@ -201,8 +201,8 @@ def test_a_picture_with_a_depth_lies_in_the_weather():
         np.ascontiguousarray(picture[..., :3]), size=(width, height), effects=[fog], depth=2.0
     )
     np.testing.assert_allclose(stood.render(0)[:, 20:], plate.render(0)[:, 20:], atol=2e-6)
-    layers = stood.render(0, layers=True)
+    layers = stood.layers(0)
     rebuilt = layers.background
     for layer in layers.layers.values():
-        rebuilt = layer[..., :3] + (1.0 - layer[..., 3:]) * rebuilt
+        rebuilt = layer.rgba[..., :3] + (1.0 - layer.rgba[..., 3:]) * rebuilt
     np.testing.assert_allclose(rebuilt, layers.image, atol=1e-6)

@@ -169,7 +169,7 @@ def test_points_land_on_the_pixels_where_they_are_drawn(turning: bool, tmp_path:
         depth = (found["points"] - np.array(view.frustum.GetPosition())) @ ahead
         focal = W * view.focalLength / view.horizontalAperture
         diameter = focal * found["widths"] / depth
-        drawn = scene.render(frame, layers=True).alpha
+        drawn = scene.layers(frame).alpha
         wanted = balls(at, diameter, found["opacity"])
         assert drawn.max() > 0.5 and (drawn > 0.05).mean() > 0.04
         # Tables of balls have steps; a tenth of a pixel aside is seen.

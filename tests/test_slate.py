@@ -138,7 +138,7 @@ def test_depth_and_mattes_find_their_place_in_overscan(tmp_path: Path):
     wanted = np.full((H, W), np.inf, np.float32)
     wanted[top : top + height, left : left + width] = 3.0
     np.testing.assert_array_equal(scene.depth_at(0), wanted)
-    shown = scene.render(0, layers=True).alpha
+    shown = scene.layers(0).alpha
     assert (shown[np.isfinite(wanted)] == 0.0).all() and (shown[~np.isfinite(wanted)] > 0.0).any()
 
 
@@ -246,8 +246,8 @@ def test_snow_of_the_display_window_is_that_of_a_plate_without_overscan(tmp_path
     lens = fl.Camera(1.2 * width, aspect=1.0)
     plain = fl.Scene(black, effects=flakes, camera=lens)
     assert wide.camera.camera.focal == pytest.approx(lens.focal)
-    whole = wide.render(3, layers=True)
-    inner = plain.render(3, layers=True)
+    whole = wide.layers(3)
+    inner = plain.layers(3)
     points = [scene.program.camera(None, 3.0).principal(scene.shape) for scene in (wide, plain)]
     np.testing.assert_allclose(np.subtract(*points), (left, top))
     assert whole.alpha.shape == (H, W) and inner.alpha.shape == (height, width)

@@ -132,7 +132,7 @@ def test_snow_alone_in_prores_4444(tmp_path: Path):
         frame = next(made.decode(video=0))
         assert frame.format.name.startswith("yuva444p")
         rgba = frame.to_ndarray(format="rgba64le") / 65535.0
-    truth = scene.render(1, layers=True)
+    truth = scene.layers(1)
     assert np.abs(rgba[..., 3] - truth.alpha).max() < 0.03
     with pytest.raises(ValueError, match="alone needs codec='prores-4444'"):
         scene.write(tmp_path / "b.mp4", "1-2", alone=True)

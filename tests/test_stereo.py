@@ -124,15 +124,10 @@ def test_both_eyes_at_once_have_the_bits_of_each_alone(name: str, effects: list[
     camera = fl.CameraPath(Camera(FOCAL), velocity=(0.2, 0.0, 1.5 if deep else 0.0))
     shown = Scene(picture, camera=camera, effects=effects, depth=depth, sun=sun)
     both = fl.stereo.eyes(shown.camera.camera, distance=0.01, convergence=6.0)
-    for about in ({}, {"layers": True}, {"region": np.s_[10:60, 30:99]}):
+    for about in ({}, {"region": np.s_[10:60, 30:99]}):
         pair = shown.stereo(4.5, distance=0.01, convergence=6.0, **about)
         for eye, got in zip(both, pair, strict=True):
             want = shown.render(4.5, eye=eye, **about)
-            if "layers" in about:
-                assert list(got.layers) == list(want.layers)
-                for key, plane in want.layers.items():
-                    np.testing.assert_array_equal(got.layers[key], plane)
-                got, want = got.image, want.image
             np.testing.assert_array_equal(got, want)
         if not about:
             assert not np.array_equal(*pair)

@@ -63,8 +63,8 @@ def rendered(effect: Any, kind: str, **more: Any) -> tuple[fl.Scene, fl.Rendered
     scene = fl.Scene(
         "#203040", size=tuple(SIZE), camera=path, effects=[effect], fps=FPS, seed=5, **more
     )
-    made = scene.render(T, layers=True)
-    (name,) = (name for name in made.layers if name in made.depths)
+    made = scene.layers(T)
+    (name,) = (name for name, one in made.layers.items() if one.depth is not None)
     return scene, made, name
 
 
@@ -73,9 +73,9 @@ def rendered(effect: Any, kind: str, **more: Any) -> tuple[fl.Scene, fl.Rendered
 @pytest.mark.parametrize("effect", FLAKES)
 def test_a_pixel_tells_the_flake_that_it_shows(effect: str, kind: str, opening: str):
     scene, made, name = rendered(FLAKES[effect], kind, lens=LENSES[opening])
-    ids, cover = made.ids[name], made.coverages[name]
+    ids, cover = made.layers[name].ids, made.layers[name].coverage
     # Where the texture behind a flake shows more, the planes are the texture's.
-    shown = (ids >= 0) & (cover > 0.6 * made.layers[name][..., 3]) & (cover > 0.004)
+    shown = (ids >= 0) & (cover > 0.6 * made.layers[name].alpha) & (cover > 0.004)
     assert shown.sum() > 40 and len(np.unique(ids[shown])) > 4
     assert (ids[cover == 0.0] == -1).all()
     now = fl.flakes(scene, T)
@@ -84,8 +84,8 @@ def test_a_pixel_tells_the_flake_that_it_shows(effect: str, kind: str, opening: 
     order = np.argsort(now["id"])
     at = order[np.searchsorted(now["id"], ids[shown].astype(np.uint64), sorter=order)]
     np.testing.assert_array_equal(now["id"][at], ids[shown])
-    np.testing.assert_allclose(made.depths[name][shown], depth[at], rtol=1e-6)
-    for step, plane in ((1.0, made.motions[name]), (-1.0, made.backwards[name])):
+    np.testing.assert_allclose(made.layers[name].depth[shown], depth[at], rtol=1e-6)
+    for step, plane in ((1.0, made.layers[name].motion), (-1.0, made.layers[name].backward)):
         then = fl.flakes(scene, T + step)
         both, first, second = np.intersect1d(now["id"], then["id"], return_indices=True)
         ways = np.full((len(now), 2), np.nan)
@@ -100,15 +100,15 @@ def test_a_pixel_tells_the_flake_that_it_shows(effect: str, kind: str, opening: 
 def test_a_pixel_tells_the_air_at_its_depth(medium: str, kind: str):
     effect, most, share = MEDIA[medium]
     _, made, name = rendered(effect, kind)
-    shown = np.isfinite(made.depths[name]) & (made.layers[name][..., 3] > 0.004)
+    shown = np.isfinite(made.layers[name].depth) & (made.layers[name].alpha > 0.004)
     assert shown.mean() > 0.3
     y, x = np.mgrid[: SIZE[1], : SIZE[0]] + 0.5
     pixels = np.c_[x[shown], y[shown]]
-    depth = made.depths[name][shown].astype(float)[:, None]
+    depth = made.layers[name].depth[shown].astype(float)[:, None]
     eye, turn, focal = lens(kind, T)
     places = eye + turn.apply(np.c_[(pixels - SIZE / 2) / focal, np.ones(len(pixels))] * depth)
     air = np.add(AIR, (0.0, getattr(effect, "fall", 0.0), 0.0))
-    for step, plane in ((1.0, made.motions[name]), (-1.0, made.backwards[name])):
+    for step, plane in ((1.0, made.layers[name].motion), (-1.0, made.layers[name].backward)):
         way = seen(kind, places + air * step / FPS, T + step)[0] - pixels
         off = np.linalg.norm(plane[shown] - way, axis=1)
         assert off.max() < most

@@ -55,10 +55,10 @@ def test_a_scene_in_one_line():
 
 
 def test_a_rendered_frame_in_one_line():
-    assert repr(SCENE.render(3, layers=True)) == "Rendered(64 x 48 px, uint8, layers=snow, mist)"
+    assert repr(SCENE.layers(3)) == "Rendered(64 x 48 px, uint8, layers=snow, mist)"
 
 
-@pytest.mark.parametrize("shown", [SCENE, SCENE.render(3, layers=True)], ids=["scene", "rendered"])
+@pytest.mark.parametrize("shown", [SCENE, SCENE.layers(3)], ids=["scene", "rendered"])
 def test_both_have_a_page_in_a_notebook(shown: object):
     page = shown._repr_html_()  # type: ignore[attr-defined]
     assert "<img" in page and "data:image/jpeg;base64," in page and "<table>" in page

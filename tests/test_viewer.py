@@ -276,7 +276,7 @@ def test_a_preview_is_the_same_view_smaller():
     effect = small.effects[0]
     assert (effect.wavelengths, effect.tile, effect.overlap) == ((4.0, 32.0), 48, 8)
     # The mean opacity of a look does not depend on the size; 1 % of it is its own noise.
-    means = [s.render(20, layers=True).alpha.mean() for s in (big, small)]
+    means = [s.layers(20).alpha.mean() for s in (big, small)]
     assert means[1] == pytest.approx(means[0], rel=0.1)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,48 @@ from flurries.io.color import to_single, to_unit
 from flurries.trace import current
 
 
+@dataclass(frozen=True, eq=False)
+class RenderedLayer:
+    """One effect's part of a frame; what an effect does not know is None.
+
+    Attributes
+    ----------
+    rgba : (h, w, 4) float32
+        Premultiplied color and opacity.
+    depth : (h, w) float32 or None
+        Planar depth of what the layer shows, world units: at every pixel that of the flake or of
+        the texture, whichever has more opacity there (a flake hides the texture behind it). The
+        texture's is the depth that its wavelength of `motion` stands for. Infinity where nothing
+        is. A veil (haze) has none.
+    motion : (h, w, 2) float32 or None
+        Motion of what the layer shows from this frame, t, to t + 1: pixels, (x, y), x right, y
+        down. What is at p now will be at ``p + motion``. Of a flake, its place in the picture at t
+        + 1 minus that at t; of the texture, the one vector for each tile that predicts the next
+        frame best (the drift of the wavelength where it has its gradients, see
+        `flurries.spectral.motion.tile_motions`), interpolated between tiles as they are blended.
+        Flake or texture as in `depth`; 0 where nothing is.
+    backward : (h, w, 2) float32 or None
+        Motion to the frame before, t - 1: what is at p now was at ``p + backward``.
+    coverage : (h, w) float32 or None
+        Opacity of what is drawn one by one, flakes and drops, without texture and veil.
+    ids : (h, w) int64 or None
+        The number of the flake or drop with the greatest opacity of its own at the pixel, -1 for
+        none. A flake keeps its number from frame to frame, and from eye to eye.
+    """
+
+    rgba: Array
+    depth: Array | None = None
+    motion: Array | None = None
+    backward: Array | None = None
+    coverage: Array | None = None
+    ids: Array | None = None
+
+    @property
+    def alpha(self) -> Array:
+        """Opacity, (h, w) float32."""
+        return self.rgba[..., 3]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Rendered:
     """A frame with its layers.
@@ -28,8 +70,7 @@ class Rendered:
     Layers are in front of the background and behind the foreground, back to front, premultiplied,
     in the light of the composite: in float32 ``foreground over (layers over background)`` is the
     image, before it is rounded to integers. If two layers have one name, the second is called
-    "name2", and so on. A layer without depth, motion or numbers is missing in the dictionaries of
-    these.
+    "name2", and so on.
 
     Attributes
     ----------
@@ -37,29 +78,10 @@ class Rendered:
         The composite, as `Scene.render` returns it.
     alpha : (h, w) float32
         Opacity of all layers together.
-    layers : dict of str to (h, w, 4) float32
-        Each effect's premultiplied RGBA.
+    layers : dict of str to RenderedLayer
+        Each effect's part: `rgba`, `alpha`, `depth`, `motion`, `backward`, `coverage`, `ids`.
     depth : (h, w) float32 or None
         The background's planar depth, where the scene has one, world units.
-    depths : dict of str to (h, w) float32
-        Planar depth of what each layer shows, world units: at every pixel that of the flake or of
-        the texture, whichever has more opacity there (a flake hides the texture behind it). The
-        texture's is the depth that its wavelength of `motions` stands for. Infinity where nothing
-        is. A veil (haze) has none.
-    motions : dict of str to (h, w, 2) float32
-        Motion of what each layer shows from this frame, t, to t + 1: pixels, (x, y), x right, y
-        down. What is at p now will be at ``p + motion``. Of a flake, its place in the picture at t
-        + 1 minus that at t; of the texture, the one vector for each tile that predicts the next
-        frame best (the drift of the wavelength where it has its gradients, see
-        `flurries.spectral.motion.tile_motions`), interpolated between tiles as they are blended.
-        Flake or texture as in `depths`; 0 where nothing is.
-    backwards : dict of str to (h, w, 2) float32
-        Motion to the frame before, t - 1: what is at p now was at ``p + backward``.
-    coverages : dict of str to (h, w) float32
-        Opacity of what is drawn one by one, flakes and drops, without texture and veil.
-    ids : dict of str to (h, w) int64
-        The number of the flake or drop with the greatest opacity of its own at the pixel, -1 for
-        none. A flake keeps its number from frame to frame, and from eye to eye.
     motion : (h, w, 2) float32 or None
         Motion of the layers together: at every pixel that of the layer that shows most, 0 where
         that layer has none. With a single layer it is the layer's own array.
@@ -78,13 +100,8 @@ class Rendered:
 
     image: Array
     alpha: Array
-    layers: dict[str, Array]
+    layers: dict[str, RenderedLayer]
     depth: Array | None = None
-    depths: dict[str, Array] = field(default_factory=dict)
-    motions: dict[str, Array] = field(default_factory=dict)
-    backwards: dict[str, Array] = field(default_factory=dict)
-    coverages: dict[str, Array] = field(default_factory=dict)
-    ids: dict[str, Array] = field(default_factory=dict)
     motion: Array | None = None
     backward: Array | None = None
     weather_depth: Array | None = None
@@ -100,7 +117,7 @@ class Rendered:
     def _repr_html_(self) -> str:
         cover = "opacity {:.3f} on average, {:.3f} at most".format
         rows = [
-            (name, cover(float(layer[..., 3].mean()), float(layer[..., 3].max())))
+            (name, cover(float(layer.alpha.mean()), float(layer.alpha.max())))
             for name, layer in self.layers.items()
         ]
         return f"<div>{figure(self.image)}{listing(rows)}</div>"
@@ -158,13 +175,13 @@ def _truth(
     return Rendered(
         image=image,
         alpha=cover,
-        layers={name: mix.rgba(part) for name, part in names.items()},
+        layers={
+            name: RenderedLayer(
+                mix.rgba(part), part.depth, part.motion, part.backward, part.coverage, part.ids
+            )
+            for name, part in names.items()
+        },
         depth=None if depth is None else crop(depth, window),
-        depths={name: part.depth for name, part in names.items() if part.depth is not None},
-        motions={name: part.motion for name, part in names.items() if part.motion is not None},
-        backwards={n: part.backward for n, part in names.items() if part.backward is not None},
-        coverages={n: part.coverage for n, part in names.items() if part.coverage is not None},
-        ids={name: part.ids for name, part in names.items() if part.ids is not None},
         motion=_chosen([part.motion for part in parts], most, 0.0),
         backward=_chosen([part.backward for part in parts], most, 0.0),
         weather_depth=_chosen([part.depth for part in parts], most, np.inf),

@@ -54,17 +54,15 @@ class Content:
 
     def render(self, scene: Scene, number: int) -> Any:
         """Return a frame for `save`, or one for each eye."""
-        layers = self.kind != "composite"
         if self.kind == "deep":
             return deep_of(scene, number)
         if self.bits not in (None, 8):
             # A background of 8 bits is mixed in more.
             scene = scene.fine
+        show: Any = scene.render if self.kind == "composite" else scene.layers
         if self.eyes is None:
-            return scene.render(number, layers=layers)
-        return {
-            name: scene.render(number, eye=eye, layers=layers) for name, eye in self.eyes.items()
-        }
+            return show(number)
+        return {name: show(number, eye=eye) for name, eye in self.eyes.items()}
 
     def save(self, scene: Scene, path: Path, frame: Any, metadata: dict[str, Any]) -> None:
         """Write a rendered frame, with what the background says of itself."""
@@ -147,7 +145,7 @@ def planes(rendered: Rendered, *, up: bool = False) -> dict[str, Array]:
     def turned(motion: Array | None) -> Any:
         return motion * np.array([1.0, -1.0], np.float32) if up and motion is not None else motion
 
-    found = {"rgba": _light(rendered.image), **rendered.layers}
+    found = {"rgba": _light(rendered.image)}
     together = {
         "alpha": rendered.alpha,
         "background": rendered.background,
@@ -158,13 +156,17 @@ def planes(rendered: Rendered, *, up: bool = False) -> dict[str, Array]:
         "weather.depth": rendered.weather_depth,
     }
     found.update({name: plane for name, plane in together.items() if plane is not None})
-    found.update({f"{name}.depth": plane for name, plane in rendered.depths.items()})
-    found.update({f"{name}.forward": turned(plane) for name, plane in rendered.motions.items()})
-    for name, plane in rendered.backwards.items():
-        found[f"{name}.backward"] = turned(plane)
-    found.update({f"{name}.coverage": plane for name, plane in rendered.coverages.items()})
-    for name, ids in rendered.ids.items():
-        found[f"{name}.id"] = np.maximum(ids, 0)
+    for name, layer in rendered.layers.items():
+        numbers = None if layer.ids is None else np.maximum(layer.ids, 0)
+        known = {
+            name: layer.rgba,
+            f"{name}.depth": layer.depth,
+            f"{name}.forward": turned(layer.motion),
+            f"{name}.backward": turned(layer.backward),
+            f"{name}.coverage": layer.coverage,
+            f"{name}.id": numbers,
+        }
+        found.update({key: plane for key, plane in known.items() if plane is not None})
     return found
 
 
@@ -172,7 +174,7 @@ def weather(rendered: Rendered) -> Array:
     """Return (H, W, 4) float32: the layers over each other, premultiplied."""
     whole = np.zeros((*rendered.alpha.shape, 4), np.float32)
     for layer in rendered.layers.values():
-        whole = layer + (1.0 - layer[..., 3:]) * whole
+        whole = layer.rgba + (1.0 - layer.rgba[..., 3:]) * whole
     return whole
 
 

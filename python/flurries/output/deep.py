@@ -80,7 +80,7 @@ def _layers(scene: Scene, number: float) -> dict[str, Array]:
     """Return the layers of a frame, without what else is known of them."""
     t = scene.time_of(number)
     (seen,) = truth(scene.program, t, [None], everything(scene.shape), known=False)
-    return seen.layers
+    return {name: layer.rgba for name, layer in seen.layers.items()}
 
 
 def _as_light(values: Array) -> Array:

@@ -69,7 +69,7 @@ def _depth(effect: Any, frame: Frame) -> float | None:
 
 def _setting(scene: Scene, number: int, name: str, effects: Sequence[Any]) -> Handover:
     changed = scene.replace(effects=effects)
-    alpha = changed.render(number, layers=True).alpha
+    alpha = changed.layers(number).alpha
     spent = []
     for _ in range(RUNS + 1):
         began = time.perf_counter()

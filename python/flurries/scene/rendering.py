@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from flurries._contract import Array, real
 from flurries.camera.lens import Camera
@@ -125,32 +125,7 @@ class Rendering(Sources):
             found=self._found,
         )
 
-    @overload
-    def render(
-        self, t: float, *, eye: Camera | None = None, layers: Literal[False] = False,
-        region: Region | None = None,
-    ) -> Array: ...  # fmt: skip
-
-    @overload
-    def render(
-        self, t: float, *, eye: Camera | None = None, layers: Literal[True],
-        region: Region | None = None,
-    ) -> Rendered: ...  # fmt: skip
-
-    @overload
-    def render(
-        self, t: float, *, eye: Camera | None = None, layers: bool,
-        region: Region | None = None,
-    ) -> Array | Rendered: ...  # fmt: skip
-
-    def render(
-        self,
-        t: float,
-        *,
-        eye: Camera | None = None,
-        layers: bool = False,
-        region: Region | None = None,
-    ) -> Array | Rendered:
+    def render(self, t: float, *, region: Region | None = None, eye: Camera | None = None) -> Array:
         """Return the frame at `t`.
 
         Parameters
@@ -158,13 +133,11 @@ class Rendering(Sources):
         t : float
             Frame number, any float: that of the background's files, a film's first frame being 0
             or `start`. A background that moves shows its frame floor(t).
+        region : (rows, cols), optional
+            Two slices, as from ``np.s_[100:200, 50:80]``: only that part, with the whole's bits.
         eye : Camera, optional
             Another eye, in place of the path's camera, that moves and turns with the path; the
             background stays.
-        layers : bool
-            Return a :class:`Rendered` with the layers apart.
-        region : (rows, cols), optional
-            Two slices, as from ``np.s_[100:200, 50:80]``: only that part, with the whole's bits.
 
         Returns
         -------
@@ -174,48 +147,30 @@ class Rendering(Sources):
             vector instructions may differ in the last bits, but not in the reproducible mode
             (:func:`flurries.set_reproducible`).
         """
-        if eye is not None and not isinstance(eye, Camera):
-            raise TypeError(f"eye must be a Camera, got {eye!r}")
-        (seen,) = self._see(t, [eye], layers, region)
-        return seen
+        time, window, eyes = self._asked(t, region, [eye])
+        return images(self.program, time, eyes, window)[0]
 
-    def _see(
-        self,
-        t: float,
-        views: Sequence[Camera | None],
-        layers: bool,
-        region: Region | None,
-    ) -> Sequence[Array | Rendered]:
-        """Return the frame or the layers of each eye, None being the path's camera."""
-        time, window = self.time_of(t), parse_region(region, self.shape)
-        if self.camera.extend == "stop":
-            self.require([math.floor(time)], gaps=False)
-        views = [None if eye is None else self._in_frame(eye) for eye in views]
-        if layers:
-            return truth(self.program, time, views, window)
-        return images(self.program, time, views, window)
+    def layers(
+        self, t: float, *, region: Region | None = None, eye: Camera | None = None
+    ) -> Rendered:
+        """Return the frame at `t` with its layers apart, their depth, motion, coverage and ids.
 
-    @overload
+        Parameters
+        ----------
+        t, region, eye
+            As in :meth:`render`.
+
+        Returns
+        -------
+        Rendered
+        """
+        time, window, eyes = self._asked(t, region, [eye])
+        return truth(self.program, time, eyes, window)[0]
+
     def stereo(
         self, t: float, *, distance: float, convergence: float | None = None,
-        layers: Literal[False] = False, region: Region | None = None,
-    ) -> tuple[Array, Array]: ...  # fmt: skip
-
-    @overload
-    def stereo(
-        self, t: float, *, distance: float, convergence: float | None = None,
-        layers: Literal[True], region: Region | None = None,
-    ) -> tuple[Rendered, Rendered]: ...  # fmt: skip
-
-    def stereo(
-        self,
-        t: float,
-        *,
-        distance: float,
-        convergence: float | None = None,
-        layers: bool = False,
         region: Region | None = None,
-    ) -> tuple[Array | Rendered, Array | Rendered]:
+    ) -> tuple[Array, Array]:  # fmt: skip
         """Return the frame at `t` as the left and the right eye see it.
 
         The weather lies in depth; the background and what stands in front of the weather are flat
@@ -223,7 +178,7 @@ class Rendering(Sources):
 
         Parameters
         ----------
-        t, layers, region
+        t, region
             See :meth:`render`.
         distance, convergence : float
             See :func:`flurries.stereo.eyes`.
@@ -245,11 +200,21 @@ class Rendering(Sources):
             texture = getattr(renderer_of(effect), "texture", None)
             if isinstance(texture, Texture):
                 texture.warn_ambiguous(self.shape, self.camera.camera.focal, distance, index)
-        if pair[0] == pair[1]:
-            (both,) = self._see(t, pair[:1], layers, region)
-            return both, both
-        left, right = self._see(t, pair, layers, region)
-        return left, right
+        time, window, both = self._asked(t, region, pair[:1] if pair[0] == pair[1] else pair)
+        seen = images(self.program, time, both, window)
+        return seen[0], seen[-1]
+
+    def _asked(
+        self, t: float, region: Region | None, views: Sequence[Camera | None]
+    ) -> tuple[float, Any, list[Camera | None]]:
+        """Return time, window and the eyes in the frame, None being the path's camera."""
+        for eye in views:
+            if eye is not None and not isinstance(eye, Camera):
+                raise TypeError(f"eye must be a Camera, got {eye!r}")
+        time, window = self.time_of(t), parse_region(region, self.shape)
+        if self.camera.extend == "stop":
+            self.require([math.floor(time)], gaps=False)
+        return time, window, [None if eye is None else self._in_frame(eye) for eye in views]
 
     def depth_at(self, t: float) -> Array | None:
         """Return the background's planar depth at `t`, (H, W) float32, or None.
