@@ -145,7 +145,7 @@ def main() -> None:
     given = parser.parse_args()
     studies = []
     machine = f"{platform.machine()}, {os.cpu_count()} cores"
-    parts = [_HEAD.format(machine=machine, threads=fl.threads())]
+    parts = [_HEAD.format(machine=machine, threads=fl.settings().threads)]
     for axis in (AXES[name] for name in given.axes or AXES):
         studies.append((axis, measure(list(axis.ways()), given.runs)))
         parts += [_AXIS.format(axis=axis), table(studies[-1][1], given.runs)]

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flurries import Camera, gas, particles, set_reproducible, spectral
+from flurries import Camera, gas, particles, settings, spectral
 from flurries import composite as mixing
 
 Array = npt.NDArray[Any]
@@ -104,10 +104,8 @@ def precision() -> Iterator[Way]:
 
 
 def _reproducible(make: Any, dtype: Any) -> Any:
-    set_reproducible(True)
-    made = make(dtype=dtype)
-    set_reproducible(False)
-    return made
+    with settings(reproducible=True):
+        return make(dtype=dtype)
 
 
 def _steps(dtype: Any) -> Array:

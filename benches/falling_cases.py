@@ -67,7 +67,7 @@ class Case:
         """Width and height, pixels."""
         return self.width, 3 * self.width // 4
 
-    def effect(self, method: str = "hybrid") -> Any:
+    def effect(self, method: str = "flakes") -> Any:
         """Return the snow or the rain."""
         fields = {
             **WEATHERS[self.weather], "wind": (self.wind, 0.0, 0.0), "shape": "round",
@@ -75,7 +75,7 @@ class Case:
         }  # fmt: skip
         return fl.Rain(**fields) if self.weather == "rain" else fl.Snow(**fields)
 
-    def scene(self, seed: int, method: str = "hybrid") -> fl.Scene:
+    def scene(self, seed: int, method: str = "flakes") -> fl.Scene:
         """Return the scene of the package."""
         velocity, spin = CAMERAS[self.camera]
         path = fl.CameraPath(

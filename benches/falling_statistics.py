@@ -186,7 +186,7 @@ def leaning(ours: list[Picture], drawn: list[Picture]) -> dict[str, Figure]:
 
 
 def judged(
-    case: Case, seeds: int, times: tuple[float, ...], of: str = "hybrid"
+    case: Case, seeds: int, times: tuple[float, ...], of: str = "flakes"
 ) -> dict[str, Figure]:
     """Return all figures of a case."""
     each = []
@@ -223,7 +223,7 @@ def main() -> None:
     words.add_argument("--size", type=int, default=480, metavar="WIDTH")
     words.add_argument("--quick", action="store_true")
     words.add_argument("--cases", nargs="+", default=[""], metavar="BEGINNING")
-    words.add_argument("--of", choices=("hybrid", "simulated", "twin"), default="hybrid")
+    words.add_argument("--of", choices=("flakes", "simulated", "twin"), default="flakes")
     words.add_argument("--write", action="store_true", help="make the page")
     asked = words.parse_args()
     cases = [Case(c, w, wind, asked.size) for w in WEATHERS for c in CAMERAS for wind in WINDS]
@@ -239,7 +239,7 @@ def main() -> None:
             many = 4 * seeds if case.weather == "light" else seeds
             found[str(case)] = judged(case, many, times, asked.of)
             print(f"\n{case}\n{table(found[str(case)])}", flush=True)
-    lines = contracts(quick=asked.quick) if asked.of == "hybrid" and asked.cases == [""] else []
+    lines = contracts(quick=asked.quick) if asked.of == "flakes" and asked.cases == [""] else []
     print("\n" + "\n".join(lines))
     if asked.write:
         PAGE.write_text(page(found, lines, seeds), encoding="utf-8")

@@ -30,9 +30,9 @@ def scenes(*, flying: bool) -> dict[str, tuple[fl.Scene, fl.Scene]]:
     path = fl.CameraPath(fl.Camera(900.0), velocity=(0.0, 0.0, 1.0 if flying else 0.0))
     kinds = {
         "fl.Snow": [fl.Snow("heavy")],
-        "fl.TentSnow": [fl.TentSnow("heavy")],
+        "fl.effects.TentSnow": [fl.effects.TentSnow("heavy")],
         "fl.Mist": [fl.Mist("fog")],
-        "fl.Mist and fl.TentSnow": [fl.Mist("fog"), fl.TentSnow("heavy")],
+        "fl.Mist and fl.effects.TentSnow": [fl.Mist("fog"), fl.effects.TentSnow("heavy")],
     }
     if not flying:
         # A still camera's mist does not change: it is kept.

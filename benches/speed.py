@@ -47,7 +47,7 @@ def scenes() -> Calls:
         "light snow": fl.Snow("light"),
         "heavy snow": fl.Snow("heavy"),
         "rain": fl.Rain(),
-        "the paper's heavy snow": fl.TentSnow("heavy"),
+        "the paper's heavy snow": fl.effects.TentSnow("heavy"),
     }
     found: Calls = {}
     for name, effect in effects.items():

@@ -13,6 +13,7 @@ import numpy as np
 import flurries as fl
 from flurries import io
 from flurries.cli import demo
+from flurries.effects import ConeSnow, TentSnow
 
 IMAGES = Path(__file__).parent / "images"
 SIZE = 768
@@ -21,12 +22,12 @@ AIR = {"fall": 1.6, "wind": (0.5, 0.0, 0.0), "haze": 0.1}
 
 def ways() -> dict[str, object]:
     """Return the four effects, of one fall, wind and haze."""
-    heavy = fl.TentSnow("heavy", **AIR)
+    heavy = TentSnow("heavy", **AIR)
     return {
-        "cone": fl.ConeSnow("heavy", **AIR, flakes=0),
-        "spectral texture": fl.TentSnow("heavy", **AIR, flakes=0),
-        "particles": fl.TentSnow("heavy", **AIR, texture=0.0, flakes=60_000, near_depth=24.0),
-        "hybrid (cone and flakes)": fl.ConeSnow("heavy", **AIR),
+        "cone": ConeSnow("heavy", **AIR, flakes=0),
+        "spectral texture": TentSnow("heavy", **AIR, flakes=0),
+        "particles": TentSnow("heavy", **AIR, texture=0.0, flakes=60_000, near_depth=24.0),
+        "hybrid (cone and flakes)": ConeSnow("heavy", **AIR),
         "hybrid (texture and flakes)": heavy,
     }
 

@@ -20,8 +20,8 @@ def main() -> None:
     plate = demo.photograph(1024)
     region = np.s_[330:730, 90:510]
     effects = [
-        fl.TentSnow("heavy"),
-        *(fl.Snow("heavy", method=method) for method in ("hybrid", "simulated")),
+        fl.effects.TentSnow("heavy"),
+        *(fl.Snow("heavy", method=method) for method in ("flakes", "simulated")),
     ]
     parts = []
     for effect in effects:

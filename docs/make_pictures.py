@@ -54,7 +54,7 @@ def paper() -> None:
     """The paper's own map, its texture as we map it, and a texture of flakes."""
     picture = demo.photograph(1024)
     region = np.s_[300:700, 250:650]
-    looks = [fl.TentSnow("paper"), fl.TentSnow("heavy"), fl.Snow("heavy")]
+    looks = [fl.effects.TentSnow("paper"), fl.effects.TentSnow("heavy"), fl.Snow("heavy")]
     scenes = [fl.Scene(picture, effects=[look]) for look in looks]
     save("paper.jpg", np.hstack([scene.render(31, region=region) for scene in scenes]), 1200)
 
@@ -63,7 +63,7 @@ def sizes() -> None:
     """One look at 512, 1024 and 2160 px: the middles, brought to one size."""
     parts = []
     for size in (512, 1024, 2160):
-        scene = fl.Scene(demo.photograph(size), effects=[fl.TentSnow("heavy")])
+        scene = fl.Scene(demo.photograph(size), effects=[fl.effects.TentSnow("heavy")])
         low, high = round(0.3 * size), round(0.7 * size)
         parts.append(io.fit(scene.render(31, region=np.s_[low:high, low:high]), (512, 512)))
     save("sizes.jpg", np.hstack(parts), 1536)
@@ -90,9 +90,9 @@ def rain() -> None:
     region = np.s_[300:700, 300:740]
     for photograph in (data.rocket(), data.astronaut()):
         picture = io.fit(photograph, (1024, 1024))
-        scenes = [fl.Scene(picture, effects=[fl.TentRain(name)]) for name in RAINS]
+        scenes = [fl.Scene(picture, effects=[fl.effects.TentRain(name)]) for name in RAINS]
         rows.append(np.hstack([scene.render(31, region=region) for scene in scenes]))
-    scene = fl.Scene(demo.photograph(1024), effects=[fl.TentRain("rain")])
+    scene = fl.Scene(demo.photograph(1024), effects=[fl.effects.TentRain("rain")])
     frames = [scene.render(t, region=region).astype(float) for t in range(1, 31)]
     step = np.clip(128.0 + 3.0 * (frames[1] - frames[0]), 0, 255)
     mean = np.mean(frames, axis=0)
@@ -123,7 +123,7 @@ def wind() -> None:
     )
     parts = []
     for blow in winds:
-        snow = fl.TentSnow(wind=blow, flakes=1500, texture=0.0, haze=0.0, fall=1.0)
+        snow = fl.effects.TentSnow(wind=blow, flakes=1500, texture=0.0, haze=0.0, fall=1.0)
         scene = fl.Scene(black, effects=[snow])
         frames = [scene.render(t) for t in np.arange(40.0, 52.0, 0.5)]
         parts.append(np.minimum(3.0 * np.max(frames, axis=0), 255.0))
@@ -139,9 +139,9 @@ def depth() -> None:
     camera = fl.Camera(994.978)
     snow = {"near_depth": 2.0, "flakes": 6000, "flake_size": (0.004, 0.01)}
     effects = [
-        (fl.TentSnow("heavy", **snow), None),
-        (fl.TentSnow("heavy", **snow), far),
-        (fl.TentSnow("heavy", depth_mode="pixel", **snow), far),
+        (fl.effects.TentSnow("heavy", **snow), None),
+        (fl.effects.TentSnow("heavy", **snow), far),
+        (fl.effects.TentSnow("heavy", depth_mode="pixel", **snow), far),
     ]
     pictures = [
         fl.Scene(left, camera=camera, effects=[effect], depth=limit).render(31)
@@ -154,7 +154,7 @@ def depth() -> None:
 
 def stereo() -> None:
     """Two eyes, the right one's picture on the left: to be looked at cross-eyed."""
-    scene = fl.Scene(demo.photograph(768), effects=[fl.TentSnow("heavy")])
+    scene = fl.Scene(demo.photograph(768), effects=[fl.effects.TentSnow("heavy")])
     left, right = scene.stereo(31, distance=0.05, convergence=6.0)
     save("stereo.jpg", np.hstack([right, left]), 1200)
 
@@ -164,7 +164,7 @@ def jitter() -> None:
     black = np.zeros((512, 512, 3), np.float32)
     parts = []
     for spread in (False, True):
-        snow = fl.TentSnow("heavy", wind=(0.0, 0.0, 0.0), flakes=0, haze=0.0, jitter=spread)
+        snow = fl.effects.TentSnow("heavy", wind=(0.0, 0.0, 0.0), flakes=0, haze=0.0, jitter=spread)
         scene = fl.Scene(black, effects=[snow])
         frames = [scene.render(t) for t in range(60)]
         parts += [frames[30], 3.0 * np.mean(frames, axis=0)]

@@ -21,9 +21,9 @@ NEAR, FAR = 4.0, 32.0
 Floats = npt.NDArray[np.float64]
 
 
-def effects() -> list[fl.TentSnow | fl.Snow]:
+def effects() -> list[fl.effects.TentSnow | fl.Snow]:
     """Return the tent's texture from `NEAR` to `FAR`, and flakes there: synthesized, and drawn."""
-    tent = fl.TentSnow(
+    tent = fl.effects.TentSnow(
         flakes=0, haze=0.0, wind=(0.0, 0.0, 0.0), fall=FALL, near_depth=NEAR, shutter=0.0,
         alias="keep", wavelengths=(4.0, 32.0), tile=128, overlap=40,
     )  # fmt: skip
@@ -32,12 +32,12 @@ def effects() -> list[fl.TentSnow | fl.Snow]:
             density=60.0, wind=(0.0, 0.0, 0.0), fall=FALL, near=NEAR, far=FAR, shutter=0.0,
             sway=(0.0, 1.0), flake_size=(0.009, 0.009, 0.009), method=method,
         )
-        for method in ("hybrid", "simulated")
+        for method in ("flakes", "simulated")
     ]  # fmt: skip
     return [tent, *flakes]
 
 
-def spectrum(effect: fl.TentSnow | fl.Snow) -> Floats:
+def spectrum(effect: fl.effects.TentSnow | fl.Snow) -> Floats:
     """Return the power by frequency in time (down) and along y (across), each in fftshift order."""
     scene = fl.Scene(size=SIZE, camera=fl.Camera(FOCAL), effects=[effect], seed=2)
     film = np.stack([scene.layers(t).alpha for t in range(FRAMES)]).astype(np.float64)

@@ -15,7 +15,7 @@ FILE = Path(__file__).parent / "frames" / "hashes.json"
 
 
 def main() -> None:
-    fl.set_reproducible(True)
+    fl.settings(reproducible=True)
     kept = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
     for name, found in of_scenes().items():
         before = kept.get(name, {"sha256": found, "number": 1})

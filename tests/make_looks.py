@@ -25,26 +25,26 @@ def looks(version: str) -> dict[str, tuple[Any, tuple[int, int]]]:
     """Return effects by name, each with the size of its picture."""
     found: dict[str, tuple[Any, tuple[int, int]]] = {}
     kinds: tuple[tuple[Any, dict[str, Any]], ...] = (
-        (fl.TentSnow, SNOW),
-        (fl.TentRain, RAIN),
-        (fl.ConeSnow, CONE_SNOW),
-        (fl.ConeRain, CONE_RAIN),
+        (fl.effects.TentSnow, SNOW),
+        (fl.effects.TentRain, RAIN),
+        (fl.effects.ConeSnow, CONE_SNOW),
+        (fl.effects.ConeRain, CONE_RAIN),
         (fl.Mist, MIST),
     )
     for kind, presets in kinds:
         for name in presets:
             effect = kind(name, look=version)
             found[f"{kind.__name__} {name}"] = (effect, (512, 384))
-    for kind in (fl.TentSnow, fl.TentRain, fl.Mist):
+    for kind in (fl.effects.TentSnow, fl.effects.TentRain, fl.Mist):
         for severity in range(1, 6):
             effect = kind(severity=severity, look=version)
             found[f"{kind.__name__} severity {severity}"] = (effect, (512, 384))
-    for kind in (fl.TentSnow, fl.TentRain):
+    for kind in (fl.effects.TentSnow, fl.effects.TentRain):
         for rate in (0.5, 4.0, 20.0):
             found[f"{kind.__name__} {rate} mm/h"] = (kind(rate_mm_h=rate, look=version), (512, 384))
     for size in ((256, 192), (2048, 1536)):
-        found[f"Snow at {size[0]}"] = (fl.TentSnow(look=version), size)
-        found[f"Rain at {size[0]}"] = (fl.TentRain(look=version), size)
+        found[f"Snow at {size[0]}"] = (fl.effects.TentSnow(look=version), size)
+        found[f"Rain at {size[0]}"] = (fl.effects.TentRain(look=version), size)
     return found
 
 

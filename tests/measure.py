@@ -47,10 +47,10 @@ REACH, ALONE = 12, 36.0
 STEPS = (0.04, 0.02, 0.01)
 
 
-def scene(snow: fl.TentSnow | dict[str, Any], size: int = SIZE, **about: Any) -> fl.Scene:
+def scene(snow: fl.effects.TentSnow | dict[str, Any], size: int = SIZE, **about: Any) -> fl.Scene:
     """Snow on black: a channel of the composite is the snow's own opacity."""
     black = np.zeros((size, size, 3), np.float32)
-    effect = fl.TentSnow(**snow) if isinstance(snow, dict) else snow
+    effect = fl.effects.TentSnow(**snow) if isinstance(snow, dict) else snow
     return fl.Scene(background=black, effects=[effect], **about)
 
 
@@ -220,7 +220,7 @@ def tiles(
 # A film ---------------------------------------------------------------------------------------
 
 
-def kept(snow: fl.TentSnow, times: Floats) -> float:
+def kept(snow: fl.effects.TentSnow, times: Floats) -> float:
     """Deviation of the mean of frames over that of one, were there waves in every direction.
 
     A wave that moves at an angle beta has the rate c cos(beta), so that the field's likeness after
@@ -236,7 +236,7 @@ def kept(snow: fl.TentSnow, times: Floats) -> float:
     return float(np.sqrt(mean / sum(parts)))
 
 
-def stood(snow: fl.TentSnow, times: Floats) -> float:
+def stood(snow: fl.effects.TentSnow, times: Floats) -> float:
     """The same, measured on frames."""
     frames = np.array([picture(scene(snow), t) for t in times])
     return float(frames.mean(axis=0).std() / frames.std(axis=(1, 2)).mean())

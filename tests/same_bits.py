@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 import flurries as fl
+from flurries.effects import ConeRain, ConeSnow, TentRain, TentSnow
 
 RNG = np.random.default_rng
 LENS = fl.Camera(70.0)
@@ -135,17 +136,17 @@ PATH = fl.CameraPath(
 # Light in float32, so that the last bit is seen.
 PLATE = RNG(0).random((120, 160, 3), np.float32)
 SCENES: dict[str, fl.Scene] = {
-    "snow": fl.Scene(PLATE, effects=fl.TentSnow("heavy", flakes=400)),
-    "rain": fl.Scene(PLATE, camera=PATH, effects=fl.TentRain("downpour", drops=300)),
+    "snow": fl.Scene(PLATE, effects=TentSnow("heavy", flakes=400)),
+    "rain": fl.Scene(PLATE, camera=PATH, effects=TentRain("downpour", drops=300)),
     "gusts": fl.Scene(
         PLATE, camera=PATH,
-        effects=[fl.TentSnow(flakes=200, wind=fl.Wind((1.0, 0.0, 0.3), gusts=0.6, swirl=0.3))],
+        effects=[TentSnow(flakes=200, wind=fl.Wind((1.0, 0.0, 0.3), gusts=0.6, swirl=0.3))],
     ),
     "mist": fl.Scene(
         PLATE, sun=fl.Sun(),
         effects=[fl.Mist(count=300, color=0.7, wind=(0.5, 0.0, 0.0))],
     ),
-    "cone": fl.Scene(PLATE, effects=[fl.ConeSnow(tile=128), fl.ConeRain(tile=128)]),
+    "cone": fl.Scene(PLATE, effects=[ConeSnow(tile=128), ConeRain(tile=128)]),
     "flakes": fl.Scene(
         PLATE, camera=PATH, effects=[fl.Snow("heavy"), fl.Rain("rain")]
     ),

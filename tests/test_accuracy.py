@@ -58,6 +58,6 @@ def test_the_page_has_the_errors_that_are_found(axis: str):
         assert error == pytest.approx(float(said[setting]), rel=near, abs=1e-12), setting
     if axis == "precision":
         assert found["field, float64"] < 1e-12 < 1e-8 < found["field, float32"] < 3e-6
-        assert not fl.reproducible()
+        assert not fl.settings().reproducible
     if axis == "composite":
         assert found["joined, then uint8, float32"] <= 0.5 + 1e-4 < found["uint8 each"] <= 3.0

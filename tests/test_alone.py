@@ -11,11 +11,11 @@ import flurries as fl
 from flurries.io import read_picture
 
 LIGHT = np.random.default_rng(5).random((48, 64, 3), np.float32)
-SNOW = fl.TentSnow("heavy", color=(0.9, 0.8, 1.0), flakes=300)
+SNOW = fl.effects.TentSnow("heavy", color=(0.9, 0.8, 1.0), flakes=300)
 
 
 def test_over_its_background_it_is_the_composite(tmp_path: Path):
-    scene = fl.Scene(LIGHT, effects=[SNOW, fl.TentSnow("light")])
+    scene = fl.Scene(LIGHT, effects=[SNOW, fl.effects.TentSnow("light")])
     scene.write(tmp_path / "%d.exr", "7", alone=True, bits="float")
     layer = read_picture(tmp_path / "7.exr")
     assert layer.alpha is not None and layer.premultiplied

@@ -13,6 +13,8 @@ import pytest
 import flurries as fl
 import test_gate
 from flurries import _core
+from flurries._trace import tracing
+from flurries.effects import ConeRain, ConeSnow, TentRain, TentSnow
 from flurries.frame import bands
 
 H, W = 300, 260
@@ -27,24 +29,24 @@ FRONT = np.dstack([BYTES, RANDOM.integers(0, 255, (H, W), dtype=np.uint8)])
 STILL: dict[str, Any] = {"fall": 0.0, "wind": (0.0, 0.0, 0.0), "sway": (0.0, 0.0)}
 
 EFFECTS: dict[str, Any] = {
-    "snow": fl.TentSnow(flakes=400),
-    "heavy": fl.TentSnow("heavy"),
-    "rain": fl.TentRain("rain"),
-    "gusts": fl.TentSnow(flakes=300, wind=fl.Wind((1.0, 0.0, 0.0), gusts=0.5)),
-    "texture alone": fl.TentSnow(flakes=0),
-    "flakes alone": fl.TentSnow(texture=0.0),
-    "still": fl.TentSnow(flakes=200, **STILL),
-    "by pixel": fl.TentSnow(flakes=200, depth_mode="pixel"),
+    "snow": TentSnow(flakes=400),
+    "heavy": TentSnow("heavy"),
+    "rain": TentRain("rain"),
+    "gusts": TentSnow(flakes=300, wind=fl.Wind((1.0, 0.0, 0.0), gusts=0.5)),
+    "texture alone": TentSnow(flakes=0),
+    "flakes alone": TentSnow(texture=0.0),
+    "still": TentSnow(flakes=200, **STILL),
+    "by pixel": TentSnow(flakes=200, depth_mode="pixel"),
     "mist": fl.Mist(count=300),
     "moving mist": fl.Mist(count=300, wind=(1.0, 0.0, 0.0)),
-    "cone rain": fl.ConeRain(),
-    "cone snow": fl.ConeSnow(),
+    "cone rain": ConeRain(),
+    "cone snow": ConeSnow(),
     "flakes and layers": fl.Snow("heavy"),
     "valley": fl.Mist("valley", wind=(1.0, 0.2, 0.5), top=2.0),
     "local light": fl.Snow("heavy", color="local", haze=0.1),
     "drops": fl.Rain("downpour"),
-    "profile": fl.TentSnow(flakes=100, wind=fl.Wind(profile=[(6.0, 1.0), (24.0, -1.5)])),
-    "field": fl.TentSnow(flakes=100, wind=fl.Wind(field=RANDOM.normal(size=(2, 3, 3, 3, 3)))),
+    "profile": TentSnow(flakes=100, wind=fl.Wind(profile=[(6.0, 1.0), (24.0, -1.5)])),
+    "field": TentSnow(flakes=100, wind=fl.Wind(field=RANDOM.normal(size=(2, 3, 3, 3, 3)))),
 }
 FORWARD = fl.CameraPath(
     fl.Camera(300.0),
@@ -85,7 +87,7 @@ def low(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
 
 @pytest.fixture(autouse=True)
 def threads() -> Iterator[None]:
-    before = fl.threads()
+    before = fl.settings().threads
     yield
     fl.set_threads(before)
 
@@ -118,7 +120,7 @@ def test_bands_have_the_bits_of_the_whole(name: str, kind: str, low: Callable[[]
     """So have regions, copies, frames in another order, and other numbers of threads."""
     effect = EFFECTS[name]
     scene = fl.Scene(effects=[effect], **SCENES[kind])
-    several = fl.Scene(effects=[fl.TentRain(drops=100), effect], **SCENES[kind])
+    several = fl.Scene(effects=[TentRain(drops=100), effect], **SCENES[kind])
     fl.set_threads(1)
     whole = frames(scene, several, 1)
     low()
@@ -187,7 +189,7 @@ class Plain:
 
 def test_one_that_does_not_say_is_asked_once(low: Callable[[], None]):
     plain = Plain()
-    scene = fl.Scene(LIGHT, effects=[fl.TentSnow(), plain])
+    scene = fl.Scene(LIGHT, effects=[TentSnow(), plain])
     whole = scene.render(1)
     low()
     assert same([scene.render(1)], [whole]) and plain.calls == 2
@@ -209,12 +211,12 @@ def test_nothing_is_made_once_for_each_band(
     gas = _core.gas_sort
     monkeypatch.setattr(_core, "gas_sort", lambda *args: sorts.append("gas") or gas(*args))
     fl.set_threads(1)
-    effects = [fl.TentSnow(flakes=300), fl.Mist(count=100, wind=(1.0, 0.0, 0.0))]
+    effects = [TentSnow(flakes=300), fl.Mist(count=100, wind=(1.0, 0.0, 0.0))]
     scene = fl.Scene(BYTES, camera=camera, effects=effects, space="linear", depth=SLOPE)
     counts, made = [], []
     for lower in (lambda: None, low):
         lower()
-        with fl.trace.tracing() as trace:
+        with tracing() as trace:
             scene.render(3)
         counts.append(trace.counts["tiles"])
         made.append(list(sorts))
@@ -225,7 +227,7 @@ def test_nothing_is_made_once_for_each_band(
 
 def test_a_film_of_bands_is_a_film_of_frames(low: Callable[[], None]):
     # What stands still is kept, and bands that are known are not asked of the stream again.
-    effects = [fl.TentSnow(flakes=50, **STILL) for _ in range(6)]
+    effects = [TentSnow(flakes=50, **STILL) for _ in range(6)]
     scene = fl.Scene(LIGHT, effects=effects)
     whole = [scene.render(t) for t in range(3)]
     low()
@@ -251,7 +253,7 @@ import os, signal, threading, time
 import numpy as np
 import flurries as fl
 plate = np.full((6000, 6000, 3), 60, np.uint8)
-scene = fl.Scene(plate, effects=[fl.TentSnow("heavy")], space="linear")
+scene = fl.Scene(plate, effects=[TentSnow("heavy")], space="linear")
 sent = 0.0
 def interrupt():
     global sent

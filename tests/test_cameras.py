@@ -267,8 +267,8 @@ def test_the_way_across_is_weighed_by_the_focal_length_of_its_time(turns: bool):
 def test_a_zoom_moves_texture_and_flakes_alike():
     size = (512, 384)
     for effect in (
-        fl.TentSnow(fall=0.2, wind=(0.05, 0, 0), flakes=0),
-        fl.TentSnow(fall=0.2, wind=(0.05, 0, 0), flakes=20_000, texture=0.0, haze=0.0),
+        fl.effects.TentSnow(fall=0.2, wind=(0.05, 0, 0), flakes=0),
+        fl.effects.TentSnow(fall=0.2, wind=(0.05, 0, 0), flakes=20_000, texture=0.0, haze=0.0),
     ):
         path = fl.CameraPath(fl.Camera(1.0), focal=fl.Keys([(0, 600.0), (100, 700.0)]))
         scene = fl.Scene(size=size, camera=path, effects=effect)
@@ -298,7 +298,7 @@ def test_a_zoom_moves_texture_and_flakes_alike():
 
 
 def test_a_zoom_that_never_changes_is_none():
-    effect = fl.TentSnow(flakes=200)
+    effect = fl.effects.TentSnow(flakes=200)
     plain = fl.Scene(size=(W, H), camera=fl.Camera(180.0), effects=effect)
     same = plain.replace(camera=fl.CameraPath(fl.Camera(9.0), focal=[180.0, 180.0, 180.0]))
     assert np.array_equal(plain.render(12), same.render(12))

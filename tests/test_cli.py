@@ -133,7 +133,7 @@ def test_files_sizes_and_threads(run: Run, here: Path):
     for count in ("1", "3"):
         command = [*RENDER, "--frames", "2", "--threads", count, "--size", "50x40", "--overwrite"]
         assert run(*command)[0] == 0
-        assert fl.threads() == int(count)
+        assert fl.settings().threads == int(count)
         (here / "out" / "0002.png").rename(here / f"{count}.png")
     assert (here / "1.png").read_bytes() == (here / "3.png").read_bytes()
     want = Scene(here / "plate.png", size=(50, 40), effects=[Snow("light")]).render(2)
@@ -163,7 +163,7 @@ def test_a_scene_file(run: Run, here: Path):
     assert np.array_equal(pixels("b/4.png"), heavy.render(4))
 
     assert run(*[w.replace("a/", "c/") for w in command], "--amount", "0.3")[0] == 0
-    less = scene.replace(effects=[fl.TentSnow("light", flakes=100, amount=0.3)])
+    less = scene.replace(effects=[fl.effects.TentSnow("light", flakes=100, amount=0.3)])
     assert np.array_equal(pixels("c/4.png"), less.render(4))
 
     # Another size keeps the angle of view.
@@ -185,7 +185,7 @@ WEATHER: dict[str, list[Any]] = {
         fl.Mist("fog", **WIND), fl.Rain("downpour", **WIND)
     ],
     "--cone-rain downpour --cone-snow light": [
-        fl.ConeSnow("light"), fl.ConeRain("downpour")
+        fl.effects.ConeSnow("light"), fl.effects.ConeRain("downpour")
     ],
     "--mist mist --visibility 30": [fl.Mist("mist", visibility=30.0)],
 }  # fmt: skip

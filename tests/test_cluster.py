@@ -22,7 +22,7 @@ from flurries.io import open_background
 from flurries.output.store import check
 from workers import group, workers
 
-SCENE = fl.Scene("#304050", size=(96, 64), effects=fl.TentSnow("heavy", flakes=100))
+SCENE = fl.Scene("#304050", size=(96, 64), effects=fl.effects.TentSnow("heavy", flakes=100))
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Slow:
         return fl.Layer("slow", np.zeros((64, 96), np.float32))
 
 
-SLOW = SCENE.replace(effects=[fl.TentSnow("heavy", flakes=100), Slow()])
+SLOW = SCENE.replace(effects=[fl.effects.TentSnow("heavy", flakes=100), Slow()])
 
 
 @pytest.fixture(scope="module")

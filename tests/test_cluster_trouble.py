@@ -28,7 +28,7 @@ def test_16_3_tasks_on_one_worker_keep_their_modes(tmp_path: Path, monkeypatch: 
     group(2, monkeypatch)
     # float32 light shows the last bit in some of many pixels.
     light = np.random.default_rng(0).random((64, 96, 3), np.float32)
-    scene = fl.Scene(light, effects=[fl.ConeSnow(tile=64), fl.TentSnow(flakes=100)])
+    scene = fl.Scene(light, effects=[fl.effects.ConeSnow(tile=64), fl.effects.TentSnow(flakes=100)])
     modes = (True, False)
 
     def frames(where: Any, plain: bool) -> None:
@@ -58,12 +58,14 @@ def test_16_3_tasks_on_one_worker_keep_their_modes(tmp_path: Path, monkeypatch: 
 
 def test_16_3_a_scope_is_its_threads_alone():
     with scope(threads=1, reproducible=True):
-        assert (fl.threads(), fl.reproducible()) == (1, True)
+        assert (fl.settings().threads, fl.settings().reproducible) == (1, True)
         seen: list[Any] = []
-        thread = threading.Thread(target=lambda: seen.append((fl.threads(), fl.reproducible())))
+        thread = threading.Thread(
+            target=lambda: seen.append((fl.settings().threads, fl.settings().reproducible))
+        )
         thread.start()
         thread.join()
-    assert seen == [(fl.threads(), False)] and not fl.reproducible()
+    assert seen == [(fl.settings().threads, False)] and not fl.settings().reproducible
 
 
 @pytest.fixture

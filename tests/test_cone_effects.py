@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from flurries.effects import ConeRain, ConeSnow, TentSnow
 from flurries.frame.view import Frame
 from measure import cover
 
@@ -34,7 +35,7 @@ def frame_of(shown, t):
 @pytest.mark.parametrize("camera", [None, FLYING], ids=["still", "flying"])
 def test_a_keyed_shutter(camera, tmp_path):
     keys = fl.Keys([(0, 0.2), (10, 0.2), (20.5, 1.5), (33, 0.0)])
-    effect = fl.ConeSnow(tile=64, texture_flakes=120, flakes=40)
+    effect = ConeSnow(tile=64, texture_flakes=120, flakes=40)
     keyed = replace(effect, shutter=keys)
     shown = scene(keyed, camera=camera)
     # At every time the axis, speed and length of streaks are those of the number there.
@@ -57,7 +58,7 @@ def test_a_keyed_shutter(camera, tmp_path):
 
 
 def test_the_cone_moves_as_the_flakes_do():
-    effect = fl.ConeRain(wind=(1.0, 0.0, -2.0), fall=6.0)
+    effect = ConeRain(wind=(1.0, 0.0, -2.0), fall=6.0)
     shown = scene(effect, camera=FLYING)
     for t in (0.0, 7.3, 20.0, 33.0, 60.0):
         frame = frame_of(shown, t)
@@ -70,7 +71,7 @@ def test_the_cone_moves_as_the_flakes_do():
 def test_the_scenes_depth_hides_what_is_behind():
     depth = np.full((90, 120), np.inf, np.float32)
     depth[:, 60:] = 0.5
-    effect = fl.ConeSnow(tile=64, haze=0.0, flakes=0, texture_flakes=400)
+    effect = ConeSnow(tile=64, haze=0.0, flakes=0, texture_flakes=400)
     free = cover(scene(effect), 4)
     behind = cover(scene(effect, depth=depth), 4)
     np.testing.assert_array_equal(behind[:, :60], free[:, :60])
@@ -78,7 +79,7 @@ def test_the_scenes_depth_hides_what_is_behind():
 
 
 def test_amounts_looks_and_colors():
-    rain = fl.ConeRain(tile=64, haze=0.0)
+    rain = ConeRain(tile=64, haze=0.0)
     none = scene(replace(rain, amount=0.0)).render(3)
     np.testing.assert_array_equal(none, scene(replace(rain, gain=0.0)).render(3))
     more = [cover(scene(replace(rain, amount=a)), 3).mean() for a in (0.25, 0.5, 1.0)]
@@ -86,17 +87,17 @@ def test_amounts_looks_and_colors():
     keyed = replace(rain, amount=fl.Keys([(0, 0.0), (6, 1.0)]))
     half = cover(scene(replace(rain, amount=0.5)), 3)
     np.testing.assert_array_equal(cover(scene(keyed), 3), half)
-    red = fl.Scene("#000000", size=SIZE, effects=[fl.ConeRain(color=(1.0, 0.0, 0.0))]).render(3)
+    red = fl.Scene("#000000", size=SIZE, effects=[ConeRain(color=(1.0, 0.0, 0.0))]).render(3)
     assert red[..., 0].max() > 20 and red[..., 1:].max() == 0
     assert scene(rain, seed=1).render(3).tobytes() != scene(rain, seed=2).render(3).tobytes()
-    for kind in (fl.ConeRain, fl.ConeSnow):
+    for kind in (ConeRain, ConeSnow):
         looks = [cover(scene(kind(name, tile=64)), 4).mean() for name in kind.PRESETS]
         assert looks == sorted(looks)
 
 
 def test_snow_in_front_is_the_same_as_snows_flakes():
-    effect = fl.ConeSnow(texture_flakes=0, haze=0.0, flakes=60)
-    alone = fl.TentSnow(texture=0.0, haze=0.0, flakes=60, near_depth=effect.radius,
+    effect = ConeSnow(texture_flakes=0, haze=0.0, flakes=60)
+    alone = TentSnow(texture=0.0, haze=0.0, flakes=60, near_depth=effect.radius,
                     fall=effect.fall,
                     wind=effect.wind, shutter=effect.shutter, flake_size=effect.flake_size,
                     flake_opacity=effect.flake_opacity, sway=effect.sway)  # fmt: skip
@@ -104,6 +105,6 @@ def test_snow_in_front_is_the_same_as_snows_flakes():
 
 
 def test_a_wind_with_gusts_counts_by_its_mean():
-    gusty = fl.ConeRain(tile=64, wind=fl.Wind(mean=(2.0, 0.0, 0.0)))
-    plain = fl.ConeRain(tile=64, wind=(2.0, 0.0, 0.0))
+    gusty = ConeRain(tile=64, wind=fl.Wind(mean=(2.0, 0.0, 0.0)))
+    plain = ConeRain(tile=64, wind=(2.0, 0.0, 0.0))
     np.testing.assert_array_equal(scene(gusty).render(5), scene(plain).render(5))

@@ -41,7 +41,7 @@ SCENES = {
     "snow before a floor, behind and before a disc": scene(
         SNOW, depth=FLOOR, foreground=fl.Foreground(DISC, depth=8.0)
     ),
-    "rain and the tent's snow": scene(fl.TentSnow("heavy"), depth=20.0),
+    "rain and the tent's snow": scene(fl.effects.TentSnow("heavy"), depth=20.0),
 }
 
 

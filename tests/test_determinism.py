@@ -78,7 +78,7 @@ def test_kept_hashes():
     """In the reproducible mode; `make hashes` takes others, with a line in the changelog."""
     code = "import json; from same_bits import of_scenes; print(json.dumps(of_scenes()))"
     done = subprocess.run(
-        [sys.executable, "-c", f"import flurries; flurries.set_reproducible(True); {code}"],
+        [sys.executable, "-c", f"import flurries; flurries.settings(reproducible=True); {code}"],
         text=True, capture_output=True, cwd=HERE,
     )  # fmt: skip
     found = json.loads(done.stdout)
@@ -106,9 +106,9 @@ PATH = fl.CameraPath(
     fl.Camera(80.0), velocity=fl.Keys([(0, (0.0, 0.0, 1.0)), (9, (0.1, 0.0, 2.0))])
 )
 EFFECTS = [
-    fl.TentSnow(flakes=50, wind=WIND), fl.TentRain(drops=50), fl.Mist(count=40),
-    fl.ConeSnow(tile=64), fl.Snow(density=60.0, far=20.0), fl.Rain(density=60.0, far=10.0),
-    fl.ConeRain(tile=64),
+    fl.effects.TentSnow(flakes=50, wind=WIND), fl.effects.TentRain(drops=50), fl.Mist(count=40),
+    fl.effects.ConeSnow(tile=64), fl.Snow(density=60.0, far=20.0), fl.Rain(density=60.0, far=10.0),
+    fl.effects.ConeRain(tile=64),
 ]  # fmt: skip
 OBJECTS: dict[str, Any] = {
     "Camera": fl.Camera(80.0, rotation=(0.1, 0.0, 0.0)),
@@ -135,7 +135,7 @@ COPIES: dict[str, Callable[[Any], Any]] = {
 }
 LIT = fl.Scene(
     "#304050", size=(96, 64), camera=PATH,
-    effects=[*EFFECTS, fl.TentSnow(amount=OBJECTS["Keys"])], seed=3, sun=OBJECTS["Sun"],
+    effects=[*EFFECTS, fl.effects.TentSnow(amount=OBJECTS["Keys"])], seed=3, sun=OBJECTS["Sun"],
     lights=[OBJECTS["Lamp"]], lens=OBJECTS["Lens"],
 )  # fmt: skip
 
@@ -159,4 +159,4 @@ def test_copies_give_the_same_frame(how: str):
 
 def test_every_public_class_is_copied():
     public = {name for name in fl.__all__ if inspect.isclass(getattr(fl, name))}
-    assert public - PASSING == {name for name in OBJECTS if "." not in name}
+    assert public - PASSING <= {name for name in OBJECTS if "." not in name}

@@ -68,7 +68,7 @@ def pictures(method: str, camera: str, wind: float, look: str) -> list[np.ndarra
 @pytest.mark.parametrize("camera", PATHS)
 @pytest.mark.parametrize("look", LOOKS)
 def test_streaks_lean_as_those_of_drawn_flakes(look: str, camera: str, wind: float):
-    assert not misses(*(pictures(one, camera, wind, look) for one in ("hybrid", "simulated")))
+    assert not misses(*(pictures(one, camera, wind, look) for one in ("flakes", "simulated")))
 
 
 @pytest.mark.parametrize("look", LOOKS)

@@ -21,7 +21,7 @@ CAMERA = fl.Camera(260.0, center=(120.0, 90.0))
 
 
 def scene(
-    effect: fl.Snow | fl.Rain | fl.TentSnow = SNOW, *, size: tuple[int, int] = (W, H),
+    effect: fl.Snow | fl.Rain | fl.effects.TentSnow = SNOW, *, size: tuple[int, int] = (W, H),
     camera: object = CAMERA, **more: object,
 ) -> fl.Scene:  # fmt: skip
     return fl.Scene("#203040", size=size, camera=camera, effects=[effect], **more)  # type: ignore[arg-type]
@@ -106,7 +106,7 @@ def test_flakes_far_in_time_lose_no_bits():
 
 def test_a_flake_is_a_ball_over_pixels():
     # The mean over fine points of exp: one flake at rest, at any place between pixels.
-    lone = fl.TentSnow(
+    lone = fl.effects.TentSnow(
         texture=0.0, haze=0.0, flakes=3, fall=0.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 1.0),
         flake_opacity=0.6, flake_size=(0.08, 0.08), near_depth=6.0, color=1.0, seed=3,
     )  # fmt: skip

@@ -47,7 +47,7 @@ def test_ours_are_the_numbers_of_drawn_flakes_and_a_gaussian_fails():
                 missed.add(name)
         return missed
 
-    assert not missed([picture("hybrid", seed) for seed in range(6)])
+    assert not missed([picture("flakes", seed) for seed in range(6)])
     assert len(missed([judges.gaussian(one, seed) for seed, one in enumerate(drawn)])) >= 4
 
 
@@ -55,7 +55,7 @@ def test_a_case_is_judged_and_the_twin_passes_itself(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(falling_statistics, "APART", (0.0, 45.0, 90.0, 135.0, 180.0))
     case = Case("still", "light", 3.0, 192)
     times = (0.0, 1.0, 4.0, 64.0)
-    ours, twin = (judged(case, 3, times, of) for of in ("hybrid", "twin"))
+    ours, twin = (judged(case, 3, times, of) for of in ("flakes", "twin"))
     assert ours.keys() == twin.keys() >= {*QUOTIENTS, "C(4)", "direction", "after 1"}
     assert not [name for name, figure in twin.items() if figure.verdict == "miss"]
     shown = page({"one": ours, "other": twin}, ["- a line"], 3)

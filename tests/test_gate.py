@@ -20,7 +20,7 @@ import pytest
 import flurries as fl
 from flurries import _core
 
-SNOW = fl.TentSnow("heavy", flakes=300)
+SNOW = fl.effects.TentSnow("heavy", flakes=300)
 
 
 def launch(code: str, **environment: str) -> subprocess.Popen[str]:
@@ -65,7 +65,9 @@ def wrong_frames(render: Callable[[int], np.ndarray]) -> int:
 
 def test_many_threads_on_one_scene(threads: Callable[[int], None]):
     threads(2)
-    scene = fl.Scene("#304050", size=(80, 60), effects=[SNOW, fl.TentSnow(flakes=100, jitter=True)])
+    scene = fl.Scene(
+        "#304050", size=(80, 60), effects=[SNOW, fl.effects.TentSnow(flakes=100, jitter=True)]
+    )
     assert wrong_frames(scene.render) == 0
 
 
@@ -93,7 +95,7 @@ import flurries as fl
 heavy = {"OpenImageIO", "av", "scipy", "skimage", "tqdm", "tomli_w", "matplotlib", "PIL",
          "anywidget", "ipywidgets", "traitlets", "http"}
 print(running() - before, heavy & set(sys.modules) or "none")
-fl.Scene(size=(1200, 900), effects=[fl.TentSnow(flakes=50)]).render(0)
+fl.Scene(size=(1200, 900), effects=[fl.effects.TentSnow(flakes=50)]).render(0)
 print(running() - before, len(heavy & set(sys.modules)))
 from flurries.io import fit
 fit(numpy.zeros((4, 4), "u1"), (2, 2))
@@ -106,8 +108,8 @@ print(len(heavy & set(sys.modules)))
 THREADS = """
 import flurries as fl
 try:
-    print(fl.threads())
-    fl.Scene(size=(32, 32), effects=[fl.TentSnow(flakes=5)]).render(0)
+    print(fl.settings().threads)
+    fl.Scene(size=(32, 32), effects=[fl.effects.TentSnow(flakes=5)]).render(0)
 except ValueError as error:
     print(str(error).replace(" ", "_"))
 """
@@ -188,7 +190,7 @@ print(set(results), nested, same(), child(1, lock.acquire) == signal.SIGALRM)
 
 @pytest.mark.parametrize("background", ["color", "video"])
 def test_forks_after_use(background: str, tmp_path: Any):
-    scene = "scene = fl.Scene(size=(200, 150), effects=[fl.TentSnow(flakes=200)])"
+    scene = "scene = fl.Scene(size=(200, 150), effects=[fl.effects.TentSnow(flakes=200)])"
     if background == "video":
         from flurries.io import VideoWriter
 
@@ -196,7 +198,7 @@ def test_forks_after_use(background: str, tmp_path: Any):
             for level in (10, 60, 110):
                 video.write(np.full((48, 64, 3), level, np.uint8))
         scene = f"scene = fl.Scene({str(tmp_path / 'plate.mkv')!r}, "
-        scene += "effects=[fl.TentSnow(flakes=200)])"
+        scene += "effects=[fl.effects.TentSnow(flakes=200)])"
     # Twenty children, some while another thread renders; the control is a lock that is never freed.
     assert python(FORKS.format(scene=scene)) == ["{0}", "0", "True", "True"]
 
@@ -223,7 +225,7 @@ KERNEL = """
 {call}
 # Pixels that were never written show that the work was given up, not only reported late.
 print(interrupted(lambda: not np.isnan(out[::64, ::64]).all(), call), np.isnan(out).any())
-print(np.isfinite(fl.Scene(size=(64, 64), effects=[fl.TentSnow(flakes=50)]).render(0)).all())
+print(np.isfinite(fl.Scene(size=(64, 64), effects=[fl.Snow()]).render(0)).all())
 """
 # Overlaps make them long: at 8k a plain field is done in a tenth of a second.
 FIELD = """
@@ -251,7 +253,7 @@ def test_ctrl_c_is_heard_in_a_kernel(name: str):
 MEMORY = """
 import gc
 import flurries as fl
-scene = fl.Scene("#304050", size=(160, 120), effects=[fl.TentSnow("heavy", flakes=300)])
+scene = fl.Scene("#304050", size=(160, 120), effects=[fl.effects.TentSnow("heavy", flakes=300)])
 def resident():
     gc.collect()
     with open("/proc/self/status") as file:
@@ -277,13 +279,13 @@ def test_memory_stays_flat(leak: int):
 
 HUGE = {
     "frame": "fl.Scene(size=(100_000, 100_000))",
-    "flakes": "fl.Scene(size=(64, 64), effects=[fl.TentSnow(flakes=2 * 10**7)]).render(0)",
+    "flakes": "fl.Scene(size=(64, 64), effects=[fl.effects.TentSnow(flakes=2 * 10**7)]).render(0)",
     "field": "fl.spectral.field((2**16, 2**16), drift=(0, 0), seed=1)",
     "tile": "fl.spectral.field((64, 64), drift=(0, 0), seed=1, tile=2**15, overlap=0)",
     "tile of the scene":
-        "fl.Scene(size=(64, 64), effects=[fl.TentSnow(tile=2**15, flakes=0)]).render(0)",
+        "fl.Scene(size=(64, 64), effects=[fl.effects.TentSnow(tile=2**15, flakes=0)]).render(0)",
     "tables": "fl.spectral.random_phase((2**15, 2**15), seed=1)",
-    "nothing huge": "fl.Scene(size=(9, 9), effects=[fl.TentSnow()]).render(0); raise MemoryError",
+    "nothing huge": "fl.Scene(size=(9, 9), effects=[fl.Snow()]).render(0); raise MemoryError",
 }  # fmt: skip
 
 
@@ -297,7 +299,7 @@ try:
     {HUGE[name]}
 except (MemoryError, ValueError):
     print("refused")
-print(fl.Scene(size=(64, 64), effects=[fl.TentSnow(flakes=50)]).render(0).shape)
+print(fl.Scene(size=(64, 64), effects=[fl.effects.TentSnow(flakes=50)]).render(0).shape)
 """
     got = python(code, FLURRIES_NUM_THREADS="2", OPENBLAS_NUM_THREADS="1")
     assert "".join(got) == "refused(64,64,3)"
@@ -314,7 +316,7 @@ def test_clean_exits_while_a_daemon_thread_renders(size: int, count: int):
     code = f"""
 import threading, time
 import flurries as fl
-scene = fl.Scene(size=({size}, {size}), effects=[fl.TentSnow(flakes=200)])
+scene = fl.Scene(size=({size}, {size}), effects=[fl.effects.TentSnow(flakes=200)])
 started = threading.Event()
 def work():
     while True:

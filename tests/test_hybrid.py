@@ -197,7 +197,7 @@ CLIPS = {
 @pytest.mark.parametrize("times", CLIPS.values(), ids=CLIPS)
 @pytest.mark.parametrize("preset", ["moderate"])
 def test_no_part_of_the_texture_stands_still(preset: str, times: np.ndarray):
-    snow = fl.TentSnow(preset, flakes=0, haze=0.0, color=1.0)
+    snow = fl.effects.TentSnow(preset, flakes=0, haze=0.0, color=1.0)
     assert measure.stood(snow, times) < 1.1 * measure.kept(snow, times)
 
 
@@ -205,7 +205,7 @@ def test_no_part_of_the_texture_stands_still(preset: str, times: np.ndarray):
 @pytest.mark.parametrize("preset", ["heavy"])
 def test_snow_that_falls_straight_down_would_be_caught(preset: str, times: np.ndarray):
     # The waves across the fall, columns of every tile, never move.
-    snow = fl.TentSnow(preset, flakes=0, haze=0.0, color=1.0, wind=(0.0, 0.0, 0.0))
+    snow = fl.effects.TentSnow(preset, flakes=0, haze=0.0, color=1.0, wind=(0.0, 0.0, 0.0))
     assert measure.stood(snow, times) > 1.15 * measure.kept(snow, times)
 
 

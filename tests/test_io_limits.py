@@ -110,7 +110,7 @@ def test_16_8_twenty_thousand_effects(tmp_path: Path):
     words = said("fl.open(sys.argv[1])", tmp_path / "a.toml")
     assert "a.toml, line 2: effects must be at most 1000, got 20000" in words
     with pytest.raises(ValueError, match="effects must be at most 1000, got 1001"):
-        fl.Scene(size=(64, 48), effects=[fl.TentRain()] * 1001)
+        fl.Scene(size=(64, 48), effects=[fl.effects.TentRain()] * 1001)
 
 
 def manifest_of(path: Path) -> Any:

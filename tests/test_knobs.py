@@ -19,7 +19,7 @@ from flurries.effects.resolution import map_at, power_share
 from measure import cover
 
 LOSS = {1: 0.06, 2: 0.14, 3: 0.25, 4: 0.38, 5: 0.55}
-KINDS = [fl.TentSnow, fl.TentRain, fl.Mist]
+KINDS = [fl.effects.TentSnow, fl.effects.TentRain, fl.Mist]
 
 
 def noise(shape: tuple[int, int], seed: int) -> np.ndarray:
@@ -47,7 +47,7 @@ def test_the_rate_of_snow_is_its_mass_times_its_speed():
         return 0.178e-3 * diameter**-0.922 * math.pi / 6.0 * diameter**3 * 1e-3
 
     for rate in (0.1, 0.5, 1.0, 3.0, 8.0, 20.0):
-        snow = fl.TentSnow(rate_mm_h=rate)
+        snow = fl.effects.TentSnow(rate_mm_h=rate)
         low, high = (1e3 * size for size in snow.flake_size)
         mean = integrate.quad(mass, low, high)[0] / (high - low)
         assert snow.flake_density is not None
@@ -57,7 +57,7 @@ def test_the_rate_of_snow_is_its_mass_times_its_speed():
 
 def test_the_rate_of_rain_is_that_of_marshall_and_palmer():
     for rate in (0.3, 2.0, 10.0, 40.0):
-        rain = fl.TentRain(rate_mm_h=rate)
+        rain = fl.effects.TentRain(rate_mm_h=rate)
 
         def number(diameter: float, rate: float = rate) -> float:
             return 8000.0 * math.exp(-4.1 * rate**-0.21 * diameter)
@@ -69,7 +69,7 @@ def test_the_rate_of_rain_is_that_of_marshall_and_palmer():
         assert rain.haze == pytest.approx(1.0 - math.exp(-1e-6 * beta * 60.0), rel=1e-6)
 
 
-@pytest.mark.parametrize("kind", [fl.TentSnow, fl.TentRain])
+@pytest.mark.parametrize("kind", [fl.effects.TentSnow, fl.effects.TentRain])
 def test_more_falls_at_a_higher_rate(kind: Any):
     seen = []
     for rate in (0.2, 0.7, 2.0, 6.0, 15.0, 40.0):
@@ -79,7 +79,7 @@ def test_more_falls_at_a_higher_rate(kind: Any):
 
 
 def test_a_density_is_the_same_behind_any_lens():
-    snow = fl.TentSnow(texture=0.0, haze=0.0, flake_density=20.0)
+    snow = fl.effects.TentSnow(texture=0.0, haze=0.0, flake_density=20.0)
     covers = []
     for focal, size in ((300.0, (256, 192)), (600.0, (256, 192)), (307.2, (256, 256))):
         scene = fl.Scene(size=size, effects=[snow], camera=fl.Camera(focal))
@@ -108,16 +108,16 @@ def test_visibility_in_metres_is_visibility():
 @pytest.mark.parametrize(
     ("make", "named"),
     [
-        (lambda: fl.TentRain(rate_mm_h=3.0, severity=2), "severity and rate_mm_h"),
-        (lambda: fl.TentSnow(rate_mm_h=3.0, flakes=10), "rate_mm_h and flakes"),
-        (lambda: fl.TentRain(severity=3, drops=10), "severity and drops"),
-        (lambda: fl.TentSnow("heavy", severity=3), "severity and a preset"),
+        (lambda: fl.effects.TentRain(rate_mm_h=3.0, severity=2), "severity and rate_mm_h"),
+        (lambda: fl.effects.TentSnow(rate_mm_h=3.0, flakes=10), "rate_mm_h and flakes"),
+        (lambda: fl.effects.TentRain(severity=3, drops=10), "severity and drops"),
+        (lambda: fl.effects.TentSnow("heavy", severity=3), "severity and a preset"),
         (lambda: fl.Mist(visibility_m=3.0, visibility=4.0), "visibility_m and visibility"),
         (lambda: fl.Mist(severity=2, density=0.3), "severity and density"),
         (lambda: fl.Mist(severity=2, visibility=30.0), "severity and visibility"),
         (lambda: fl.Mist(severity=5, count=3), "severity 5 needs"),
         (lambda: fl.Mist(severity=5, count=0), "severity 5 needs"),
-        (lambda: replace(fl.TentSnow(severity=2), severity=3), "severity"),
+        (lambda: replace(fl.effects.TentSnow(severity=2), severity=3), "severity"),
     ],
 )
 def test_knobs_are_refused_by_name(make: Any, named: str):
@@ -139,7 +139,7 @@ def test_a_knob_leaves_what_is_given_and_is_written_out(kind: Any, tmp_path: Pat
     scene.save(tmp_path / "scene.toml")
     assert 'look = "v1"' in (tmp_path / "scene.toml").read_text()
     assert fl.open(tmp_path / "scene.toml").effects == (plain,)
-    kinds = {fl.TentSnow: "tent_snow", fl.TentRain: "tent_rain", fl.Mist: "mist"}
+    kinds = {fl.effects.TentSnow: "tent_snow", fl.effects.TentRain: "tent_rain", fl.Mist: "mist"}
     text = f'format = 3\n[[effects]]\nkind = "{kinds[kind]}"\nseverity = 3\n'
     (tmp_path / "own.toml").write_text(text)
     assert fl.open(tmp_path / "own.toml").effects == (plain,)
@@ -170,10 +170,10 @@ def opacities(effect: Any, width: int, count: int) -> np.ndarray:
 # (effect, error of the mean, of the standard deviation). Streaks of rain at 256 px have waves of
 # 2 to 3 px, few in a tile; flakes are never narrower than .62 px of sigma, which takes variance.
 SIZES = {
-    "texture": (fl.TentSnow(flakes=0, haze=0.0), 0.02, 0.08),
-    "heavy texture": (fl.TentSnow("heavy", flakes=0, haze=0.0), 0.02, 0.06),
-    "snow": (fl.TentSnow(), 0.02, 0.15),
-    "rain": (fl.TentRain(), 0.03, 0.2),
+    "texture": (fl.effects.TentSnow(flakes=0, haze=0.0), 0.02, 0.08),
+    "heavy texture": (fl.effects.TentSnow("heavy", flakes=0, haze=0.0), 0.02, 0.06),
+    "snow": (fl.effects.TentSnow(), 0.02, 0.15),
+    "rain": (fl.effects.TentRain(), 0.03, 0.2),
 }
 
 

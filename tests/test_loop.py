@@ -30,10 +30,10 @@ WEATHERS: dict[str, Any] = {
     "rain": fl.Rain(far=20.0),
     "mist": fl.Mist("fog", wind=(1.5, 0.0, 0.3)),
     "valley": fl.Mist("valley", visibility=250.0, wind=(1.5, 0.0, 0.3), color=0.9),
-    "tent snow": fl.TentSnow(flakes=300),
-    "tent rain": fl.TentRain(),
-    "cone snow": fl.ConeSnow("heavy"),
-    "cone rain": fl.ConeRain(),
+    "tent snow": fl.effects.TentSnow(flakes=300),
+    "tent rain": fl.effects.TentRain(),
+    "cone snow": fl.effects.ConeSnow("heavy"),
+    "cone rain": fl.effects.ConeRain(),
 }
 
 
@@ -64,7 +64,7 @@ def test_the_last_and_the_first_frame_differ_as_others_do(weather: str, camera: 
 
 def test_without_a_period_the_film_goes_on():
     # What the loop is for: the frame after the last is none like the first.
-    snow = fl.TentSnow(flakes=0, haze=0.0, near_depth=40.0)
+    snow = fl.effects.TentSnow(flakes=0, haze=0.0, near_depth=40.0)
     film = [made(snow).replace(period=None).render(t) for t in range(FRAMES)]
     others = np.array([step(*pair) for pair in pairwise(film)])
     assert step(film[-1], film[0]) - others.mean() > 10.0 * others.std()
@@ -82,7 +82,7 @@ def test_as_much_is_there_at_all_times():
 def test_waves_turn_by_whole_cycles():
     # The texture alone: each wave's rate is bent by half a turn of the film at most, so that a film
     # of few frames differs from the plain one by little, and less of a longer film.
-    snow = fl.TentSnow(flakes=0, haze=0.0, near_depth=40.0)
+    snow = fl.effects.TentSnow(flakes=0, haze=0.0, near_depth=40.0)
     worst = []
     for frames in (50, 200):
         looped = made(snow, frames=frames, background=(0.05, 0.1, 0.15))
@@ -99,10 +99,10 @@ def test_what_does_not_end_as_it_began_goes_back_and_is_said():
         "effects[0] (snow): density does not end as it begins: from frame 18 on it goes back"
     )
     assert "its turning is changed by 3.58 degrees a second" in scene.bent[1]
-    assert made(fl.ConeRain()).bent == (
+    assert made(fl.effects.ConeRain()).bent == (
         "effects[0] (cone_rain): 0.463 tiles of its cone pass, 1 in the loop",
     )
-    assert "by up to 0.021 cycles a frame" in made(fl.TentSnow()).bent[0]
+    assert "by up to 0.021 cycles a frame" in made(fl.effects.TentSnow()).bent[0]
     assert made(fl.Snow()).bent == ()
     assert fl.Scene("#000000", size=SIZE).bent == ()
 

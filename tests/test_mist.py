@@ -103,7 +103,7 @@ def test_depths_put_gas_behind_and_in_front():
     assert np.abs(together - whole).max() < 0.03
     assert back.mean() > 0.1 and front.mean() > 0.1
     # A red wall of flakes between them.
-    snow = fl.TentSnow(flakes=0, texture=0.0, haze=1.0, color=(1.0, 0.0, 0.0), fall=0.0)
+    snow = fl.effects.TentSnow(flakes=0, texture=0.0, haze=1.0, color=(1.0, 0.0, 0.0), fall=0.0)
     picture = scene(parts[0], snow, parts[1]).render(0)
     grey = fl.io.srgb_to_linear(np.array(0.7))
     np.testing.assert_allclose(picture[..., 1], front * grey, atol=2e-6)

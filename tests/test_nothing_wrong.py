@@ -23,8 +23,8 @@ from flurries.output.store import check
 from flurries.scene.fingerprint import BITS
 
 W, H = 1024, 800
-SNOW = fl.TentSnow(flakes=50)
-SMALL = fl.Scene("#304050", size=(96, 64), effects=fl.TentSnow("heavy", flakes=100))
+SNOW = fl.effects.TentSnow(flakes=50)
+SMALL = fl.Scene("#304050", size=(96, 64), effects=fl.effects.TentSnow("heavy", flakes=100))
 KINDS = ["png", "jpg", "exr", "tif"]
 
 
@@ -113,7 +113,7 @@ import flurries.scene.fingerprint as fingerprint
 version, bits, place = sys.argv[1:]
 flurries.__version__ = version
 fingerprint.BITS += int(bits)
-snow = flurries.TentSnow("heavy", flakes=100)
+snow = flurries.effects.TentSnow("heavy", flakes=100)
 scene = flurries.Scene("#304050", size=(96, 64), effects=snow)
 print(*scene.write(place + "/%d.png", "1-2").kept)
 """
@@ -185,7 +185,7 @@ import OpenImageIO
 if sys.argv[1] == "lockless":
     # A folder on a network whose locks each machine has for itself.
     fcntl.flock = lambda *arguments: None
-scene = fl.Scene("#304050", size=(96, 64), effects=fl.TentSnow("heavy", flakes=100))
+scene = fl.Scene("#304050", size=(96, 64), effects=fl.effects.TentSnow("heavy", flakes=100))
 scene.write("whole/%04d.png", "1-40")
 want = {path.name: path.read_bytes() for path in Path("whole").iterdir()}
 

@@ -95,11 +95,11 @@ def test_an_installed_package_names_its_effects(tmp_path: Path, monkeypatch: pyt
 @pytest.mark.parametrize(
     ("kind", "effect", "wanted"),
     [
-        ("snow", fl.TentRain, "flurries' own"),
-        ("My Ash", fl.TentRain, "lower case"),
-        (3, fl.TentRain, "lower case"),
+        ("snow", fl.effects.TentRain, "flurries' own"),
+        ("My Ash", fl.effects.TentRain, "lower case"),
+        (3, fl.effects.TentRain, "lower case"),
         ("ash", int, "dataclass"),
-        ("ash", fl.TentRain(), "dataclass"),
+        ("ash", fl.effects.TentRain(), "dataclass"),
     ],
 )
 def test_what_cannot_be_registered(kind: Any, effect: Any, wanted: str):

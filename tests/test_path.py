@@ -14,7 +14,7 @@ import flurries as fl
 from every import every
 from flurries.frame.view import Frame
 
-Camera, Keys, Scene, Snow = fl.camera.Camera, fl.Keys, fl.Scene, fl.TentSnow
+Camera, Keys, Scene, Snow = fl.camera.Camera, fl.Keys, fl.Scene, fl.effects.TentSnow
 LENS = Camera(300.0)
 FPS = 24.0
 W, H, GRAY = 90, 70, "#404448"
@@ -109,7 +109,7 @@ def frame_of(scene: fl.Scene, t: float) -> Frame:
                  fps=scene.fps, camera=scene.camera.camera, path=scene.camera, seed=1)  # fmt: skip
 
 
-def asked(snow: fl.TentSnow, frame: Frame) -> Any:
+def asked(snow: fl.effects.TentSnow, frame: Frame) -> Any:
     """What the kernel is asked for the texture."""
     field = snow.parts.texture.field
     return field.request(frame, field.motion.way(frame))

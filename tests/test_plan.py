@@ -13,8 +13,10 @@ import pytest
 
 import flurries as fl
 import judges
+from flurries._trace import Trace, stage, tracing
 from flurries.camera import Camera
 from flurries.cli import main
+from flurries.effects import ConeRain, ConeSnow, TentRain, TentSnow
 from flurries.frame import plan as planning
 from flurries.frame.effect import renderer_of
 from flurries.frame.needs import LeftOut, Needs, Step
@@ -53,10 +55,8 @@ def both(effect: Any, picture: Any = BYTES, **more: Any) -> tuple[fl.Scene, fl.S
     )
 
 
-def traced(
-    scene: fl.Scene, t: float = 7.0, way: str = "render", **more: Any
-) -> tuple[Any, fl.trace.Trace]:
-    with fl.trace.tracing() as trace:
+def traced(scene: fl.Scene, t: float = 7.0, way: str = "render", **more: Any) -> tuple[Any, Trace]:
+    with tracing() as trace:
         image = getattr(scene, way)(t, **more)
     return image, trace
 
@@ -67,12 +67,17 @@ def left_out(scene: fl.Scene, frames: Any = 7) -> dict[str, str]:
 
 # What is left out: (effect, more of the scene, steps that must not run, words of the plan)
 ABSENT: dict[str, tuple[Any, dict[str, Any], set[str], str]] = {
-    "amount 0": (fl.TentRain(amount=0.0), {}, {"texture", "flakes", "veil", "join"}, "rain"),
-    "no texture": (fl.TentSnow(texture=0.0), {}, {"texture"}, "snow: texture"),
-    "no flakes": (fl.TentSnow(flakes=0), {}, {"flakes"}, "snow: flakes"),
-    "no haze": (fl.TentSnow(haze=0.0), {"depth": 30.0}, {"veil"}, "snow: veil"),
-    "half a step": (fl.TentSnow(amount=2e-5, flakes=0), {}, {"texture", "join"}, "snow"),
-    "no cone": (fl.ConeSnow(amount=0), {}, {"cone", "flakes", "join"}, "cone_snow"),
+    "amount 0": (
+        TentRain(amount=0.0),
+        {},
+        {"texture", "flakes", "veil", "join"},
+        "rain",
+    ),
+    "no texture": (TentSnow(texture=0.0), {}, {"texture"}, "snow: texture"),
+    "no flakes": (TentSnow(flakes=0), {}, {"flakes"}, "snow: flakes"),
+    "no haze": (TentSnow(haze=0.0), {"depth": 30.0}, {"veil"}, "snow: veil"),
+    "half a step": (TentSnow(amount=2e-5, flakes=0), {}, {"texture", "join"}, "snow"),
+    "no cone": (ConeSnow(amount=0), {}, {"cone", "flakes", "join"}, "cone_snow"),
 }
 
 
@@ -96,7 +101,7 @@ def test_less_than_half_a_step_is_left_out_and_more_is_not(space: str, dtype: An
     step = 1.0 / np.iinfo(dtype).max
     for veil in np.array([0.01, 0.03, 0.3, 0.49, 0.7, 3.0]) * step:
         # White over all values there are, several layers of it.
-        effect = fl.TentSnow(texture=0.0, flakes=0, haze=veil, color=1.0)
+        effect = TentSnow(texture=0.0, flakes=0, haze=veil, color=1.0)
         scene = fl.Scene(picture, effects=[effect] * 3, space=space)
         image, trace = traced(scene)
         if "join" not in trace.calls:
@@ -112,7 +117,7 @@ def test_nothing_is_made_where_all_is_hidden():
     front = np.zeros((H, W, 4), np.uint8)
     front[..., 3] = 255
     for foreground in (np.ones((H, W), np.float32), front):
-        planned, whole = both(fl.TentSnow(), foreground=foreground)
+        planned, whole = both(TentSnow(), foreground=foreground)
         image, trace = traced(planned)
         assert np.array_equal(image, whole.render(7))
         assert set(trace.calls) == {"background", "composite"}
@@ -132,7 +137,7 @@ def test_only_the_part_that_is_seen_is_made(kind: str, front: str):
         foreground = np.dstack([RNG.random((H, W, 3), np.float32) * cover[..., None], cover])
     more: dict[str, Any] = {"space": "linear"} if kind.endswith("linear light") else {}
     picture = LIGHT if kind == "light" else BYTES
-    planned, whole = both(fl.TentSnow(), picture, foreground=foreground, **more)
+    planned, whole = both(TentSnow(), picture, foreground=foreground, **more)
     for part in (None, np.s_[30:90, 10:60], np.s_[80:90, 5:60]):
         image, trace = traced(planned, region=part)
         # With the layers apart all of the window is made.
@@ -142,20 +147,20 @@ def test_only_the_part_that_is_seen_is_made(kind: str, front: str):
 
 
 def test_one_eye_for_two_at_distance_0():
-    scene = fl.Scene(BYTES, effects=[fl.TentSnow()])
-    with fl.trace.tracing() as trace:
+    scene = fl.Scene(BYTES, effects=[TentSnow()])
+    with tracing() as trace:
         left, right = scene.stereo(4, distance=0.0)
     assert trace.calls["texture"] == 1
     assert np.array_equal(left, right) and np.array_equal(left, scene.render(4))
-    with fl.trace.tracing() as trace:
+    with tracing() as trace:
         left, right = scene.stereo(4, distance=0.06)
     assert trace.calls["texture"] == 2 and not np.array_equal(left, right)
 
 
 @pytest.mark.parametrize("way", ["render", "layers"])
 def test_what_never_moves_is_made_once(way: str):
-    planned, whole = both(fl.TentSnow(**STILL))
-    with fl.trace.tracing() as trace:
+    planned, whole = both(TentSnow(**STILL))
+    with tracing() as trace:
         images = [getattr(planned, way)(t) for t in (0, 5, 0.5)]
     assert trace.calls["texture"] == trace.calls["flakes"] == 1
     for t, image in zip((0, 5, 0.5), images, strict=True):
@@ -178,31 +183,31 @@ def test_what_may_move_is_made_each_time():
     for change, camera in (
         ({"fall": 0.1}, None), ({"amount": fl.Keys([(0, 1.0), (9, 0.9)])}, None), ({}, moving),
     ):  # fmt: skip
-        snow = fl.TentSnow(**{**STILL, **change})
+        snow = TentSnow(**{**STILL, **change})
         scene = fl.Scene(BYTES, effects=[snow], camera=camera)
-        with fl.trace.tracing() as trace:
+        with tracing() as trace:
             scene.render(0), scene.render(5)
         assert trace.calls["texture"] == 2
 
 
 def test_an_unread_depth_is_not_read():
-    scene = fl.Scene(BYTES, effects=[fl.TentSnow(amount=0.0)], depth=30.0)
+    scene = fl.Scene(BYTES, effects=[TentSnow(amount=0.0)], depth=30.0)
     assert "depth" not in traced(scene)[1].calls
     assert left_out(scene)["depth"] == "nothing reads it"
-    scene = scene.replace(effects=[fl.TentSnow()])
+    scene = scene.replace(effects=[TentSnow()])
     assert "depth" in traced(scene)[1].calls
 
 
 def test_amounts_that_are_keyed_count_frame_by_frame():
     amount = fl.Keys([(0, 0.0), (10, 0.0), (20, 1.0)])
-    scene = fl.Scene(BYTES, effects=[fl.TentSnow(amount=amount)])
+    scene = fl.Scene(BYTES, effects=[TentSnow(amount=amount)])
     assert "texture" not in traced(scene, 5.0)[1].calls
     assert "texture" in traced(scene, 15.0)[1].calls
     plan = scene.plan("0-20", probe=False)
     assert 0.0 < next(s.share for s in plan.steps if s.name == "snow: texture") < 1.0
     assert "% of frames" in left_out(scene, "0-20")["snow"]
     # A long film is not looked at frame by frame, but no key of it is missed.
-    burst = fl.TentSnow(amount=fl.Keys([(100, 0.0), (103, 1.0), (106, 0.0)]))
+    burst = TentSnow(amount=fl.Keys([(100, 0.0), (103, 1.0), (106, 0.0)]))
     steps = fl.Scene(BYTES, effects=[burst]).plan("0-999", probe=False).steps
     assert "snow: texture" in {step.name for step in steps}
 
@@ -226,7 +231,7 @@ def test_gas_that_stands_still_is_made_once():
     cloud = fl.Mist("clouds", center=(0.0, 0.0, 6.0))
     for sun, name in ((None, "gas"), (fl.Sun(), "lit gas")):
         scene = fl.Scene(BYTES, effects=[cloud], sun=sun)
-        with fl.trace.tracing() as trace:
+        with tracing() as trace:
             images = [scene.render(t) for t in (0, 4, 9)]
         assert trace.calls[name] == 1
         for image, t in zip(images, (0, 4, 9), strict=True):
@@ -235,7 +240,7 @@ def test_gas_that_stands_still_is_made_once():
         grows = fl.Keys([(0, 0.5), (9, 1.0)])
         for change, calls in (({"amount": grows}, 2), ({"color": "ambient"}, 2 if sun else 1)):
             moving = scene.replace(effects=[replace(cloud, **change)])
-            with fl.trace.tracing() as trace:
+            with tracing() as trace:
                 moving.render(0), moving.render(4)
             assert trace.calls[name] == calls
 
@@ -293,16 +298,16 @@ TURNING = fl.CameraPath(Camera(500.0), orientation=fl.Keys([(0, (0.0,) * 3), (9,
 LAMP = fl.Lamp((0.0, -1.0, 6.0))
 SCENES: dict[str, fl.Scene] = {
     "empty": fl.Scene(BYTES),
-    "two alike": fl.Scene(BYTES, effects=[fl.TentSnow(), fl.TentSnow(flakes=0)]),
-    "in linear light": fl.Scene(BYTES, effects=[fl.TentSnow()], space="linear"),
-    "all hidden": fl.Scene(BYTES, effects=[fl.TentSnow()], foreground=np.ones((H, W))),
-    "a depth": fl.Scene(BYTES, effects=[fl.TentSnow(), fl.Rain()], depth=40.0),
-    "turning": fl.Scene(BYTES, effects=[fl.TentSnow()], camera=TURNING),
-    "still": fl.Scene(BYTES, effects=[fl.TentSnow(**STILL)]),
+    "two alike": fl.Scene(BYTES, effects=[TentSnow(), TentSnow(flakes=0)]),
+    "in linear light": fl.Scene(BYTES, effects=[TentSnow()], space="linear"),
+    "all hidden": fl.Scene(BYTES, effects=[TentSnow()], foreground=np.ones((H, W))),
+    "a depth": fl.Scene(BYTES, effects=[TentSnow(), fl.Rain()], depth=40.0),
+    "turning": fl.Scene(BYTES, effects=[TentSnow()], camera=TURNING),
+    "still": fl.Scene(BYTES, effects=[TentSnow(**STILL)]),
     "local light": fl.Scene(BYTES, effects=[fl.Snow(color="local")]),
-    "lamps": fl.Scene(BYTES, effects=[fl.Snow(), fl.TentSnow()], lights=[LAMP]),
+    "lamps": fl.Scene(BYTES, effects=[fl.Snow(), TentSnow()], lights=[LAMP]),
     "gas": fl.Scene(BYTES, effects=[fl.Mist(), fl.Mist("clouds")], sun=fl.Sun()),
-    "a cone": fl.Scene(BYTES, effects=[fl.ConeRain(), fl.ConeSnow()]),
+    "a cone": fl.Scene(BYTES, effects=[ConeRain(), ConeSnow()]),
 }  # fmt: skip
 
 
@@ -351,7 +356,7 @@ class Large(Own):
 
 
 def test_times_and_bytes_are_those_of_the_step():
-    plan = fl.Scene(BYTES, effects=[Large(), fl.TentSnow()]).plan("1-9")
+    plan = fl.Scene(BYTES, effects=[Large(), TentSnow()]).plan("1-9")
     (step,) = (step for step in plan.steps if step.name == "large: work")
     assert step.milliseconds is not None and step.milliseconds >= 20.0
     assert plan.milliseconds is not None and plan.milliseconds >= step.milliseconds
@@ -385,7 +390,7 @@ def test_without_a_probe_nothing_runs():
         def render(self, frame: fl.Frame) -> fl.Layer:
             raise AssertionError("rendered")
 
-    with fl.trace.tracing() as trace:
+    with tracing() as trace:
         plan = fl.Scene(BYTES, effects=[Never()]).plan("1-9", probe=False)
     assert not trace.calls and plan.probed == ()
     assert plan.milliseconds is plan.bytes is plan.rest is None
@@ -397,10 +402,10 @@ def test_without_a_probe_nothing_runs():
 
 def test_plans_leave_frames_and_traces_alone():
     def scene() -> fl.Scene:
-        return fl.Scene(BYTES, effects=[fl.TentSnow(**STILL), fl.Snow(seed=2)])
+        return fl.Scene(BYTES, effects=[TentSnow(**STILL), fl.Snow(seed=2)])
 
     looked = scene()
-    with fl.trace.tracing() as trace:
+    with tracing() as trace:
         looked.plan(5)
         assert not trace.calls
         assert np.array_equal(looked.render(5), scene().render(5))
@@ -409,10 +414,10 @@ def test_plans_leave_frames_and_traces_alone():
 
 
 def test_a_trace_gives_each_moment_to_one_stage():
-    with fl.trace.tracing() as trace:
+    with tracing() as trace:
         began = time.perf_counter()
-        with fl.trace.stage("outer"):
-            with fl.trace.stage("inner"):
+        with stage("outer"):
+            with stage("inner"):
                 time.sleep(0.02)
             trace.count("tiles", 3)
         total = time.perf_counter() - began
@@ -422,7 +427,7 @@ def test_a_trace_gives_each_moment_to_one_stage():
 
 
 def test_a_plan_says_the_same_in_all_forms():
-    scene = fl.Scene(BYTES, effects=[fl.TentSnow(), fl.TentRain(amount=0.0)])
+    scene = fl.Scene(BYTES, effects=[TentSnow(), TentRain(amount=0.0)])
     plan = scene.plan("1-40")
     text, values, page = str(plan), json.loads(plan.to_json()), plan._repr_html_()
     assert values == json.loads(json.dumps(plan.to_dict()))
@@ -437,7 +442,7 @@ def test_a_plan_says_the_same_in_all_forms():
 
 def test_the_command_line_prints_a_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     file = str(tmp_path / "scene.toml")
-    fl.Scene("#203040", size=(64, 48), effects=[fl.TentSnow(), fl.TentRain(amount=0.0)]).save(file)
+    fl.Scene("#203040", size=(64, 48), effects=[TentSnow(), TentRain(amount=0.0)]).save(file)
     assert main(["plan", file, "--frames", "3-9", "--no-probe"]) == 0
     text = capsys.readouterr().out
     assert text.strip() == str(fl.open(file).plan("3-9", probe=False))
@@ -451,7 +456,7 @@ def test_the_command_line_prints_a_plan(tmp_path: Path, capsys: pytest.CaptureFi
 
 def test_accuracy_is_that_of_the_frame_with_other_hand_overs():
     snow = fl.Snow(density=40.0, far=20.0, seed=3)
-    scene = fl.Scene(BYTES, effects=[snow, fl.TentRain(seed=1)])
+    scene = fl.Scene(BYTES, effects=[snow, TentRain(seed=1)])
     found = scene.plan("2-8", probe=False, accuracy=True).accuracy
     assert found is not None and found.frame == 5 and found.why == ""
     *near, drawn = found.settings
@@ -475,7 +480,7 @@ def test_accuracy_says_where_the_hand_over_has_no_say():
         found = one.plan(2, probe=False, accuracy=True).accuracy
         assert found is not None and "`handover` has no say" in found.why
         assert [one.setting for one in found.settings] == ["as is", "every flake drawn"]
-    for effects in ([fl.TentSnow()], [fl.Snow(method="simulated")]):
+    for effects in ([TentSnow()], [fl.Snow(method="simulated")]):
         found = fl.Scene(BYTES, effects=effects).plan(2, probe=False, accuracy=True).accuracy
         assert found is not None and found.settings == () and "draws near flakes" in found.why
 

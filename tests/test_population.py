@@ -98,7 +98,7 @@ def test_slabs_cover_what_the_air_beyond_the_drawn_flakes_does():
 
 
 def scene(
-    method: str = "hybrid", *, shape: tuple[int, int] = (160, 200), seed: int = 1,
+    method: str = "flakes", *, shape: tuple[int, int] = (160, 200), seed: int = 1,
     depth: Any = None, camera: Any = None, **fields: Any,
 ) -> fl.Scene:  # fmt: skip
     snow = fl.Snow(**{"density": 60.0, "method": method, "far": 40.0, **fields})
@@ -126,7 +126,7 @@ def test_pixels_forget_snow_straight_down_as_drawn_flakes_do():
     hybrid, simulated = (
         scene(method, density=30.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 1.0), near=6.0, far=22.0,
               fall=1.5, shape=(288, 384), camera=fl.Camera(360.0), seed=4)
-        for method in ("hybrid", "simulated")
+        for method in ("flakes", "simulated")
     )  # fmt: skip
     drawn = memory([alpha(simulated, t) for t in range(0, 28, 4)], 6)
     ours = memory([alpha(hybrid, t) for t in range(0, 68, 4)], 6)
@@ -139,7 +139,7 @@ def test_pixels_forget_snow_straight_down_as_drawn_flakes_do():
 
 def test_both_methods_draw_the_same_near_flakes():
     """What the hybrid draws, faded where the texture takes over, lies within what is simulated."""
-    drawn = scene("hybrid", far=15.0).layers(7.0).layers["snow"].coverage
+    drawn = scene("flakes", far=15.0).layers(7.0).layers["snow"].coverage
     assert drawn.max() > 0.5
     assert (alpha(scene("simulated", far=15.0)) - drawn).min() > -1e-3
     assert (alpha(scene("simulated", seed=2, far=15.0)) - drawn).min() < -0.3
@@ -155,7 +155,7 @@ def test_extinction_before_a_wall_is_that_of_all_flakes(wall: float):
     assert np.mean(means) == pytest.approx(wanted, abs=0.012)
 
 
-@pytest.mark.parametrize("method", ["hybrid", "simulated"])
+@pytest.mark.parametrize("method", ["flakes", "simulated"])
 def test_nothing_is_nearer_than_the_near_depth(method: str):
     # Also where flakes at that depth are the texture's: by the extinction of those beyond.
     for near in (0.5, 12.0):
@@ -330,9 +330,9 @@ def test_all_flakes_drawn_and_the_texture_feel_one_profile():
             means.append(film[0].mean())
         return np.mean(rows, axis=0), float(np.mean(means))
 
-    ours, mean = remembered("hybrid", wind)
+    ours, mean = remembered("flakes", wind)
     drawn, wanted = remembered("simulated", wind)
-    steady, _ = remembered("hybrid", (0.2, 0.0, 0.0))
+    steady, _ = remembered("flakes", (0.2, 0.0, 0.0))
     assert mean == pytest.approx(wanted, rel=0.02)
     assert np.abs(ours - drawn).max() < 0.04, (ours, drawn)
     assert steady[0] - ours[0] > 0.1, (steady, ours)

@@ -64,7 +64,7 @@ def quiet(files: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         signal.alarm(0)
         # What calls of these two left behind must not reach other tests.
         fl.set_threads(2)
-        fl.set_reproducible(False)
+        fl.settings(reproducible=False)
 
 
 def test_everything_public_has_a_call():

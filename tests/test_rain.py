@@ -18,7 +18,7 @@ from flurries.effects.layout import streaks_tile
 from flurries.scene.fingerprint import fingerprint
 from flurries.spectral.contrast import kept_power, mean_opacity
 
-Rain, Scene, Camera = fl.TentRain, fl.Scene, fl.camera.Camera
+Rain, Scene, Camera = fl.effects.TentRain, fl.Scene, fl.camera.Camera
 PRESETS = ("drizzle", "rain", "downpour")
 # The texture alone, of a map that keeps the field's shape.
 BARE = {"drops": 0, "haze": 0.0, "mean": 0.5, "spread": 4.0, "power": 1.0, "texture": 1.0,
@@ -131,7 +131,7 @@ def test_nothing_kept_is_no_streak_and_no_nan():
 # Streaks that move -------------------------------------------------------------------------------
 
 
-def share_still(rain: fl.TentRain, seed: int = 0) -> float:
+def share_still(rain: fl.effects.TentRain, seed: int = 0) -> float:
     """Share of the texture's power that stays through many frames at times without a rhythm."""
     scene = black(rain, camera=Camera(600.0), seed=seed)
     times = np.random.default_rng(8).uniform(0.0, 1e5, 24)
@@ -248,7 +248,7 @@ def test_the_gain_is_light():
 
 def test_scenes_with_rain_are_saved(tmp_path: Path):
     rain = Rain("downpour", fall=7.0, tile=512, renormalise=False, drop_depth=9.0, gain=5.0)
-    scene = Scene(size=(64, 48), effects=[fl.TentSnow("light", flakes=50), rain], seed=5)
+    scene = Scene(size=(64, 48), effects=[fl.effects.TentSnow("light", flakes=50), rain], seed=5)
     scene.save(tmp_path / "scene.toml")
     again = fl.open(tmp_path / "scene.toml")
     assert again.effects == scene.effects and fingerprint(again) == fingerprint(scene)

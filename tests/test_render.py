@@ -21,7 +21,7 @@ from flurries.io import (
 )
 from flurries.output.contents import display_levels
 
-Scene, Snow = fl.Scene, fl.TentSnow
+Scene, Snow = fl.Scene, fl.effects.TentSnow
 W, H = 66, 50
 RNG = np.random.default_rng(3)
 BYTES = RNG.integers(0, 220, (H, W, 3)).astype(np.uint8)

@@ -13,6 +13,7 @@ import OpenImageIO as oiio
 import pytest
 
 import flurries as fl
+from flurries.effects import TentRain, TentSnow
 from flurries.io import read_header, read_layers
 
 W, H = 256, 192
@@ -22,18 +23,18 @@ TURN = fl.Keys([(0.0, (0.0, 0.0, 0.0)), (100.0, (0.05, 0.2, 0.1))])
 PROFILE = fl.Wind((0.2, 0.0, 0.0), profile=[(8.0, 0.8), (40.0, 1.5)])
 
 SCENES: dict[str, dict[str, Any]] = {
-    "texture and flakes": {"effects": fl.TentSnow(fall=0.4, wind=(0.15, 0, 0), flakes=1500)},
+    "texture and flakes": {"effects": TentSnow(fall=0.4, wind=(0.15, 0, 0), flakes=1500)},
     "forwards": {
-        "effects": fl.TentSnow(fall=0.3, wind=(0.1, 0, 0), flakes=1500),
+        "effects": TentSnow(fall=0.3, wind=(0.1, 0, 0), flakes=1500),
         "camera": fl.CameraPath(fl.Camera(600.0), velocity=(0.0, 0.0, 1.0)),
     },
     "a camera that turns": {
-        "effects": fl.TentSnow(fall=0.3, wind=(0.1, 0, 0), flakes=1500),
+        "effects": TentSnow(fall=0.3, wind=(0.1, 0, 0), flakes=1500),
         "camera": fl.CameraPath(fl.Camera(600.0), orientation=TURN),
     },
-    "rain before a wall": {"effects": fl.TentRain(fall=0.15, wind=(0.03, 0, 0)), "depth": 20.0},
+    "rain before a wall": {"effects": TentRain(fall=0.15, wind=(0.03, 0, 0)), "depth": 20.0},
     "wind over depth": {
-        "effects": fl.TentSnow(fall=0.3, wind=PROFILE, flakes=1500)
+        "effects": TentSnow(fall=0.3, wind=PROFILE, flakes=1500)
     },
 }  # fmt: skip
 
@@ -77,7 +78,7 @@ def test_motion_predicts_the_next_frame(kind: str):
 
 def test_the_texture_moves_as_the_mean_of_its_gradients():
     # The formula of the docstring, with the plain spectrum, by hand.
-    effect = fl.TentSnow(fall=0.6, wind=(0.2, 0, 0), flakes=0, alias="keep", shutter=0.0)
+    effect = TentSnow(fall=0.6, wind=(0.2, 0, 0), flakes=0, alias="keep", shutter=0.0)
     scene = fl.Scene(size=(W, H), camera=fl.Camera(300.0), effects=effect)
     got = scene.layers(10)
     low, high = effect.parts.texture.field.band((H, W))
@@ -121,7 +122,7 @@ def scene_of_two() -> fl.Scene:
     front[150:, :100] = (0.1, 0.2, 0.05, 0.8)
     return fl.Scene(
         LIGHT,
-        effects=[fl.TentSnow(flakes=300), fl.TentRain()],
+        effects=[TentSnow(flakes=300), TentRain()],
         depth=30.0,
         foreground=front,
         seed=9,
@@ -179,7 +180,7 @@ def test_all_ways_to_a_flake_name_it_alike(tmp_path: Path):
 
 @pytest.mark.parametrize("layers", [True, False])
 def test_two_eyes_are_two_views(layers: bool, tmp_path: Path):
-    scene = fl.Scene(LIGHT, effects=fl.TentSnow(flakes=300))
+    scene = fl.Scene(LIGHT, effects=TentSnow(flakes=300))
     eye = scene.camera.camera
     eyes = {
         name: fl.Camera(eye.focal, offset=(side, 0, 0))

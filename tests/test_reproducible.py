@@ -50,9 +50,9 @@ def has_fma() -> bool:
 
 @pytest.fixture(autouse=True)
 def as_before() -> Iterator[None]:
-    before = fl.reproducible()
+    before = fl.settings().reproducible
     yield
-    fl.set_reproducible(before)
+    fl.settings(reproducible=before)
 
 
 ON = {"FLURRIES_REPRODUCIBLE": "1"}
@@ -93,8 +93,8 @@ def test_an_old_processor_gives_the_same_bits(record_property: Callable[[str, ob
 def test_switching_is_as_starting_so():
     """Nothing that one mode keeps is used by the other."""
     for mode in ("0", "1", "0", "1"):
-        fl.set_reproducible(mode == "1")
-        assert fl.reproducible() is (mode == "1")
+        fl.settings(reproducible=mode == "1")
+        assert fl.settings().reproducible is (mode == "1")
         want = hashes(FLURRIES_REPRODUCIBLE=mode)
         assert {"kernels": of_kernels(), "scenes": of_scenes()} == want
 
@@ -105,7 +105,7 @@ def test_it_is_as_right():
     exact = fl.spectral.field(shape, dtype=np.float64, **moving)
     errors = []
     for mode in (False, True):
-        fl.set_reproducible(mode)
+        fl.settings(reproducible=mode)
         errors.append(np.abs(fl.spectral.field(shape, **moving) - exact).max())
     assert errors[1] < 5e-6 and errors[1] < 3 * errors[0]
 
@@ -113,12 +113,12 @@ def test_it_is_as_right():
 @pytest.mark.parametrize("bad", [1, 0, "yes", None, np.ones(2)])
 def test_it_is_on_or_off(bad: Any):
     with pytest.raises(TypeError, match=r"\bon\b"):
-        fl.set_reproducible(bad)
+        fl.settings(reproducible=bad)
 
 
 @pytest.mark.parametrize("value, on", [("1", True), ("0", False), ("", False), ("yes", False)])
 def test_the_environment_turns_it_on(value: str, on: bool):
-    code = "import flurries as fl; print(fl.reproducible())"
+    code = "import flurries as fl; print(fl.settings().reproducible)"
     done = subprocess.run(
         [sys.executable, "-c", code], text=True, capture_output=True,
         env={**os.environ, "FLURRIES_REPRODUCIBLE": value},

@@ -14,7 +14,7 @@ import pytest
 import flurries as fl
 from flurries.io import srgb_to_linear, write_picture
 
-Keys, Snow, Scene, Camera = fl.Keys, fl.TentSnow, fl.Scene, fl.camera.Camera
+Keys, Snow, Scene, Camera = fl.Keys, fl.effects.TentSnow, fl.Scene, fl.camera.Camera
 W, H = 90, 70
 RNG = np.random.default_rng(11)
 BYTES = RNG.integers(0, 200, (H, W, 3)).astype(np.uint8)

@@ -17,7 +17,7 @@ from flurries.io import (
     write_picture,
 )
 
-EFFECTS = [fl.Mist(count=60, density=0.6), fl.TentSnow("heavy", flakes=150)]
+EFFECTS = [fl.Mist(count=60, density=0.6), fl.effects.TentSnow("heavy", flakes=150)]
 
 
 def plate(dtype: Any, opaque: bool = False) -> np.ndarray:
@@ -89,7 +89,7 @@ def test_16_7_regions_bands_eyes_and_masks_keep_it():
     background = random.integers(0, 256, (1100, 1000, 4), dtype=np.uint8)
     mask = np.zeros((1100, 1000), np.float32)
     mask[400:600] = 1.0
-    scene = fl.Scene(background, effects=[fl.TentSnow("heavy", flakes=400)])
+    scene = fl.Scene(background, effects=[fl.effects.TentSnow("heavy", flakes=400)])
     whole = scene.render(1)
     part = scene.render(1, region=np.s_[500:620, 30:700])
     assert np.array_equal(part, whole[500:620, 30:700])

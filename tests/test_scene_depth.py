@@ -167,7 +167,7 @@ def test_a_depth_that_stays_and_one_that_changes_have_the_same_frames(mode: str)
     # What is found of a depth is kept while it stays: never for another depth, time or map.
     near, far = np.full((60, 80), 6.0, np.float32), np.full((60, 80), 40.0, np.float32)
     near[:30] = 90.0
-    effect = fl.TentSnow(fall=0.4, wind=(0.1, 0.0, 0.0), flakes=40, depth_mode=mode, seed=3)
+    effect = fl.effects.TentSnow(fall=0.4, wind=(0.1, 0.0, 0.0), flakes=40, depth_mode=mode, seed=3)
     grown = fl.Keys([(0.0, 0.1), (9.0, 0.4)])
     frames = []
     for depth, haze in ((near, 0.2), (far, 0.2), (near, grown)):

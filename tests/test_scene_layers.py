@@ -82,7 +82,7 @@ def test_color_by_pixel_is_mixed_in_either_light(space: str, kind: str, matte: A
 
 @pytest.mark.parametrize("space", ["display", "linear"])
 def test_the_layers_of_a_tuple_make_the_composite(space: str):
-    effects = [Given((ONE, MANY)), Given(ONE), fl.TentSnow(flakes=50)]
+    effects = [Given((ONE, MANY)), Given(ONE), fl.effects.TentSnow(flakes=50)]
     got = fl.Scene(LIGHT, effects=effects, space=space).layers(2)
     assert list(got.layers) == ["fog", "cloud", "fog2", "snow"]
     whole = weather(got).astype(np.float64)

@@ -14,7 +14,7 @@ from flurries.io import linear_to_srgb, srgb_to_linear
 from flurries.light.plate import ambient_light
 from measure import cover
 
-Snow, Scene = fl.TentSnow, fl.Scene
+Snow, Scene = fl.effects.TentSnow, fl.Scene
 W, H = 256, 192
 MODES = ("tile", "pixel")
 NEAR, FAR = 12.0, 96.0  # three octaves
@@ -33,7 +33,7 @@ def alpha(snow: Any, depth: Any, t: float = 5.0, seed: int = 0, **more: Any) -> 
 def test_what_is_beyond_all_snow_changes_nothing(mode: str):
     for snow in (
         Snow(depth_mode=mode, flakes=500),
-        fl.TentRain(depth_mode=mode, drops=500),
+        fl.effects.TentRain(depth_mode=mode, drops=500),
     ):
         want = alpha(snow, None)
         far = max(snow.parts.texture.field.far_depth, snow.near_depth)
@@ -231,7 +231,7 @@ def test_ambient_of_a_region_is_that_of_the_whole():
     assert np.isfinite(got[5:]).all()
 
 
-@pytest.mark.parametrize("kind", [Snow, fl.Snow, fl.Mist, fl.Sun, fl.ConeRain])
+@pytest.mark.parametrize("kind", [Snow, fl.Snow, fl.Mist, fl.Sun, fl.effects.ConeRain])
 def test_colors_are_also_those_of_the_web(kind: Any):
     assert kind(color="#336699").color == (0.2, 0.4, 0.6)
     with pytest.raises(ValueError, match="color must be '#rrggbb'"):

@@ -13,7 +13,7 @@ import flurries as fl
 from flurries.io import write_layers, write_picture
 from flurries.scene.fingerprint import fingerprint
 
-Keys, Scene, Snow = fl.Keys, fl.Scene, fl.TentSnow
+Keys, Scene, Snow = fl.Keys, fl.Scene, fl.effects.TentSnow
 RNG = np.random.default_rng(8)
 MAP = {"near": 2.0, "far": 30.0}
 PLATE = RNG.integers(0, 255, (40, 60, 3)).astype(np.uint8)

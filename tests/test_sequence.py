@@ -16,19 +16,19 @@ from flurries.output.store import check
 
 W, H = 66, 50
 PLATE = np.random.default_rng(3).integers(0, 220, (H, W, 3)).astype(np.uint8)
-SCENE = fl.Scene("#304050", size=(96, 64), effects=fl.TentSnow("heavy", flakes=100))
+SCENE = fl.Scene("#304050", size=(96, 64), effects=fl.effects.TentSnow("heavy", flakes=100))
 
 
 def test_the_two_modes_are_never_mixed(tmp_path: Path):
     SCENE.write(tmp_path / "%d.png", "1-2")
-    fl.set_reproducible(True)
+    fl.settings(reproducible=True)
     try:
         with pytest.raises(ValueError, match="something else"):
             SCENE.write(tmp_path / "%d.png", "1-3")
         assert SCENE.write(tmp_path / "%d.png", "1-3", overwrite=True).written == [1, 2, 3]
         assert SCENE.write(tmp_path / "%d.png", "1-3").kept == [1, 2, 3]
     finally:
-        fl.set_reproducible(False)
+        fl.settings(reproducible=False)
 
 
 # The manifest ------------------------------------------------------------------------------------
@@ -86,7 +86,7 @@ def damaged(tmp_path: Path) -> fl.Scene:
     (tmp_path / "plate.1.png").unlink()
     cut = tmp_path / "plate.3.png"
     cut.write_bytes(cut.read_bytes()[:3000])
-    return fl.Scene(tmp_path / "plate.%d.png", effects=fl.TentSnow(flakes=50))
+    return fl.Scene(tmp_path / "plate.%d.png", effects=fl.effects.TentSnow(flakes=50))
 
 
 def test_it_stops_at_a_damaged_frame(damaged: fl.Scene, tmp_path: Path):

@@ -15,7 +15,7 @@ LIGHT = np.random.default_rng(3).random((H, W, 3)).astype(np.float32) * 0.5
 # Rec. 709 to AP1 as the Academy's S-2014-004 with a Bradford adaptation from D65 to D60 has it.
 AP1 = np.array([[0.613097, 0.339523, 0.047379], [0.070194, 0.916354, 0.013452],
                 [0.020616, 0.109570, 0.869815]])  # fmt: skip
-SNOW = [fl.TentSnow("heavy", color=(0.9, 0.7, 0.5)), fl.Mist("fog", density=0.2)]
+SNOW = [fl.effects.TentSnow("heavy", color=(0.9, 0.7, 0.5)), fl.Mist("fog", density=0.2)]
 
 
 def turned(pixels: np.ndarray, matrix: np.ndarray = AP1) -> np.ndarray:
@@ -32,7 +32,7 @@ def test_snow_over_an_acescg_plate_is_that_over_one_of_rec_709():
 
 
 def test_ambient_light_and_lit_fog_know_the_space():
-    effects = [fl.TentSnow("heavy", color="ambient"), fl.Mist("clouds")]
+    effects = [fl.effects.TentSnow("heavy", color="ambient"), fl.Mist("clouds")]
     sun = fl.Sun((0.3, 1.0, 0.2), (1.0, 0.8, 0.6), 0.3)
     plain = fl.Scene(LIGHT, effects=effects, sun=sun).render(4)
     wide = fl.Scene(turned(LIGHT), effects=effects, sun=sun, colorspace="ACEScg").render(4)

@@ -14,11 +14,11 @@ LENS = fl.Camera(110.0)
 FLIGHT = fl.CameraPath(LENS, velocity=(0.5, -0.2, 1.5))
 EFFECTS: dict[str, Any] = {
     "mist": fl.Mist("fog", wind=(1.0, 0.0, 0.0)),
-    "cone rain": fl.ConeRain("downpour", haze=0.0),
-    "cone snow without flakes": fl.ConeSnow("heavy", flakes=0, haze=0.0),
+    "cone rain": fl.effects.ConeRain("downpour", haze=0.0),
+    "cone snow without flakes": fl.effects.ConeSnow("heavy", flakes=0, haze=0.0),
     "snow": fl.Snow("heavy"),
-    "tent without flakes": fl.TentSnow("heavy", flakes=0, haze=0.0),
-    "tent": fl.TentSnow("heavy"),
+    "tent without flakes": fl.effects.TentSnow("heavy", flakes=0, haze=0.0),
+    "tent": fl.effects.TentSnow("heavy"),
 }
 
 

@@ -112,7 +112,7 @@ def test_holding_and_looping_are_said(shot: Path):
 
 
 def test_a_held_camera_stands_still(shot: Path):
-    snow = fl.TentSnow("heavy", fall=0.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 0.0))
+    snow = fl.effects.TentSnow("heavy", fall=0.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 0.0))
     held = scene(extend="hold", effects=[snow], foreground=None)
     np.testing.assert_array_equal(held.render(1020), held.render(1011))
     assert (held.render(1007) != held.render(1008)).any()

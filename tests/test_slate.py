@@ -17,7 +17,7 @@ from flurries.cli import main
 from flurries.io.timecode import TimeCode
 
 H, W = 24, 36
-SNOW = [fl.TentSnow("heavy")]
+SNOW = [fl.effects.TentSnow("heavy")]
 RNG = np.random.default_rng(5)
 LIGHT = (RNG.random((H, W, 4)) * 0.8).astype(np.float32)
 LIGHT[..., :3] *= LIGHT[..., 3:]
@@ -239,7 +239,7 @@ def test_bits_that_a_file_cannot_hold_are_refused(name: str, bits: Any, tmp_path
 def test_snow_of_the_display_window_is_that_of_a_plate_without_overscan(tmp_path: Path):
     """The lens is that of the display window: overscan shows more of the same snow."""
     plate(tmp_path / "wide.exr", [], windows=WINDOWS["uneven overscan"])
-    flakes = [fl.TentSnow(flakes=400)]
+    flakes = [fl.effects.TentSnow(flakes=400)]
     wide = fl.Scene(tmp_path / "wide.exr", effects=flakes)
     left, top, width, height = wide.display
     black = np.zeros((height, width, 3), np.float32)

@@ -79,7 +79,7 @@ def test_the_sound_goes_with_its_frames(
 ):
     plate, out = tmp_path / f"plate.{source}", tmp_path / f"out.{target}"
     film_with_sound(plate, codec)
-    scene = fl.Scene(plate, effects=fl.TentSnow(flakes=20), fps=20.0)
+    scene = fl.Scene(plate, effects=fl.effects.TentSnow(flakes=20), fps=20.0)
     done = scene.write(out, "10-29", quality="draft")
     assert done.sound == "kept" and len(list(read_video(out))) == 20
     kind, samples = heard(out)

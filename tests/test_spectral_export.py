@@ -124,7 +124,7 @@ def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
         str(tmp_path / "t.json")
     ]
     found = json.loads((tmp_path / "t.json").read_text())
-    heavy = fl.TentSnow("heavy")
+    heavy = fl.effects.TentSnow("heavy")
     assert found["size"] == [64, 32] and found["wavelengths"] == [2.0, 16.0]
     assert found["velocity"] == pytest.approx([-2.0, 4.0])
     assert (found["mean"], found["amount"]) == (heavy.mean, heavy.texture)

@@ -12,7 +12,7 @@ import flurries as fl
 import measure
 from measure import FLAKES, FOCAL, LONGEST, NEAR, TEXTURE, TORUS, scene
 
-Camera, Snow, Scene = fl.Camera, fl.TentSnow, fl.Scene
+Camera, Snow, Scene = fl.Camera, fl.effects.TentSnow, fl.Scene
 LENS = Camera(FOCAL)
 BANDS = (30.0, 24.0, 20.0, 16.0, 12.0, 10.0, 8.0, 6.0, 5.0)
 SHARP = {**TEXTURE, **TORUS, "alias": "keep"}
@@ -106,7 +106,7 @@ SHARED: list[tuple[str, list[Any]]] = [
     ("flakes and texture", [Snow("heavy")]),
     ("two of one effect", [Snow(flakes=300)] * 2),
     ("depth by pixel", [Snow(flakes=200, depth_mode="pixel", haze=0.2)]),
-    ("rain", [fl.TentRain(drops=400, near_depth=6.0)]),
+    ("rain", [fl.effects.TentRain(drops=400, near_depth=6.0)]),
     ("gusts", [Snow(flakes=200, wind=fl.Wind((0.5, 0.0, 0.0), gusts=0.5, swirl=0.2))]),
     ("gas", [fl.Mist("fog", wind=(0.3, 0.0, 0.1)), Snow(flakes=200)]),
     ("light of the background", [Snow(flakes=200, color="ambient")]),

@@ -22,7 +22,7 @@ from flurries.io.atomic import hidden_name
 from flurries.output import crew, manifest
 from workers import group, workers
 
-SCENE = fl.Scene("#304050", size=(96, 64), effects=fl.TentSnow("heavy", flakes=100))
+SCENE = fl.Scene("#304050", size=(96, 64), effects=fl.effects.TentSnow("heavy", flakes=100))
 KEYS = {"AWS_ACCESS_KEY_ID": "a", "AWS_SECRET_ACCESS_KEY": "b", "AWS_DEFAULT_REGION": "us-east-1"}
 
 
@@ -235,7 +235,7 @@ FILLS = """
 import json, sys
 from pathlib import Path
 import flurries as fl
-scene = fl.Scene("#304050", size=(96, 64), effects=fl.TentSnow("heavy", flakes=100))
+scene = fl.Scene("#304050", size=(96, 64), effects=fl.effects.TentSnow("heavy", flakes=100))
 def told(*words):
     try:
         done = scene.write("out/%04d.png", "1-12")

@@ -32,16 +32,16 @@ FLAKES: dict[str, Any] = {
     "snow, all drawn": fl.Snow(density=12.0, wind=AIR, **NEAR),
     "snow in gusts": fl.Snow(density=12.0, wind=fl.Wind(AIR, gusts=0.8, swirl=0.4), **NEAR),
     "rain, all drawn": fl.Rain(density=60.0, wind=AIR, **NEAR),
-    "tent": fl.TentSnow(texture=0.0, haze=0.0, wind=AIR),
+    "tent": fl.effects.TentSnow(texture=0.0, haze=0.0, wind=AIR),
 }
 # With the largest error in pixels and the largest median error, of the median speed.
 MEDIA: dict[str, Any] = {
     "fog": (fl.Mist("fog", wind=AIR), 1e-5, 1e-6),
     "bank": (fl.Mist("bank", wind=AIR), 1e-5, 1e-6),
-    "rain on the cone": (fl.ConeRain(haze=0.0, wind=AIR), 1e-5, 1e-6),
-    "snow on the cone": (fl.ConeSnow(haze=0.0, flakes=0, wind=AIR), 1e-5, 1e-6),
+    "rain on the cone": (fl.effects.ConeRain(haze=0.0, wind=AIR), 1e-5, 1e-6),
+    "snow on the cone": (fl.effects.ConeSnow(haze=0.0, flakes=0, wind=AIR), 1e-5, 1e-6),
     # One vector and one depth for each tile, in between interpolated.
-    "texture": (fl.TentSnow(flakes=0, haze=0.0, wind=AIR), 0.35, 0.03),
+    "texture": (fl.effects.TentSnow(flakes=0, haze=0.0, wind=AIR), 0.35, 0.03),
 }
 
 

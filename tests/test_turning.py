@@ -172,7 +172,7 @@ def test_a_shift_is_the_flow_of_the_rotation_at_the_middle_of_the_tile():
 @pytest.mark.parametrize("form", FORMS)
 def test_scene_files_keep_the_turn(form: str, tmp_path: Path):
     path = Path_(Camera(90.0), position=PLACES, orientation=FORMS[form])
-    shown = fl.Scene(size=(50, 40), camera=path, effects=[fl.TentSnow(flakes=300)])
+    shown = fl.Scene(size=(50, 40), camera=path, effects=[fl.effects.TentSnow(flakes=300)])
     shown.save(tmp_path / "scene.toml")
     again = fl.open(tmp_path / "scene.toml")
     for t in (0.0, 3.3):

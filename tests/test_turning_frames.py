@@ -10,6 +10,7 @@ from skimage.registration import optical_flow_ilk
 
 import flurries as fl
 import measure
+from flurries.effects import TentSnow
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, picture, scene
 from test_turning import Camera, Keys, Path_
 
@@ -18,7 +19,7 @@ SMALL = {"flakes": 300}
 
 def test_a_closed_path_returns_the_frame():
     loop = np.array([(0, 0, 0), (1, 0, 2), (3, -1, 2), (1, 1, 1), (0, 0, 0)], dtype=float)
-    still = fl.TentSnow(fall=0.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 1.0), shutter=0.0, **SMALL)
+    still = TentSnow(fall=0.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 1.0), shutter=0.0, **SMALL)
     for tilt in (None, np.tile((0.1, 0.2, 0.3), (5, 1))):
         path = Path_(Camera(110.0), position=loop, orientation=tilt)
         assert not path.turns

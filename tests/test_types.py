@@ -17,10 +17,11 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from flurries.effects import ConeRain, ConeSnow, TentRain, TentSnow
 from flurries.scene.output import OutputFields
 
 PICTURE = np.full((48, 64, 3), 90, np.uint8)
-SCENE = fl.Scene(PICTURE, effects=[fl.TentSnow("heavy"), fl.Mist()], fps=24)
+SCENE = fl.Scene(PICTURE, effects=[TentSnow("heavy"), fl.Mist()], fps=24)
 
 
 def test_write_of_a_scene_has_the_options_of_an_output_and_says_them_all():
@@ -66,7 +67,7 @@ def test_both_have_a_page_in_a_notebook(shown: object):
 
 
 def test_what_was_made_of_a_scene_is_not_written_into_its_page():
-    odd = fl.Scene("#000000", size=(8, 6), effects=[fl.TentSnow(color=(0.5, 0.25, 1.0), flakes=3)])
+    odd = fl.Scene("#000000", size=(8, 6), effects=[TentSnow(color=(0.5, 0.25, 1.0), flakes=3)])
     assert "color (0.5, 0.25, 1), " in odd._repr_html_() or "flakes 3" in odd._repr_html_()
 
 
@@ -77,7 +78,7 @@ def test_a_scene_survives_a_copy_with_its_new_arguments():
 
 
 @pytest.mark.parametrize("kind", [
-    fl.Snow, fl.Rain, fl.TentSnow, fl.TentRain, fl.Mist, fl.ConeSnow, fl.ConeRain,
+    fl.Snow, fl.Rain, TentSnow, TentRain, fl.Mist, ConeSnow, ConeRain,
 ])  # fmt: skip
 def test_the_types_name_all_presets(kind: type[Any]):
     named, _ = typing.get_args(typing.get_type_hints(kind)["preset"].type)
@@ -85,7 +86,7 @@ def test_the_types_name_all_presets(kind: type[Any]):
 
 
 @pytest.mark.parametrize("kind", [
-    fl.Snow, fl.Rain, fl.TentSnow, fl.TentRain, fl.Mist, fl.ConeSnow, fl.ConeRain,
+    fl.Snow, fl.Rain, TentSnow, TentRain, fl.Mist, ConeSnow, ConeRain,
 ])  # fmt: skip
 def test_help_of_an_effect_shows_fields_and_what_users_call(kind: type[Any]):
     names = set(dir(kind))
@@ -101,8 +102,8 @@ def test_help_of_an_effect_shows_fields_and_what_users_call(kind: type[Any]):
 @pytest.mark.parametrize(("call", "near"), [
     (lambda: fl.Snow(3.0), "preset must be one of 'light'"),
     (lambda: fl.Snow(denisty=3.0), "Snow has no 'denisty'; did you mean 'density'?"),
-    (lambda: fl.TentSnow(flake=3), "TentSnow has no 'flake'; did you mean 'flakes'?"),
-    (lambda: fl.ConeRain(drop=3), "ConeRain has no 'drop'; did you mean 'drops'?"),
+    (lambda: TentSnow(flake=3), "TentSnow has no 'flake'; did you mean 'flakes'?"),
+    (lambda: ConeRain(drop=3), "ConeRain has no 'drop'; did you mean 'drops'?"),
     (lambda: fl.Snow(severty=3), "Snow has no 'severty'; did you mean 'severity'?"),
     (lambda: fl.Mist("fog", visibilty=3), "Mist has no 'visibilty'; did you mean "),
     (lambda: fl.Snow("light", amuont=3), "Snow has no 'amuont'; did you mean 'amount"),

@@ -17,13 +17,14 @@ import pytest
 
 import flurries as fl
 import twin
+from flurries.effects import TentRain, TentSnow
 from flurries.effects.kinds import OURS
 from flurries.viewer.charts import chart
 from flurries.viewer.controls import applied, controls_of
 from flurries.viewer.preview import Preview
 from flurries.viewer.session import Session, jpeg
 
-SNOW = fl.TentSnow(flakes=300, wind=(0.9, 0.0, 0.0), fall=1.2)
+SNOW = TentSnow(flakes=300, wind=(0.9, 0.0, 0.0), fall=1.2)
 SCENE = fl.Scene("#203040", size=(160, 120), effects=[SNOW], fps=25.0, seed=5)
 
 
@@ -90,7 +91,7 @@ def test_charts_are_the_tiles_own():
     """The tent of the chart is the twin's for the motion that the camera gives that tile."""
     camera = fl.Camera(200.0)
     path = fl.CameraPath(camera, velocity=(0.0, 0.0, 2.0))
-    snow = fl.TentSnow(wavelengths=(4.0, 16.0), tile=32, overlap=8, near_depth=10.0, alias="cut")
+    snow = TentSnow(wavelengths=(4.0, 16.0), tile=32, overlap=8, near_depth=10.0, alias="cut")
     scene = fl.Scene(size=(160, 120), camera=path, effects=[snow], fps=25.0)
     found = chart(scene, 10.0, 0, (0.9, 0.2))
     assert found is not None
@@ -188,8 +189,8 @@ def test_a_lamp_a_lens_and_a_depth_are_turned_on_and_off(tmp_path: Path):
     assert np.array_equal(made["scene"].render(4), tuned.render(4))
 
 
-GUSTY = SCENE.replace(effects=[fl.TentSnow(wind=fl.Wind((1.0, 0.0, 0.5), gusts=0.7, seed=3))])
-KEYED = SCENE.replace(effects=[fl.TentSnow(amount=fl.Keys([(0, 0.25), (9, 1.0)]))])
+GUSTY = SCENE.replace(effects=[TentSnow(wind=fl.Wind((1.0, 0.0, 0.5), gusts=0.7, seed=3))])
+KEYED = SCENE.replace(effects=[TentSnow(amount=fl.Keys([(0, 0.25), (9, 1.0)]))])
 
 
 @pytest.mark.parametrize(("scene", "values", "wanted"), [
@@ -238,7 +239,7 @@ def test_bad_questions_are_answered_with_a_sentence(ask: Any, said: str):
 
 def test_the_air_goes_on_from_where_it_is_for_each_page():
     """Another speed at frame 100 must not throw the air to where that speed had brought it."""
-    scene = SCENE.replace(effects=[SNOW, fl.TentRain(drops=50)])
+    scene = SCENE.replace(effects=[SNOW, TentRain(drops=50)])
     session = Session(scene)
     for page in ("p", "q"):
         session.answer({"t": 100.0, "page": page, "begin": True})
@@ -268,7 +269,7 @@ def test_a_preview_is_the_same_view_smaller():
     big = fl.Scene(
         np.zeros((768, 1024, 3), np.uint8), foreground=np.zeros((768, 1024), np.float32),
         depth=np.full((768, 1024), 300.0, np.float32),
-        effects=[fl.TentSnow(flakes=0, haze=0.0, wavelengths=(8.0, 64.0), tile=96, overlap=16)],
+        effects=[TentSnow(flakes=0, haze=0.0, wavelengths=(8.0, 64.0), tile=96, overlap=16)],
     )  # fmt: skip
     small = Preview(big, 512).shown({"effects": big.effects, "camera": big.camera})
     assert small.shape == (384, 512) == small.depth_at(0).shape

@@ -23,7 +23,7 @@ import pytest
 import flurries as fl
 from flurries.viewer.server import MOST_BYTES, MOST_LINES, Server, open_page
 
-SCENE = fl.Scene("#203040", size=(64, 48), effects=[fl.TentSnow(flakes=50)])
+SCENE = fl.Scene("#203040", size=(64, 48), effects=[fl.effects.TentSnow(flakes=50)])
 
 
 @pytest.fixture

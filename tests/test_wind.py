@@ -15,7 +15,7 @@ import flurries as fl
 from flurries.effects.gusts import wind_at
 from measure import FOCAL, LONGEST, scene
 
-Wind, Keys, Snow, Camera = fl.Wind, fl.Keys, fl.TentSnow, fl.camera.Camera
+Wind, Keys, Snow, Camera = fl.Wind, fl.Keys, fl.effects.TentSnow, fl.camera.Camera
 RNG = np.random.default_rng(23)
 GRID = RNG.normal(size=(4, 5, 6, 7, 3))
 WINDS = {
@@ -242,7 +242,7 @@ def test_equal_winds_are_equal():
     # One air for all: snow and rain that share a wind share its gusts, whatever their own seeds.
     wind = Wind(gusts=1.0)
     at = RNG.uniform(-5, 5, (5, 3))
-    effects = [Snow(wind=wind, seed=1), fl.TentRain(wind=wind, seed=2)]
+    effects = [Snow(wind=wind, seed=1), fl.effects.TentRain(wind=wind, seed=2)]
     rates = [wind_at(e.parts.motion, one(fl.Scene(size=(64, 48), effects=effects), 9.0, i), at)[1]
              for i, e in enumerate(effects)]  # fmt: skip
     assert np.array_equal(*rates)

@@ -42,7 +42,7 @@ Variables of the environment, read when `flurries` is imported or when they are 
 | variable | what | usual |
 | --- | --- | --- |
 | `FLURRIES_NUM_THREADS` | threads of a frame, 1 to 256; `fl.set_threads` and `--threads` come before it | all cores |
-| `FLURRIES_REPRODUCIBLE` | `1`: the same bits on every processor, as `fl.set_reproducible(True)` and `--reproducible` | `0` |
+| `FLURRIES_REPRODUCIBLE` | `1`: the same bits on every processor, as `fl.settings(reproducible=True)` and `--reproducible` | `0` |
 | `FLURRIES_SIMD` | the vector instructions that kernels use at most: `avx512`, `avx2`, `portable` | what the processor has |
 | `FLURRIES_MAX_PIXELS` | how many pixels a picture that is read may have | see `fl.io.Budget` |
 | `FLURRIES_MAX_BYTES` | how much memory it may take | see `fl.io.Budget` |

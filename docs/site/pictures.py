@@ -9,14 +9,15 @@ import numpy as np
 from PIL import Image
 
 import flurries as fl
+from flurries.effects.kinds import spelled
 from flurries.io.photographs import NAMES
 
 SIZE = (480, 320)
 FRAMES = 24
 
 KINDS: dict[str, type[Any]] = {
-    "snow": fl.Snow, "rain": fl.Rain, "mist": fl.Mist, "tent_snow": fl.TentSnow,
-    "tent_rain": fl.TentRain, "cone_snow": fl.ConeSnow, "cone_rain": fl.ConeRain,
+    "snow": fl.Snow, "rain": fl.Rain, "mist": fl.Mist, "tent_snow": fl.effects.TentSnow,
+    "tent_rain": fl.effects.TentRain, "cone_snow": fl.effects.ConeSnow, "cone_rain": fl.effects.ConeRain,
 }  # fmt: skip
 
 
@@ -47,9 +48,9 @@ def write(stage: Path, *, films: bool) -> None:
         for name in presets(kind):
             file = folder / f"{title}_{name.replace(' ', '_')}.webp"
             film(file, scene_of(kind, name), FRAMES if films else 1)
-            figures.append(figure(f"looks/{file.name}", f"fl.{kind.__name__}({name!r})"))
+            figures.append(figure(f"looks/{file.name}", f"{spelled(kind)}({name!r})"))
         gallery.append(
-            f"## `fl.{kind.__name__}`\n\n::::{{container}} looks\n" + "".join(figures) + "::::\n"
+            f"## `{spelled(kind)}`\n\n::::{{container}} looks\n" + "".join(figures) + "::::\n"
         )
     (stage / "gallery.md").write_text("\n".join(gallery), encoding="utf-8")
 

@@ -34,7 +34,10 @@ def write(folder: Path) -> None:
     pages: dict[str, list[tuple[str, str]]] = {"scene": [], "effects": []}
     for name in fl.__all__:
         thing = getattr(fl, name)
-        if inspect.ismodule(thing):
+        if name == "effects":
+            own = [one for one in public(thing) if one not in fl.__all__]
+            pages[name] += [("flurries.effects", one) for one in own]
+        elif inspect.ismodule(thing):
             pages[name] = [(f"flurries.{name}", own) for own in public(thing)]
         else:
             kind = "effects" if hasattr(thing, "preset") else "scene"

@@ -13,7 +13,7 @@ from typing import Any
 from numpydoc.docscrape import ClassDoc
 
 import flurries as fl
-from flurries.effects.kinds import OURS
+from flurries.effects.kinds import OURS, spelled
 from flurries.scene.toml import reader as tables
 
 TABLES = (
@@ -77,7 +77,7 @@ def write(folder: Path) -> None:
         named = f"Presets: {', '.join(f'`{look}`' for look in looks)}. " if looks else ""
         names = (*[f.name for f in fields(kind)], *getattr(kind, "KNOBS", ()))
         parts.append(
-            f'## kind = "{name}"\n\n{named}In Python `fl.{kind.__name__}`.\n\n'
+            f'## kind = "{name}"\n\n{named}In Python `{spelled(kind)}`.\n\n'
             f"{table(kind, names, ranges(kind))}"
         )
     (folder / "scene-toml.md").write_text("\n".join(parts), encoding="utf-8")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from flurries import _build as _build
 from flurries._core import InternalError
-from flurries._threads import reproducible, set_reproducible, set_threads, threads
+from flurries._threads import set_threads, settings
 
 if TYPE_CHECKING:
     from flurries import (
@@ -22,26 +22,17 @@ if TYPE_CHECKING:
         camera,
         composite,
         cone,
+        effects,
         gas,
         io,
         particles,
         spectral,
         stereo,
-        trace,
     )
     from flurries.camera import Camera
     from flurries.camera.optics import Lens
     from flurries.camera.path import CameraPath
-    from flurries.effects import (
-        ConeRain,
-        ConeSnow,
-        Mist,
-        Rain,
-        Snow,
-        TentRain,
-        TentSnow,
-        register,
-    )
+    from flurries.effects import Mist, Rain, Snow, register
     from flurries.frame.layer import Layer
     from flurries.frame.truth import Rendered
     from flurries.frame.view import Frame
@@ -60,8 +51,6 @@ if TYPE_CHECKING:
 __all__ = [
     "Camera",
     "CameraPath",
-    "ConeRain",
-    "ConeSnow",
     "DepthMap",
     "Foreground",
     "Frame",
@@ -77,26 +66,22 @@ __all__ = [
     "Scene",
     "Snow",
     "Sun",
-    "TentRain",
-    "TentSnow",
     "Wind",
     "augment",
     "camera",
     "composite",
     "cone",
+    "effects",
     "flakes",
     "gas",
     "io",
     "open",
     "particles",
     "register",
-    "reproducible",
-    "set_reproducible",
     "set_threads",
+    "settings",
     "spectral",
     "stereo",
-    "threads",
-    "trace",
     "view",
 ]
 
@@ -122,10 +107,9 @@ _FROM = {
     "Wind": "motion.wind",
     "view": "viewer",
     "register": "effects",
-    **dict.fromkeys(
-        ("ConeRain", "ConeSnow", "Mist", "Rain", "Snow", "TentRain", "TentSnow"),
-        "effects",
-    ),
+    "Mist": "effects",
+    "Rain": "effects",
+    "Snow": "effects",
 }
 
 

@@ -34,27 +34,64 @@ def threads() -> int:
     return _core.threads()
 
 
-def set_reproducible(on: bool) -> None:
-    """Let the kernels give the same bits whatever vector instructions the processor has.
+class Settings:
+    """Threads and mode of the kernels as they are; a context that gives back what was before."""
 
-    Off by default; ``FLURRIES_REPRODUCIBLE=1`` turns it on for a process and those that it starts.
-    Without it AVX-512 and AVX2 agree with each other, and processors without either differ from
-    them in the last bits. What it costs is measured by
-    ``python benches/accuracy.py precision`` (docs/internals/accuracy.md).
+    def __init__(self, before: tuple[int, bool]) -> None:
+        self._before = before
+
+    @property
+    def threads(self) -> int:
+        """The number of threads that the kernels use."""
+        return _core.threads()
+
+    @property
+    def reproducible(self) -> bool:
+        """Whether the kernels give the same bits with all vector instructions."""
+        return _core.reproducible()
+
+    def __enter__(self) -> Settings:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        settings(threads=self._before[0], reproducible=self._before[1])
+
+
+def settings(*, threads: int | None = None, reproducible: bool | None = None) -> Settings:
+    """Set how the kernels of this process run; in a ``with``, until it ends.
 
     Parameters
     ----------
-    on : bool
+    threads : int, optional
+        1 to 256. The default is ``FLURRIES_NUM_THREADS``, or all cores. Results do not depend on
+        it, bit for bit.
+    reproducible : bool, optional
+        Whether the kernels give the same bits whatever vector instructions the processor has. Off
+        by default; ``FLURRIES_REPRODUCIBLE=1`` turns it on for a process and those that it starts.
+
+    Returns
+    -------
+    Settings
+        With `threads` and `reproducible` as they are.
 
     Notes
     -----
-    Products and sums are rounded apart everywhere, and Fourier transforms take no vector path.
-    In float64 such a transform takes its factors from the C library, and those may differ in the
-    last bit between processors; so may what NumPy prepares for a scene. Scenes with the C library,
-    NumPy and its linear algebra held to an old processor's instructions kept all their bits
-    (``tests/test_reproducible.py``).
+    Without `reproducible` AVX-512 and AVX2 agree with each other, and processors without either
+    differ from them in the last bits. With it products and sums are rounded apart everywhere, and
+    Fourier transforms take no vector path. In float64 such a transform takes its factors from the C
+    library, and those may differ in the last bit between processors; so may what NumPy prepares for
+    a scene. Scenes with the C library, NumPy and its linear algebra held to an old processor's
+    instructions kept all their bits (``tests/test_reproducible.py``). What it costs is measured by
+    ``python benches/accuracy.py precision`` (docs/internals/accuracy.md).
     """
-    _core.set_reproducible(flag("on", on))
+    count = None if threads is None else integer("threads", threads, low=1, high=MOST_THREADS)
+    mode = None if reproducible is None else flag("reproducible", reproducible)
+    before = _core.threads(), _core.reproducible()
+    if count is not None:
+        _core.set_threads(count)
+    if mode is not None:
+        _core.set_reproducible(mode)
+    return Settings(before)
 
 
 def reproducible() -> bool:

@@ -18,7 +18,7 @@ from test_viewer_page import CHROMIUM, PICTURES, SHOTS, drag, until
 
 CELLS = [
     "import flurries as fl\nfrom skimage import data\n"
-    "snow = fl.TentSnow('heavy', flakes=6000)\n"
+    "snow = fl.effects.TentSnow('heavy', flakes=6000)\n"
     "viewer = fl.view(fl.Scene(data.astronaut(), effects=[snow]))\nviewer",
     "from pathlib import Path\nPath('amount').write_text(str(viewer.scene.effects[0].amount))",
 ]

@@ -45,7 +45,7 @@ def browser() -> Iterator[Any]:
 def scene() -> fl.Scene:
     from skimage import data
 
-    return fl.Scene(data.astronaut(), effects=[fl.TentSnow("heavy", flakes=6000)])
+    return fl.Scene(data.astronaut(), effects=[fl.effects.TentSnow("heavy", flakes=6000)])
 
 
 @contextmanager

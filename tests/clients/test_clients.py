@@ -29,7 +29,7 @@ from flurries.io.timecode import TimeCode
 H, W = 48, 64
 LIGHT = np.random.default_rng(1).random((H, W, 3)).astype(np.float32)
 # Gas wants square pixels, which the plate of the fixture has not.
-WIDE = [fl.TentSnow("heavy"), fl.Snow("heavy")]
+WIDE = [fl.effects.TentSnow("heavy"), fl.Snow("heavy")]
 
 
 def needs(program: str) -> Any:
@@ -121,7 +121,7 @@ def test_ffprobe_says_what_we_wrote(name: str, tmp_path: Path):
     run("ffmpeg", "-v", "error", "-i", tmp_path / "mute.mov", "-f", "lavfi", "-i",
         "sine=frequency=440:duration=1", "-map", "0:v", "-map", "1:a", "-c:v", "copy", "-c:a",
         "aac", "-shortest", tmp_path / "plate.mov")  # fmt: skip
-    scene = fl.Scene(tmp_path / "plate.mov", effects=[fl.TentSnow("heavy")])
+    scene = fl.Scene(tmp_path / "plate.mov", effects=[fl.effects.TentSnow("heavy")])
     done = scene.write(tmp_path / file, codec=name.split()[0], bits=bits)
     assert done.sound == "kept" and has_sound(tmp_path / file)
     said = json.loads(run("ffprobe", "-v", "error", "-show_streams", "-show_format", "-of", "json",

@@ -10,6 +10,7 @@ import mpmath
 import numpy as np
 
 import flurries as fl
+from flurries.effects import TentSnow
 from hard.case import Case, worst
 
 C, P = fl.camera, fl.particles
@@ -66,7 +67,7 @@ def closed_path(dtype: Any) -> float:
     """Pixels that differ after a way of 10^6 frames that ends where it began."""
     path = fl.CameraPath(EYE, position=fl.Keys([(0, (0, 0, 0)), (5e5, (3e4, 1e3, 7.0)),
                                                 (1e6, (0, 0, 0))]))  # fmt: skip
-    snow = fl.TentSnow(fall=0.0, wind=(0.0, 0.0, 0.0), flakes=200, sway=(0.0, 0.0), shutter=0.0)
+    snow = TentSnow(fall=0.0, wind=(0.0, 0.0, 0.0), flakes=200, sway=(0.0, 0.0), shutter=0.0)
     scene = fl.Scene(size=(160, 120), camera=path, effects=[snow])
     return float(np.count_nonzero(scene.render(1e6) != scene.render(0)))
 

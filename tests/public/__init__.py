@@ -38,7 +38,7 @@ RESULTS = {
     "Frame", "InternalError", "Layer", "Rendered", "augment.Weathered", "augment.corrupt.Corrupted",
     "cone.Path", "cone.Rays", "cone.State",
     "io.Header", "io.Picture", "io.Source", "io.layers.deep.Deep",
-    "output.write.Summary", "trace.Trace",
+    "output.write.Summary",
 }  # fmt: skip
 
 

@@ -279,7 +279,6 @@ CALLS: dict[str, Call] = {
     "stereo.side_by_side": Call({"left": PICTURE, "right": OTHER}, **PAIR),
     "stereo.over_under": Call({"left": PICTURE, "right": OTHER}, **PAIR),
     "set_threads": Call({"n": 2}, refused={"n": (0, -1, 257, 2**63)}),
-    "set_reproducible": Call({"on": False}),
-    "reproducible": Call({}),
-    "threads": Call({}),
+    "settings": Call({"threads": 2, "reproducible": False}, loose=True,
+                     refused={"threads": (0, -1, 257, 2**63)}),
 }  # fmt: skip

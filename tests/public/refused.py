@@ -150,7 +150,7 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
     "Scene": {
         "size": ((0, 5), (5,), "5", "axb", (2.0, 3.0), (90, 71), (2**17 + 1, 4)),
         "background": ("#12", LEVELS[..., :2], LEVELS.astype(int), LEVELS[:0], None),
-        "camera": (3.0, "x", object()), "effects": (["snow"], [None], [fl.TentSnow], [1]),
+        "camera": (3.0, "x", object()), "effects": (["snow"], [None], [fl.effects.TentSnow], [1]),
         "fps": (0, -1.0, NAN, INF, "24", True), "seed": (2**63, 1.0, "1", None, True),
         "space": ("srgb", 1, None),
         "depth": (0.0, -2.0, NAN, INF, True, {}, np.full((30, 24), 5.0), np.full((24, 30, 3), 5.0)),

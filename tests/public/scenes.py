@@ -15,7 +15,7 @@ from public.arrays import ASIDE, COVER, DEPTH, LENS, MATRICES, OTHER, PICTURE, P
 
 LEVELS = (255 * PICTURE).astype(np.uint8)
 LAYER = np.dstack([0.5 * PICTURE, np.full(SHAPE, 0.5)])
-SCENE = fl.Scene("#304050", size=(32, 24), effects=[fl.TentSnow(flakes=20)])
+SCENE = fl.Scene("#304050", size=(32, 24), effects=[fl.effects.TentSnow(flakes=20)])
 DEEP = Deep(np.array([[1, 0], [2, 0]]), np.full((3, 6), 0.5, np.float32))
 PLATE: dict[str, Any] = {"image": PICTURE, "index": 3}
 
@@ -55,7 +55,7 @@ CALLS: dict[str, Call] = {
     "flakes": Call({"scene": SCENE, "t": 3.0}, then=lambda found: found["place"]),
     "Scene": Call(
         {"background": PICTURE, "depth": DEPTH, "foreground": COVER,
-         "effects": [fl.TentSnow(flakes=50)]},
+         "effects": [fl.effects.TentSnow(flakes=50)]},
         then=lambda scene: scene.render(3), pictures=("background", "foreground"), light=True,
         floats=("depth",), takes={"foreground": ("bool", "NaN")}, loose=True),
     "open": Call({"path": "scene.toml"}),
@@ -76,12 +76,12 @@ CALLS: dict[str, Call] = {
     "Output": Call({"bits": "float", "motion": "y-up"}, loose=True),
     "Wind": Call({"mean": (1.0, 0.0, 0.0), "gusts": 0.5}),
     "Snow": Call({}),
-    "TentSnow": Call({}),
-    "TentRain": Call({}),
+    "effects.TentSnow": Call({}),
+    "effects.TentRain": Call({}),
     "Rain": Call({}),
     "Mist": Call({}),
-    "ConeSnow": Call({}),
-    "ConeRain": Call({}, refused={"spread": (-1.0,)}),
+    "effects.ConeSnow": Call({}),
+    "effects.ConeRain": Call({}, refused={"spread": (-1.0,)}),
     "register": Call({"kind": "ash", "effect": fl.Mist}, words=("kind",)),
     # Files.
     "spectral.export_loop": Call(
@@ -176,8 +176,6 @@ CALLS: dict[str, Call] = {
         {"left": PICTURE, "right": OTHER, "index": 3, "distance": 0.1}, of=FOG.pair,
         pictures=("left", "right")),
     "augment.Fog.record": Call({"index": 3}, of=FOG.record),
-    "trace.stage": Call({"name": "texture"}, words=("name",), loose=True),
-    "trace.tracing": Call({"memory": False}, loose=True),
     "augment.Snowfall": Call({}, loose=True),
     "augment.Rainfall": Call({}, loose=True),
     "augment.Fog": Call({}, loose=True),

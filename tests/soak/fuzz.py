@@ -107,7 +107,8 @@ def jobs(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
     camera = fl.CameraPath(fl.Camera(80.0), velocity=(0.0, 0.0, 1.0))
     wind = fl.Wind((1.0, 0.0, 0.3), gusts=0.6)
     effects = [
-        fl.TentSnow(wind=wind), fl.TentRain(), fl.Mist(count=40), fl.ConeSnow(), fl.ConeRain()
+        fl.effects.TentSnow(wind=wind), fl.effects.TentRain(), fl.Mist(count=40),
+        fl.effects.ConeSnow(), fl.effects.ConeRain(),
     ]  # fmt: skip
     scene = fl.Scene("#304050", size=(56, 40), camera=camera, effects=effects, sun=fl.Sun())
     scene.save(folder / "a.toml")

@@ -25,7 +25,7 @@ from workers import group, workers
 
 def test_hundred_forks():
     each = times(50)
-    scene = "scene = fl.Scene(size=(200, 150), effects=[fl.TentSnow(flakes=200)])"
+    scene = "scene = fl.Scene(size=(200, 150), effects=[fl.effects.TentSnow(flakes=200)])"
     program = test_gate.FORKS.replace("range(10)", f"range({each})").format(scene=scene)
     assert test_gate.python(program) == ["{0}", "0", "True", "True"]
 
@@ -44,8 +44,8 @@ import flurries as fl
 kind, size = sys.argv[1], int(sys.argv[2])
 light = kind != "bytes in linear light"
 plate = np.full((size, size, 3), 0.2 if light else 60, np.float16 if light else np.uint8)
-snow = fl.TentSnow(flakes=500) if kind == "light snow" else fl.TentSnow("heavy")
-effects = [snow, fl.TentSnow("light", seed=2)] if kind == "two" else [snow]
+snow = fl.effects.TentSnow(flakes=500) if kind == "light snow" else fl.effects.TentSnow("heavy")
+effects = [snow, fl.effects.TentSnow("light", seed=2)] if kind == "two" else [snow]
 scene = fl.Scene(plate, effects=effects, space="linear")
 # The libraries that a small frame loads are no part of a large one.
 small = fl.Scene(plate[:64, :64], effects=effects, space="linear")

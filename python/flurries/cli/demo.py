@@ -14,6 +14,7 @@ import numpy as np
 
 from flurries import io
 from flurries._contract import Array, integer
+from flurries._trace import stage, tracing
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.cli.options import FILE, THREADS, command, option, voice
@@ -21,7 +22,6 @@ from flurries.cli.words import Words, stages
 from flurries.effects import Snow, TentSnow
 from flurries.io import VideoWriter, write_picture
 from flurries.scene.scene import DEFAULT_FOCAL, Scene
-from flurries.trace import stage, tracing
 
 FPS = 30.0
 FEW = 2000

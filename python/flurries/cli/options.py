@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import click
 
 from flurries._contract import suggestion
-from flurries._threads import set_reproducible, set_threads
+from flurries._threads import settings
 from flurries.cli.words import Words
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -159,11 +159,11 @@ def _apply(ctx: click.Context, param: click.Parameter, value: Any) -> None:
     if value is None or value is False:
         return
     if param.name == "threads":
-        set_threads(value)
+        settings(threads=value)
     else:
         os.environ[f"FLURRIES_{str(param.name).upper()}"] = str(int(value))
     if param.name == "reproducible":
-        set_reproducible(True)
+        settings(reproducible=True)
 
 
 THREADS = option(

@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+from flurries._trace import tracing
 from flurries.cli.options import FILE, FRAMES, OVERWRITE, WORK, OneOf, command, dask, option, voice
 from flurries.cli.weather import scene_of, scene_options
 from flurries.cli.words import Words, count, say, stages
@@ -13,7 +14,6 @@ from flurries.io.films.codecs import CODECS, QUALITIES
 from flurries.io.pictures.writer import COMPRESSIONS
 from flurries.output.write import Summary
 from flurries.scene.output import BITS, DAMAGED, MOTION
-from flurries.trace import tracing
 
 SKIPPED = 3
 

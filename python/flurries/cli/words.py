@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, cast
 
-from flurries.trace import Trace
+from flurries._trace import Trace
 
 # A log gets a line of progress this often, in seconds.
 EVERY = 10.0

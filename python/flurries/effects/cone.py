@@ -157,7 +157,7 @@ class ConeRain(_Cone):
     Examples
     --------
     >>> import flurries as fl
-    >>> scene = fl.Scene("#203040", size=(160, 120), effects=[fl.ConeRain("downpour")])
+    >>> scene = fl.Scene("#203040", size=(160, 120), effects=[fl.effects.ConeRain("downpour")])
     >>> scene.render(17).shape
     (120, 160, 3)
     """

@@ -11,6 +11,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
+from flurries._trace import current
 from flurries.camera.path import CameraPath
 from flurries.camera.tiles import drift_at, shift_at, tile_middles
 from flurries.effects.gusts import wind_at
@@ -23,7 +24,6 @@ from flurries.spectral.motion import tile_motions
 from flurries.spectral.request import Request
 from flurries.spectral.tables import FAR, SOFT_FROM, Aliasing, warn_far, warn_long, wave_depth
 from flurries.spectral.tiles import power_shares
-from flurries.trace import current
 
 # Mean, spread, power and amount of the map from field to opacity.
 Map = tuple[float, float, float, float]

@@ -31,6 +31,9 @@ OURS: dict[str, type[Any]] = {
     "cone_rain": ConeRain,
 }
 
+# The paper's and the cone's: other methods, in `flurries.effects`.
+METHODS = (TentSnow, TentRain, ConeSnow, ConeRain)
+
 _registered: dict[str, type[Any]] = {}
 
 
@@ -97,3 +100,8 @@ def kind_of(effect: object) -> str | None:
 
 def _entry_points() -> Iterator[EntryPoint]:
     return iter(entry_points(group=GROUP))
+
+
+def spelled(kind: type) -> str:
+    """Return how a class of effects, or of what they are made of, is called in Python."""
+    return f"fl.{'effects.' * (kind in METHODS)}{kind.__name__}"

@@ -8,8 +8,8 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
+from flurries._trace import current
 from flurries.frame.view import Frame
-from flurries.trace import current
 
 # From a frame to the next one and to the one before.
 STEPS = (1.0, -1.0)

@@ -40,7 +40,7 @@ from flurries.motion.wind import Wind
 from flurries.particles.population import Population
 from flurries.particles.sizes import Sizes
 
-Method: TypeAlias = Literal["hybrid", "simulated"]
+Method: TypeAlias = Literal["flakes", "simulated"]
 Shape: TypeAlias = Literal["natural", "round"]
 
 # What the fields of a population may be.

@@ -10,6 +10,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
+from flurries._trace import current
 from flurries.effects.color import bright, color_at, is_local, reads_of
 from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flakes import Flakes
@@ -21,7 +22,6 @@ from flurries.frame.needs import LeftOut, Needs, Step
 from flurries.frame.view import Frame
 from flurries.light.phase import FLAKES, Optics
 from flurries.motion.keys import Keys, Number, value_at
-from flurries.trace import current
 
 
 class Backdrop(Protocol):

@@ -83,7 +83,7 @@ class Snow(metaclass=Described):
     handover : float, optional
         Depth in metres up to which flakes are drawn one by one. If not given, it follows from the
         density and the focal length.
-    method : {"hybrid", "simulated"}
+    method : {"flakes", "simulated"}
         "simulated" draws every flake one by one, which is slow.
     depth_mode : {"pixel", "tile"}
         Far flakes follow the scene's depth at every pixel in both.
@@ -129,7 +129,7 @@ class Snow(metaclass=Described):
     far: float = 60.0
     cloud: float = 10.0
     handover: float | None = None
-    method: Method = "hybrid"
+    method: Method = "flakes"
     depth_mode: DepthMode = "pixel"
     shape: Shape = "natural"
     look: str = "v2"

@@ -148,8 +148,8 @@ class TentRain(metaclass=Described):
     Examples
     --------
     >>> import flurries as fl
-    >>> rain = fl.TentRain("downpour", wind=(2.0, 0.0, 0.0))
-    >>> rain.drops > fl.TentRain("drizzle").drops
+    >>> rain = fl.effects.TentRain("downpour", wind=(2.0, 0.0, 0.0))
+    >>> rain.drops > fl.effects.TentRain("drizzle").drops
     True
     """
 

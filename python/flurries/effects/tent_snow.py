@@ -143,8 +143,8 @@ class TentSnow(metaclass=Described):
     Examples
     --------
     >>> import flurries as fl
-    >>> snow = fl.TentSnow("heavy", wind=(1.0, 0.0, 0.0))
-    >>> snow.flakes > fl.TentSnow("light").flakes
+    >>> snow = fl.effects.TentSnow("heavy", wind=(1.0, 0.0, 0.0))
+    >>> snow.flakes > fl.effects.TentSnow("light").flakes
     True
     """
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from flurries import _core, gas
 from flurries._contract import Array, Float64
+from flurries._trace import current
 from flurries.effects.bank import Bank
 from flurries.effects.color import color_at, is_local, reads_of
 from flurries.effects.lighting import Base, even_shade
@@ -23,7 +24,6 @@ from flurries.gas.splatting import gas_of, sorted_gas
 from flurries.io.color import linear_to_srgb
 from flurries.light.lamp import radiance
 from flurries.motion.keys import Keys, Number, value_at
-from flurries.trace import current
 
 # How many times as bright as white lamps may make it.
 LAMPS = 100.0

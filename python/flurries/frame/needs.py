@@ -16,10 +16,10 @@ import numpy as np
 
 from flurries._contract import Array
 from flurries._threads import reproducible
+from flurries._trace import current
 from flurries.frame.bands import Visible
 from flurries.frame.effect import renderer_of
 from flurries.motion.keys import Keys
-from flurries.trace import current
 
 if TYPE_CHECKING:
     from flurries.frame.view import Frame

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Array
+from flurries._trace import current
 from flurries.camera.lens import Camera
 from flurries.frame.bands import Window, bands_of, common, crop, shape_of, within
 from flurries.frame.layer import Layer, layers_of
@@ -16,7 +17,6 @@ from flurries.frame.matte import Front
 from flurries.frame.mixing import Mix, behind
 from flurries.frame.program import Ask, Program
 from flurries.frame.view import Frame, Shared
-from flurries.trace import current
 
 
 def images(

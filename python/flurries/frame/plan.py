@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flurries._threads import threads
+from flurries._trace import Span, Trace, tracing
 from flurries.frame import planes
 from flurries.frame.bands import whole
 from flurries.frame.mixing import free_name
@@ -16,7 +17,6 @@ from flurries.frame.picture import images, shown_type
 from flurries.frame.program import Ask, Program
 from flurries.frame.report import Plan, PlannedStep
 from flurries.motion.keys import Keys
-from flurries.trace import Span, Trace, tracing
 
 # Frames of a film whose steps are asked for, spread over it, beside those where something is keyed.
 LOOKED_AT = 9

@@ -15,6 +15,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
+from flurries._trace import current
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
@@ -26,7 +27,6 @@ from flurries.frame.needs import Kept, LeftOut, Needs, Run, has_keys, needs_of
 from flurries.frame.view import Frame, Lap
 from flurries.light.lamp import Lamp, Sun
 from flurries.light.plate import PlateLight, ambient_light, plate_light
-from flurries.trace import current
 
 _Found = TypeVar("_Found")
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flurries._contract import Array
+from flurries._trace import current
 from flurries.camera.lens import Camera
 from flurries.frame.bands import Window, crop
 from flurries.frame.layer import Layer
@@ -18,7 +19,6 @@ from flurries.frame.program import Program
 from flurries.frame.show import figure, listing
 from flurries.frame.view import Shared
 from flurries.io.color import to_single, to_unit
-from flurries.trace import current
 
 
 @dataclass(frozen=True, eq=False)

@@ -74,7 +74,7 @@ class Wind:
     --------
     >>> import flurries as fl
     >>> wind = fl.Wind((1.0, 0.0, 0.0), gusts=0.8, swirl=0.4)
-    >>> snow = fl.TentSnow(wind=wind)
+    >>> snow = fl.effects.TentSnow(wind=wind)
     >>> wind.velocity([(0.0, 0.0, 8.0)], 2.5).shape
     (1, 3)
     """

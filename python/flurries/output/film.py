@@ -13,6 +13,7 @@ from typing import Any
 
 from flurries import _core
 from flurries._threads import reproducible, threads
+from flurries._trace import stage
 from flurries.io import VideoWriter
 from flurries.io.films.codecs import bits_for, frame_rate
 from flurries.io.films.reader import Tags
@@ -24,7 +25,6 @@ from flurries.output.manifest import Refused
 from flurries.output.sequence import Done, Progress
 from flurries.scene.fingerprint import short_hash
 from flurries.scene.scene import Scene
-from flurries.trace import stage
 
 # Frames that wait for the encoder; each is a picture in memory.
 AHEAD = 2

@@ -145,7 +145,7 @@ class Rendering(Sources):
             uint8 or uint16 where the background is, else float32. The same bits whatever else was
             rendered before, in any process and with any number of threads. Processors with other
             vector instructions may differ in the last bits, but not in the reproducible mode
-            (:func:`flurries.set_reproducible`).
+            (:func:`flurries.settings`).
         """
         time, window, eyes = self._asked(t, region, [eye])
         return images(self.program, time, eyes, window)[0]

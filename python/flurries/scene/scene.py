@@ -126,7 +126,7 @@ class Scene(Rendering):
     Examples
     --------
     >>> import flurries as fl
-    >>> scene = fl.Scene("#203040", size=(320, 240), effects=[fl.TentSnow("heavy")])
+    >>> scene = fl.Scene("#203040", size=(320, 240), effects=[fl.effects.TentSnow("heavy")])
     >>> frame = scene.render(17)
     >>> frame.shape, frame.dtype.name
     ((240, 320, 3), 'uint8')

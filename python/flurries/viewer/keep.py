@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flurries.effects.kinds import spelled
 from flurries.io import write_layers, write_picture
 from flurries.scene.scene import Scene
 
@@ -74,7 +75,7 @@ def call(value: Any) -> str:
         for f in shown
         if repr(getattr(value, f.name)) != repr(f.default)
     ]
-    return f"fl.{type(value).__name__}({', '.join(given)})"
+    return f"{spelled(type(value))}({', '.join(given)})"
 
 
 def _plain(value: Any) -> str:

@@ -35,7 +35,7 @@ class VideoWriter:
     resolution (yuv420p, BT.709), and .mkv holds FFV1, which loses nothing. The file appears under
     its name when the block is left without an exception, and not before; with one, the old file
     stays and nothing else is left. The same frames make the same bytes with the same number of
-    threads (`flurries.set_threads`), with all numbers up to 4, and with every number in the
+    threads (`flurries.settings`), with all numbers up to 4, and with every number in the
     reproducible mode: an encoder's result depends on its threads a little.
 
     H.264 and VP9 as every player understands them have even sides. A picture of odd width or

@@ -142,8 +142,9 @@ def tracing(*, memory: bool = False) -> Iterator[Trace]:
     Examples
     --------
     >>> import flurries as fl
-    >>> scene = fl.Scene("#000000", size=(64, 48), effects=[fl.TentSnow(flakes=0)])
-    >>> with fl.trace.tracing() as trace:
+    >>> from flurries._trace import tracing
+    >>> scene = fl.Scene("#000000", size=(64, 48), effects=[fl.effects.TentSnow(flakes=0)])
+    >>> with tracing() as trace:
     ...     frame = scene.render(3)
     >>> sorted(trace.calls)
     ['background', 'composite', 'join', 'texture']
