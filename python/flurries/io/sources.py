@@ -230,20 +230,14 @@ class VideoSource(Source):
         self.size, self.count, self.fps = reader.size, reader.count, reader.fps
         self.tags = reader.tags
         self.aspect = float(self.tags.aspect)
-        if self.tags.interlaced:
-            reader.close()
-            raise ValueError(
-                f"{spec} is interlaced, two moments in a frame: make it progressive first, such as "
-                "by ffmpeg's filter bwdif"
-            )
         # ITU-R BT.2100's curves.
         hdr = {16: "PQ", 18: "HLG"}.get(self.tags.transfer)
-        if hdr is not None:
+        wrong = hdr and f"HDR ({hdr}), no display values: convert it to an EXR sequence first"
+        if self.tags.interlaced:
+            wrong = "interlaced: make it progressive first, such as by ffmpeg's filter bwdif"
+        if wrong:
             reader.close()
-            raise ValueError(
-                f"{spec} is HDR ({hdr}), whose values are no display values: convert it to an EXR "
-                "sequence first"
-            )
+            raise ValueError(f"{spec} is {wrong}")
 
     def close(self) -> None:
         super().close()

@@ -25,6 +25,7 @@ from flurries.io.films.index import (
 )
 from flurries.io.films.reader import UNSPECIFIED, Tags
 from flurries.io.films.sound import Sound, SoundTrack
+from flurries.io.pictures.fitting import checked_size
 from flurries.io.sequences import VIDEO_EXTENSIONS
 
 
@@ -112,7 +113,7 @@ class VideoWriter:
                 f"{self.path}: videos are written as {', '.join(VIDEO_EXTENSIONS)}, not {suffix!r}"
             )
         choice("quality", quality, QUALITIES)
-        self.size = _checked_size(size)
+        self.size = checked_size(size, 16384)
         self.fps = frame_rate(fps)
         self.count = 0
         self._codec = encoder_for(suffix, quality, self.size, codec, bits, alpha=alpha)
@@ -328,12 +329,3 @@ def _told(path: Path) -> Iterator[None]:
     except av.FFmpegError as error:
         reason = error.strerror or "no reason given"
         raise OSError(f"{path}: the video cannot be written: {reason}") from error
-
-
-def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
-    if len(size) != 2 or not all(isinstance(side, (int, np.integer)) for side in size):
-        raise ValueError(f"size must be (width, height) in whole px, got {size!r}")
-    width, height = int(size[0]), int(size[1])
-    if not (1 <= width <= 16384 and 1 <= height <= 16384):
-        raise ValueError(f"size must be from 1 to 16384 px each way, got {width} x {height}")
-    return width, height

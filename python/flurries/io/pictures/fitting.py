@@ -65,7 +65,7 @@ def fit(
         or array.shape[2:] not in ((), (1,), (3,), (4,))
     ):
         raise ValueError(f"pixels must be (H, W) or (H, W, 1, 3 or 4), got {array.shape}")
-    width, height = _checked_size(size)
+    width, height = checked_size(size)
     choice("how", how, get_args(Fit))
     integers = array.dtype.kind == "u"
     if encoding is None:
@@ -105,7 +105,7 @@ def fit_nearest(plane: npt.ArrayLike, size: Sequence[int]) -> Array:
     TypeError, ValueError
         For an argument that is not as described.
     """
-    width, height = _checked_size(size)
+    width, height = checked_size(size)
     array = rectangular("plane", plane)
     if array.dtype.kind not in "biuf":
         raise TypeError(f"plane must hold numbers, got {array.dtype}")
@@ -123,7 +123,7 @@ def fit_nearest(plane: npt.ArrayLike, size: Sequence[int]) -> Array:
     return np.ascontiguousarray(array[np.ix_(*places)])
 
 
-def _checked_size(size: Sequence[int]) -> tuple[int, int]:
+def checked_size(size: Sequence[int], most: int = 2**16) -> tuple[int, int]:
     if not isinstance(size, (Sequence, np.ndarray)) or isinstance(size, (str, bytes)):
         raise TypeError(f"size must be (width, height), got {size!r:.60}")
     if len(size) != 2:
@@ -132,8 +132,8 @@ def _checked_size(size: Sequence[int]) -> tuple[int, int]:
         width, height = operator.index(size[0]), operator.index(size[1])
     except TypeError:
         raise TypeError(f"size must be two integers, got {size!r}") from None
-    if not (1 <= width <= 2**16 and 1 <= height <= 2**16):
-        raise ValueError(f"size must be from 1 to {2**16} px each way, got {width} x {height}")
+    if not (1 <= width <= most and 1 <= height <= most):
+        raise ValueError(f"size must be from 1 to {most} px each way, got {width} x {height}")
     return width, height
 
 

@@ -118,28 +118,6 @@ def read_picture(
         )
 
 
-def read_mask(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Array:
-    """Read a mask: the alpha channel if the picture has one, else its luminance as stored.
-
-    A mask is data, so display values are not decoded: the grey level 128 of 255 is 0.502.
-
-    Returns
-    -------
-    ndarray
-        (H, W) float32 from 0 to 1; values outside are clipped and NaN counts as 0.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As `read_picture`.
-    """
-    picture = read_picture(path, budget=budget)
-    if picture.alpha is None:
-        return luminance(picture)
-    mask: Array = np.clip(np.nan_to_num(picture.alpha, nan=0.0), 0.0, 1.0)
-    return mask
-
-
 def luminance(picture: Picture) -> Array:
     """Return (H, W) float32 from 0 to 1: the luminance of the numbers as stored."""
     values = np.clip(np.nan_to_num(to_unit(picture.pixels), nan=0.0), 0.0, 1.0)
