@@ -276,19 +276,10 @@ def open_background(
     budget, overscan
         As `read_picture`; for each frame, and of pictures alone.
 
-    Returns
-    -------
-    Source
-        With `size`, `count`, `fps`, `encoding` and ``frame(i)``.
-
     Raises
     ------
-    FileNotFoundError
-        If there is no such file, or no frame of the sequence.
-    OSError
-        If the file, or the first frame, is damaged.
-    ValueError
-        If it is not a picture or video of a known format, or the pattern is not one.
+    FileNotFoundError, OSError, ValueError
+        As `read_picture`, of the first frame.
     """
     if damaged not in ("stop", "hold"):
         raise ValueError(f"damaged must be 'stop' or 'hold', got {damaged!r}")
@@ -317,22 +308,8 @@ def open_depth(
 ) -> Source:
     """Open depth: a picture, or a numbered sequence of pictures.
 
-    Parameters
-    ----------
-    spec : str or path
-        ``depth.exr`` or ``depth.%04d.exr``; see :func:`read_depth`.
-    budget, overscan
-        As `read_picture`.
-
-    Returns
-    -------
-    Source
-        Its pictures' pixels are (H, W) float32.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As :func:`read_depth`.
+    `spec` is ``depth.exr`` or ``depth.%04d.exr``; pictures' pixels are (H, W) float32. `budget`,
+    `overscan` and errors are those of :func:`read_depth`.
     """
     read = partial(_depth, budget=budget, overscan=overscan)
     source = PictureSource(_place("depth", spec), "stop", read, overscan)

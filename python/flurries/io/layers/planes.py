@@ -52,7 +52,7 @@ def write_layers(
     path : str or path
         Ends in .exr.
     layers : mapping of str to array
-        Float arrays of one size, linear light, colors multiplied by alpha. The layer ``"rgba"``
+        Arrays of one size: floats, linear light, colors multiplied by alpha. The layer ``"rgba"``
         becomes the channels R, G, B, A; others get their name in front, ``snow.R``. An array
         (H, W, 3) or (H, W, 4) is a color, (H, W, 2) a vector with the channels X and Y, or u and v
         where the name ends in "forward" or "backward", and (H, W) a number: ``depth.Z``,
@@ -60,19 +60,14 @@ def write_layers(
         uint64, 0 to 2^63 - 1, is two channels of type uint: ``name``, its lower 32 bits, and
         ``name.hi``, the upper ones.
     half : bool, default True
-        Store colors and masks as half. Depths and vectors always have 32 bits: as half, a depth of
-        3 km is known to 2 m.
+        Store colors and masks as half. Depths and vectors always have 32 bits.
     metadata, slate
         As `write_picture`.
 
     Raises
     ------
-    ValueError
-        If a name or a shape is not as above, sizes differ, or `path` does not end in .exr.
-    TypeError
-        If an array does not hold floats, or integers of 64 bits.
-    OSError
-        If the file cannot be written or does not read back.
+    ValueError, TypeError, OSError
+        If names or arrays are not as above, or as `write_picture`.
     """
     require_exr(path, "layers")
     _write(path, {"": layers}, half, metadata, slate)
@@ -136,22 +131,9 @@ def _write(
 def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -> dict[str, Array]:
     """Read all layers of an EXR, the inverse of `write_layers`.
 
-    Parameters
-    ----------
-    path, budget
-        As `read_picture`.
-
-    Returns
-    -------
-    dict of str to ndarray
-        float32, (H, W) for single channels and (H, W, C) else; the display window is not applied.
-        Each channel of type uint is a plane of its own by its whole name, (H, W) int64, and
-        ``name`` and ``name.hi`` are one.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As `read_picture`.
+    They are float32, (H, W) for single channels and (H, W, C) else; the display window is not
+    applied. Each channel of type uint is a plane of its own by its whole name, (H, W) int64, and
+    ``name`` and ``name.hi`` are one. `path`, `budget` and errors are those of `read_picture`.
     """
     with opened_picture(path, budget) as opened:
         spec = opened.specification
@@ -177,22 +159,10 @@ def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -
 def read_views(
     path: str | os.PathLike[str], *, budget: Budget | None = None
 ) -> tuple[Array, Array]:
-    """Read the pictures of two eyes from an EXR: two parts, or one with two views in it.
+    """Read (left, right) of an EXR: two parts, or one with two views in it.
 
-    Parameters
-    ----------
-    path, budget
-        As `read_picture`, for each eye.
-
-    Returns
-    -------
-    left, right : (H, W, 3 or 4) float32
-        Linear light.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As `read_picture`; ValueError also if the file does not hold two views.
+    Each eye is (H, W, 3 or 4) float32, linear light. `path`, `budget` and errors are those of
+    `read_picture`; ValueError also if the file does not hold two views.
     """
     with opened_picture(path, budget) as opened:
         parts = opened.parts()

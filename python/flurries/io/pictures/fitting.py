@@ -26,35 +26,27 @@ def fit(
 ) -> Array:
     """Resize a picture to `size`, through a Lanczos filter of three lobes.
 
-    Filtering happens in linear light. The filter's ringing is cut at the smallest and the largest
-    value of each channel; a lamp of a single pixel gains light by that, up to a third.
+    Filtering happens in linear light, in float32. Ringing is cut at the smallest and the largest
+    value of each channel; a lamp of a single pixel gains light by that, up to a third. A picture
+    that has the size already comes back as an unchanged copy.
 
     Parameters
     ----------
     pixels : array_like
-        (H, W), (H, W, 1), (H, W, 3) or (H, W, 4); uint8, uint16 or float. A fourth channel is
+        (H, W), (H, W, 1), (H, W, 3) or (H, W, 4); uint8, uint16 or float, kept. A fourth channel is
         alpha: the colors of floats are multiplied by it, those of integers are not.
     size : (int, int)
         (width, height) in px.
     how : {"cover", "contain", "stretch"}
-        Keep the aspect and fill the frame, cutting off equal parts left and right or above and
-        below; keep the aspect and show all, with black bars (transparent with alpha); or let
-        both directions go their own way. Kept aspects are exact to one pixel in the whole length.
+        Keep the aspect and fill the frame, cutting off both sides; keep the aspect and
+        show all, with black bars (transparent with alpha); or let both directions go their own way.
     encoding : {"display", "linear"}, optional
         What the numbers are; by default integers are display values and floats linear light.
 
-    Returns
-    -------
-    ndarray
-        (height, width) and the channels and the dtype of `pixels`, computed in float32. A picture
-        that has the size already comes back as an unchanged copy.
-
     Raises
     ------
-    TypeError
-        If `pixels` are of another type or `size` holds no integers.
-    ValueError
-        If shapes, `how` or `encoding` are not as above.
+    TypeError, ValueError
+        If an argument is not as above.
     """
     array = rectangular("pixels", pixels)
     if array.dtype.name not in ("uint8", "uint16", "float16", "float32", "float64"):
@@ -90,15 +82,10 @@ def fit_nearest(plane: npt.ArrayLike, size: Sequence[int]) -> Array:
     Parameters
     ----------
     plane : (h, w) array
-        Numbers of which no mean may be taken, such as depths: between a wall and the sky behind it
-        there is nothing.
+        Numbers of which no mean may be taken, such as depths. A pixel of the frame gets the value
+        of the pixel that its centre falls into.
     size : (int, int)
         (width, height) in px.
-
-    Returns
-    -------
-    (height, width) array
-        Each pixel has the value of the pixel of `plane` that its centre falls into.
 
     Raises
     ------

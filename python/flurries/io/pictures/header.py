@@ -224,12 +224,8 @@ def read_header(path: str | os.PathLike[str], *, overscan: bool = False) -> Head
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
-    OSError
-        If the file is damaged.
-    ValueError
-        If it is not a picture of a known format.
+    FileNotFoundError, OSError, ValueError
+        As `read_picture`.
     """
     with opened_picture(path, overscan=overscan) as opened:
         return Header(
