@@ -145,12 +145,7 @@ class Pattern:
     def path(self, frame: int) -> Path:
         """Return the file of a frame; for a video, the video.
 
-        Raises
-        ------
-        ValueError
-            If `frame` is negative, or the file would lie outside `inside`.
-        TypeError
-            If `frame` is not an integer.
+        ValueError if `frame` is negative or the file would lie outside `inside`.
         """
         number = operator.index(frame)
         if number < 0:

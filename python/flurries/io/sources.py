@@ -88,13 +88,7 @@ class Source(ABC):
         """Return the picture of frame `i`, counted from 0 at the first.
 
         Before the first frame it is the first, after the end the last, for a still the still.
-
-        Raises
-        ------
-        OSError
-            If the frame is missing or damaged, unless the source holds the last good one.
-        TypeError
-            If `i` is not an integer.
+        OSError if it is missing or damaged, unless the source holds the last good one.
         """
         number = self._number(i)
         with self._lock:

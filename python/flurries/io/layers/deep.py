@@ -120,10 +120,7 @@ def write_deep(
 def read_deep(path: str | os.PathLike[str]) -> Deep:
     """Return the samples of a deep EXR, the inverse of `write_deep`.
 
-    Raises
-    ------
-    OSError, ValueError
-        If the file cannot be read, or is none with these channels.
+    OSError or ValueError if the file cannot be read, or is none with these channels.
     """
     data, specification = _read(plain_file(path))
     order = [specification.channelindex(name) for name in CHANNELS]
