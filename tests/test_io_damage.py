@@ -10,7 +10,6 @@ from PIL import Image
 from flurries.io import (
     read_header,
     read_layers,
-    read_mask,
     read_picture,
     srgb_to_linear,
     write_picture,
@@ -29,7 +28,7 @@ def test_files_that_are_no_pictures(tmp_path):
         ("text.png", OSError),
         ("picture.null", ValueError),
     ]:
-        for function in (read_picture, read_mask, read_header, read_layers):
+        for function in (read_picture, read_header, read_layers):
             with pytest.raises(error, match=name):
                 function(tmp_path / name)
     for path in ("", "a\0b.png"):

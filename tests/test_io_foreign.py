@@ -7,7 +7,8 @@ import skimage.data
 import skimage.transform
 from PIL import Image, ImageOps
 
-from flurries.io import read_header, read_mask, read_picture, write_picture
+from flurries.io import read_header, read_picture, write_picture
+from flurries.io.pictures.reader import luminance
 from stills import assert_reads_as, levels, noise, write_exr
 
 
@@ -127,16 +128,13 @@ def test_pictures_of_other_kinds_are_refused(tmp_path):
         read_picture(tmp_path / "deep.exr")
 
 
-def test_masks(tmp_path):
-    grey = np.arange(256, dtype=np.uint8).reshape(16, 16)
-    write_picture(tmp_path / "grey.png", grey)
-    np.testing.assert_array_equal(read_mask(tmp_path / "grey.png"), grey / np.float32(255))
-    color = levels((16, 16, 3), np.uint8)
-    write_picture(tmp_path / "color.png", color)
-    wanted = color / 255 @ [0.2126, 0.7152, 0.0722]
-    np.testing.assert_allclose(read_mask(tmp_path / "color.png"), wanted, atol=1e-6)
-    write_picture(tmp_path / "alpha.png", color, alpha=grey)
-    np.testing.assert_array_equal(read_mask(tmp_path / "alpha.png"), grey / np.float32(255))
+def test_luminance(tmp_path):
     wild = np.array([[np.nan, np.inf, -3.0, 0.25, 9.0]], np.float32)
-    write_picture(tmp_path / "wild.exr", wild, half=False)
-    np.testing.assert_array_equal(read_mask(tmp_path / "wild.exr"), [[0, 1, 0, 0.25, 1]])
+    color = levels((16, 16, 3), np.uint8)
+    for name, pixels, wanted in [
+        ("color.png", color, color / 255 @ [0.2126, 0.7152, 0.0722]),
+        ("wild.exr", wild, [[0, 1, 0, 0.25, 1]]),
+    ]:
+        write_picture(tmp_path / name, pixels, half=False)
+        found = luminance(read_picture(tmp_path / name))
+        np.testing.assert_allclose(found, wanted, atol=1e-6)

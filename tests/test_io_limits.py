@@ -26,14 +26,13 @@ from flurries.io import (
     read_depth,
     read_header,
     read_layers,
-    read_mask,
     read_path,
     read_picture,
     read_video,
     read_views,
+    write_layer_views,
     write_layers,
     write_picture,
-    write_views,
 )
 from flurries.io.files import read_bytes
 from flurries.output import manifest
@@ -118,7 +117,7 @@ def manifest_of(path: Path) -> Any:
 
 
 READERS: list[tuple[str, Callable[[Path], Any]]] = [
-    ("a.png", read_picture), ("a.png", read_header), ("a.png", read_mask),
+    ("a.png", read_picture), ("a.png", read_header),
     ("a.exr", read_layers), ("a.exr", read_views), ("a.exr", read_depth), ("a.exr", open_depth),
     ("a.png", open_background), ("a.mp4", open_background),
     ("a.mp4", lambda path: next(read_video(path))),
@@ -169,11 +168,11 @@ def test_16_8_a_budget_of_pixels_and_of_bytes(tmp_path: Path, monkeypatch: pytes
     light = np.random.default_rng(3).random((30, 40, 4)).astype(np.float32)
     write_picture(tmp_path / "a.exr", light)
     write_layers(tmp_path / "b.exr", {"rgba": light, "depth": light[..., 0] + 1.0})
-    write_views(tmp_path / "c.exr", light, light)
+    write_layer_views(tmp_path / "c.exr", {e: {"rgba": light} for e in ("left", "right")})
     with VideoWriter(tmp_path / "a.mp4", (40, 30), 24) as film:
         film.write(np.zeros((30, 40, 3), np.uint8))
     cases: list[tuple[str, Callable[..., Any], int]] = [
-        ("a.exr", read_picture, 16), ("a.exr", read_mask, 16), ("b.exr", read_layers, 20),
+        ("a.exr", read_picture, 16), ("b.exr", read_layers, 20),
         ("b.exr", read_depth, 4), ("c.exr", read_views, 16),
         ("b.exr", lambda path, **given: open_depth(path, **given).frame(0), 4),
         ("a.exr", lambda path, **given: open_background(path, **given).frame(0), 16),

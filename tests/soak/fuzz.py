@@ -22,13 +22,12 @@ from flurries.io import (
     read_depth,
     read_header,
     read_layers,
-    read_mask,
     read_path,
     read_picture,
     read_views,
+    write_layer_views,
     write_layers,
     write_picture,
-    write_views,
 )
 from flurries.output import manifest
 
@@ -99,7 +98,7 @@ def jobs(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
     }.items():  # fmt: skip
         write_picture(folder / name, pixels)
     write_layers(folder / "depth.exr", {"rgba": light, "depth": light[..., 0] + 1.0})
-    write_views(folder / "views.exr", light, light)
+    write_layer_views(folder / "views.exr", {"left": {"rgba": light}, "right": {"rgba": light}})
     for name in ("a.mp4", "a.mkv", "a.webm"):
         with VideoWriter(folder / name, (56, 40), 24) as film:
             for shift in range(6):
@@ -122,7 +121,7 @@ def jobs(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
     kinds: list[tuple[str, str, Callable[[Path], Any]]] = [
         ("a.exr", "bad.exr", picture), ("a.png", "bad.png", picture),
         ("a.jpg", "bad.jpg", picture), ("a.tif", "bad.tif", picture),
-        ("a.hdr", "bad.hdr", picture), ("a.exr", "bad.exr", read_mask),
+        ("a.hdr", "bad.hdr", picture), ("a.exr", "bad.exr", picture),
         ("depth.exr", "bad.exr", read_depth), ("depth.exr", "bad.exr", read_layers),
         ("views.exr", "bad.exr", read_views), ("a.mp4", "bad.mp4", films),
         ("a.mkv", "bad.mkv", films), ("a.webm", "bad.webm", films),

@@ -18,12 +18,11 @@ from flurries.io.layers.planes import (
     read_views,
     write_layer_views,
     write_layers,
-    write_views,
 )
 from flurries.io.photographs import photograph
 from flurries.io.pictures.fitting import fit, fit_nearest
 from flurries.io.pictures.header import Header, read_header
-from flurries.io.pictures.reader import Picture, read_depth, read_mask, read_picture
+from flurries.io.pictures.reader import Picture, read_depth, read_picture
 from flurries.io.pictures.slate import Slate, read_slate
 from flurries.io.pictures.writer import write_picture
 from flurries.io.sequences import Pattern, frame_range
@@ -47,7 +46,6 @@ __all__ = [
     "read_depth",
     "read_header",
     "read_layers",
-    "read_mask",
     "read_picture",
     "read_slate",
     "read_video",
@@ -58,7 +56,6 @@ __all__ = [
     "write_layer_views",
     "write_layers",
     "write_picture",
-    "write_views",
 ]
 
 

@@ -41,17 +41,13 @@ _unfinished: dict[Path, int] = {}
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path to write to; on success it replaces `path` in one step.
 
-    After any exception in the block, KeyboardInterrupt included, `path` is as it was.
+    It is an empty file in the same folder, with the same extension. After any exception in the
+    block, KeyboardInterrupt included, `path` is as it was.
 
     Parameters
     ----------
     path : str or path
         The file to make or replace. Its folder is made if only the last part is missing.
-
-    Yields
-    ------
-    Path
-        An empty file in the same folder, with the same extension.
 
     Raises
     ------
@@ -122,19 +118,10 @@ def checked_target(path: str | os.PathLike[str]) -> Path:
 
 
 def remove_leftovers(folder: str | os.PathLike[str]) -> list[Path]:
-    """Remove the temporary files of writers that were killed; those at work are left alone.
+    """Remove the temporary files of killed writers from a folder; return what was removed.
 
-    Of this machine those of processes that have ended; of another those an hour old.
-
-    Parameters
-    ----------
-    folder : str or path
-        Where pictures were being written. Folders inside it are not searched.
-
-    Returns
-    -------
-    list of Path
-        What was removed.
+    Of this machine those of processes that have ended; of another those an hour old. Folders inside
+    it are not searched.
     """
     removed = []
     for found in sorted(Path(folder).glob(f"{PREFIX}{'?' * _OWNER}*")):

@@ -36,7 +36,7 @@ def parse_hex(name: str, text: str) -> tuple[int, int, int]:
 
 
 def srgb_to_linear(values: npt.ArrayLike) -> Array:
-    """Decode sRGB display values to linear light.
+    """Decode sRGB display values to linear light, of the same shape.
 
     The exact two-part formula of IEC 61966-2-1. Below 0 its straight part goes on, above 1 its
     power goes on, so that every finite value survives a round trip; NaN stays NaN.
@@ -45,12 +45,7 @@ def srgb_to_linear(values: npt.ArrayLike) -> Array:
     ----------
     values : array_like of float
         Display values, 0 to 1 for what a screen can show. float32 and float64 keep their dtype,
-        float16 becomes float32. Integers are refused: divide by their maximum first.
-
-    Returns
-    -------
-    ndarray
-        Linear light, same shape.
+        float16 becomes float32.
 
     Raises
     ------
@@ -65,22 +60,9 @@ def srgb_to_linear(values: npt.ArrayLike) -> Array:
 
 
 def linear_to_srgb(values: npt.ArrayLike) -> Array:
-    """Encode linear light as sRGB display values, the inverse of `srgb_to_linear`.
+    """Encode linear light as sRGB display values, not clipped; the inverse of `srgb_to_linear`.
 
-    Parameters
-    ----------
-    values : array_like of float
-        Linear light. float32 and float64 keep their dtype, float16 becomes float32.
-
-    Returns
-    -------
-    ndarray
-        Display values, same shape, not clipped.
-
-    Raises
-    ------
-    TypeError
-        If `values` are not floats.
+    `values` and errors are as there.
     """
     linear = _floats("values", values)
     power = 1.055 * np.maximum(linear, 0.0) ** (1.0 / 2.4) - 0.055

@@ -42,10 +42,10 @@ class Budget:
     Parameters
     ----------
     pixels : int
-        Pixels, of what is stored and of what is shown; the environment variable FLURRIES_MAX_PIXELS
-        if not given, or else 2^28, which is 16384 x 16384.
+        Of what is stored and of what is shown; the environment variable FLURRIES_MAX_PIXELS if not
+        given, or else 2^28, which is 16384 x 16384.
     bytes : int
-        Bytes that the decoded numbers take; FLURRIES_MAX_BYTES, or else 2^32.
+        That the decoded numbers take; FLURRIES_MAX_BYTES, or else 2^32.
 
     Raises
     ------

@@ -24,7 +24,7 @@ _OTHER_TOKENS = re.compile(r"#+|\$F[0-9]?(?![A-Za-z0-9])")
 
 
 def frame_range(text: str) -> list[int]:
-    """Return the frames that a text like ``1-10,20,30-40x2`` names.
+    """Return the frames that a text like ``1-10,20,30-40x2`` names, in its order, each once.
 
     Parameters
     ----------
@@ -32,18 +32,11 @@ def frame_range(text: str) -> list[int]:
         Parts with commas between them: a frame, ``first-last`` with both ends included, or
         ``first-lastxstep``. Frames are whole numbers from 0.
 
-    Returns
-    -------
-    list of int
-        In the order given, each frame once.
-
     Raises
     ------
-    ValueError
+    ValueError, TypeError
         If the text is not of this form, a range runs backwards, a step is 0, or there are more
         than 10 million frames.
-    TypeError
-        If `text` is not a string.
     """
     if not isinstance(text, str):
         raise TypeError(f"frames must be a text like '1-60', got {text!r}")
@@ -105,11 +98,8 @@ class Pattern:
 
     Raises
     ------
-    ValueError
-        If the pattern is anything else: empty, another token, two of them, a folder, control
-        characters, or outside `inside`.
-    TypeError
-        If it is not a string or a path.
+    ValueError, TypeError
+        If the pattern is anything else.
     """
 
     text: str
@@ -155,12 +145,7 @@ class Pattern:
     def path(self, frame: int) -> Path:
         """Return the file of a frame; for a video, the video.
 
-        Raises
-        ------
-        ValueError
-            If `frame` is negative, or the file would lie outside `inside`.
-        TypeError
-            If `frame` is not an integer.
+        ValueError if `frame` is negative or the file would lie outside `inside`.
         """
         number = operator.index(frame)
         if number < 0:

@@ -88,13 +88,7 @@ class Source(ABC):
         """Return the picture of frame `i`, counted from 0 at the first.
 
         Before the first frame it is the first, after the end the last, for a still the still.
-
-        Raises
-        ------
-        OSError
-            If the frame is missing or damaged, unless the source holds the last good one.
-        TypeError
-            If `i` is not an integer.
+        OSError if it is missing or damaged, unless the source holds the last good one.
         """
         number = self._number(i)
         with self._lock:
@@ -230,20 +224,14 @@ class VideoSource(Source):
         self.size, self.count, self.fps = reader.size, reader.count, reader.fps
         self.tags = reader.tags
         self.aspect = float(self.tags.aspect)
-        if self.tags.interlaced:
-            reader.close()
-            raise ValueError(
-                f"{spec} is interlaced, two moments in a frame: make it progressive first, such as "
-                "by ffmpeg's filter bwdif"
-            )
         # ITU-R BT.2100's curves.
         hdr = {16: "PQ", 18: "HLG"}.get(self.tags.transfer)
-        if hdr is not None:
+        wrong = hdr and f"HDR ({hdr}), no display values: convert it to an EXR sequence first"
+        if self.tags.interlaced:
+            wrong = "interlaced: make it progressive first, such as by ffmpeg's filter bwdif"
+        if wrong:
             reader.close()
-            raise ValueError(
-                f"{spec} is HDR ({hdr}), whose values are no display values: convert it to an EXR "
-                "sequence first"
-            )
+            raise ValueError(f"{spec} is {wrong}")
 
     def close(self) -> None:
         super().close()
@@ -282,19 +270,10 @@ def open_background(
     budget, overscan
         As `read_picture`; for each frame, and of pictures alone.
 
-    Returns
-    -------
-    Source
-        With `size`, `count`, `fps`, `encoding` and ``frame(i)``.
-
     Raises
     ------
-    FileNotFoundError
-        If there is no such file, or no frame of the sequence.
-    OSError
-        If the file, or the first frame, is damaged.
-    ValueError
-        If it is not a picture or video of a known format, or the pattern is not one.
+    FileNotFoundError, OSError, ValueError
+        As `read_picture`, of the first frame.
     """
     if damaged not in ("stop", "hold"):
         raise ValueError(f"damaged must be 'stop' or 'hold', got {damaged!r}")
@@ -323,22 +302,8 @@ def open_depth(
 ) -> Source:
     """Open depth: a picture, or a numbered sequence of pictures.
 
-    Parameters
-    ----------
-    spec : str or path
-        ``depth.exr`` or ``depth.%04d.exr``; see :func:`read_depth`.
-    budget, overscan
-        As `read_picture`.
-
-    Returns
-    -------
-    Source
-        Its pictures' pixels are (H, W) float32.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As :func:`read_depth`.
+    `spec` is ``depth.exr`` or ``depth.%04d.exr``; pictures' pixels are (H, W) float32. `budget`,
+    `overscan` and errors are those of :func:`read_depth`.
     """
     read = partial(_depth, budget=budget, overscan=overscan)
     source = PictureSource(_place("depth", spec), "stop", read, overscan)

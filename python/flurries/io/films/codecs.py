@@ -24,6 +24,7 @@ _X264 = {
     "draft": {"preset": "veryfast", "crf": "28"},
 }
 _X265_LEAST = 64
+_X265_STILL = "log-level=error:frame-threads=1:pools=none:info=0"
 _X265 = {
     "high": {"preset": "medium", "crf": "18"},
     "medium": {"preset": "medium", "crf": "24"},
@@ -34,6 +35,7 @@ _VP9 = {
     "medium": {"crf": "28", "cpu-used": "4"},
     "draft": {"crf": "38", "cpu-used": "6"},
 }
+_PRORES = {"vendor": "apl0", "alpha_bits": "0"}
 QUALITIES = tuple(_X264)
 
 
@@ -116,34 +118,26 @@ def encoder_for(
     container = {"fflags": "+bitexact"}
     if suffix in (".mp4", ".mov"):
         container["movflags"] = "+faststart+write_colr"
-    if name == "h264":
+    # Below a coding block in both sides the library writes past its own memory.
+    if name == "h265" and max(size) < _X265_LEAST:
+        raise ValueError(
+            f"codec h265 needs {_X265_LEAST} px in width or height, got {size[0]} x {size[1]}"
+        )
+    library, options = {
         # With its macroblock tree x264 made other bytes in every run, even in one thread.
-        options = {**_X264[quality], "mbtree": "0"}
-        return Encoder("libx264", pixels, options, container, stored)
-    if name == "h265":
-        # Below a coding block in both sides the library writes past its own memory.
-        if max(size) < _X265_LEAST:
-            raise ValueError(
-                f"codec h265 needs {_X265_LEAST} px in width or height, got {size[0]} x {size[1]}"
-            )
-        still = "log-level=error:frame-threads=1:pools=none:info=0"
-        options = {**_X265[quality], "x265-params": still}
-        tag = "hvc1" if suffix != ".mkv" else None
-        return Encoder("libx265", pixels, options, container, stored, tag)
-    if name == "vp9":
-        options = {**_VP9[quality], "b:v": "0", "deadline": "good", "row-mt": "1"}
-        return Encoder("libvpx-vp9", pixels, options, container, stored)
-    if name == "ffv1":
+        "h264": ("libx264", {**_X264[quality], "mbtree": "0"}),
+        "h265": ("libx265", {**_X265[quality], "x265-params": _X265_STILL}),
+        "vp9": ("libvpx-vp9", {**_VP9[quality], "b:v": "0", "deadline": "good", "row-mt": "1"}),
         # Four slices are two by two, which a picture of one row has no room for.
-        slices = "4" if min(size) > 1 else "1"
-        options = {"level": "3", "slices": slices, "slicecrc": "1"}
-        return Encoder("ffv1", pixels, options, container, stored)
-    if name == "dnxhr":
-        profile = {8: "dnxhr_hq", 10: "dnxhr_hqx"}[stored]
-        return Encoder("dnxhd", pixels, {"profile": profile}, container, stored)
-    profile = {"prores-hq": "hq", "prores-4444": "4444"}[name]
-    options = {"profile": profile, "vendor": "apl0", "alpha_bits": "16" if alpha else "0"}
-    return Encoder("prores_ks", pixels, options, container, stored)
+        "ffv1": ("ffv1", {"level": "3", "slices": "4" if min(size) > 1 else "1", "slicecrc": "1"}),
+        "dnxhr": ("dnxhd", {"profile": "dnxhr_hq" if stored == 8 else "dnxhr_hqx"}),
+        "prores-hq": ("prores_ks", {"profile": "hq", **_PRORES}),
+        "prores-4444": ("prores_ks", {"profile": "4444", **_PRORES}),
+    }[name]
+    if alpha:
+        options["alpha_bits"] = "16"
+    tag = "hvc1" if name == "h265" and suffix != ".mkv" else None
+    return Encoder(library, pixels, options, container, stored, tag)
 
 
 def bits_for(suffix: str, codec: str | None, least: int) -> int:

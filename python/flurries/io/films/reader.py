@@ -175,16 +175,7 @@ class VideoReader:
 def read_video(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Iterator[Array]:
     """Yield the frames of a video in order, each (H, W, 3): uint8, of more bits uint16.
 
-    Parameters
-    ----------
-    path : str or path
-    budget : Budget, optional
-        As `read_picture`; for each frame.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As `VideoReader`, when the first frame is asked for or where the damage is.
+    `path`, `budget` and errors are those of `read_picture`; errors come where the damage is.
     """
     reader = VideoReader(path, budget=budget)
     with closing(reader):

@@ -25,22 +25,20 @@ from flurries.io.films.index import (
 )
 from flurries.io.films.reader import UNSPECIFIED, Tags
 from flurries.io.films.sound import Sound, SoundTrack
+from flurries.io.pictures.fitting import checked_size
 from flurries.io.sequences import VIDEO_EXTENSIONS
 
 
 class VideoWriter:
     """Writes a video frame by frame; a context manager.
 
-    The extension decides: .mp4 and .mov hold H.264, .webm holds VP9, both with colors at half
-    resolution (yuv420p, BT.709), and .mkv holds FFV1, which loses nothing. The file appears under
-    its name when the block is left without an exception, and not before; with one, the old file
-    stays and nothing else is left. The same frames make the same bytes with the same number of
-    threads (`flurries.settings`), with all numbers up to 4, and with every number in the
-    reproducible mode: an encoder's result depends on its threads a little.
+    .mp4 and .mov hold H.264, .webm holds VP9, both with colors at half resolution (yuv420p,
+    BT.709), and .mkv holds FFV1, which loses nothing. The file appears under its name when the
+    block is left without an exception, and not before. The same frames make the same bytes with the
+    same number of threads (`flurries.settings`), with all numbers up to 4, and in the
+    reproducible mode with any.
 
-    H.264 and VP9 as every player understands them have even sides. A picture of odd width or
-    height is not resized: its last column or row is repeated once, so the video is one pixel
-    larger. FFV1 keeps the size.
+    H.264 and VP9 have even sides: the last column or row of an odd picture is repeated once.
 
     Parameters
     ----------
@@ -49,15 +47,13 @@ class VideoWriter:
     size : (int, int)
         (width, height) of every frame.
     fps : float or Fraction
-        Frames per second, above 0 and at most 1000. 23.976, 29.97 and 59.94 mean 24000/1001 and
-        so on.
+        Above 0, at most 1000. 23.976, 29.97 and 59.94 mean 24000/1001 and so on.
     quality : {"high", "medium", "draft"}
-        Quality of a codec that loses detail; FFV1 loses nothing.
     sound : flurries.io.films.sound.Sound, optional
-        A part of another film's sound to go with the pictures; copied where the new file can hold
-        it as it is, else encoded as AAC, Opus (WebM) or FLAC (Matroska).
+        A part of another film's sound; copied where the new file can hold it as it is, else encoded
+        as AAC, Opus (WebM) or FLAC (Matroska).
     comment : str
-        A line that goes into the file's header, see `comment_of`.
+        A line that goes into the file's header.
     codec : str, optional
         "h264", "h265", "vp9", "ffv1", "prores-hq", "prores-4444" or "dnxhr"; the extension's own if
         not given.
@@ -66,28 +62,18 @@ class VideoWriter:
     alpha : bool
         Whether frames have it, straight; "prores-4444" alone holds it.
     tags : Tags, optional
-        Colors, pixel aspect and time code in the film's header; sRGB display values in square
-        pixels if not given.
+        Colors, pixel aspect and time code; sRGB display values in square pixels if not given.
 
     Raises
     ------
-    ValueError
-        If an argument is not as above, a frame has another size, or no frame was written.
-    TypeError
-        If a frame is neither uint8 nor uint16.
+    ValueError, TypeError
+        If an argument or a frame is not as above, or no frame was written.
     OSError
         If the file cannot be written.
     ImportError
         Without PyAV.
     RuntimeError
         If a frame is written outside the ``with`` block.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from flurries.io import VideoWriter
-    >>> with VideoWriter("snow.mp4", (64, 48), 24) as video:  # doctest: +SKIP
-    ...     video.write(np.zeros((48, 64, 3), np.uint8))
     """
 
     def __init__(
@@ -112,7 +98,7 @@ class VideoWriter:
                 f"{self.path}: videos are written as {', '.join(VIDEO_EXTENSIONS)}, not {suffix!r}"
             )
         choice("quality", quality, QUALITIES)
-        self.size = _checked_size(size)
+        self.size = checked_size(size, 16384)
         self.fps = frame_rate(fps)
         self.count = 0
         self._codec = encoder_for(suffix, quality, self.size, codec, bits, alpha=alpha)
@@ -328,12 +314,3 @@ def _told(path: Path) -> Iterator[None]:
     except av.FFmpegError as error:
         reason = error.strerror or "no reason given"
         raise OSError(f"{path}: the video cannot be written: {reason}") from error
-
-
-def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
-    if len(size) != 2 or not all(isinstance(side, (int, np.integer)) for side in size):
-        raise ValueError(f"size must be (width, height) in whole px, got {size!r}")
-    width, height = int(size[0]), int(size[1])
-    if not (1 <= width <= 16384 and 1 <= height <= 16384):
-        raise ValueError(f"size must be from 1 to 16384 px each way, got {width} x {height}")
-    return width, height

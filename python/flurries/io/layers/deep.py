@@ -80,14 +80,7 @@ def write_deep(
     half : bool
         Store colors and opacities as half, 16 bits; depths always have 32.
     metadata, slate
-        As :func:`flurries.io.write_picture` takes them.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If `path` does not end in .exr, or `deep` is something else.
-    OSError
-        If the file cannot be written or does not read back; no half-written one stays.
+        As :func:`flurries.io.write_picture`, errors too.
     """
     require_exr(path, "deep samples")
     if not isinstance(deep, Deep):
@@ -127,10 +120,7 @@ def write_deep(
 def read_deep(path: str | os.PathLike[str]) -> Deep:
     """Return the samples of a deep EXR, the inverse of `write_deep`.
 
-    Raises
-    ------
-    OSError, ValueError
-        If the file cannot be read, or is none with these channels.
+    OSError or ValueError if the file cannot be read, or is none with these channels.
     """
     data, specification = _read(plain_file(path))
     order = [specification.channelindex(name) for name in CHANNELS]

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import choice, mapping
+from flurries._contract import mapping
 from flurries.io.color import Array, to_half, to_single
 from flurries.io.files import Budget
 from flurries.io.oiio import openimageio
@@ -35,7 +35,6 @@ _PRECISE = ("depth",)
 _UPPER = ".hi"
 
 VIEWS = ("left", "right")
-Layout: TypeAlias = Literal["parts", "views"]
 
 
 def write_layers(
@@ -53,7 +52,7 @@ def write_layers(
     path : str or path
         Ends in .exr.
     layers : mapping of str to array
-        Float arrays of one size, linear light, colors multiplied by alpha. The layer ``"rgba"``
+        Arrays of one size: floats, linear light, colors multiplied by alpha. The layer ``"rgba"``
         becomes the channels R, G, B, A; others get their name in front, ``snow.R``. An array
         (H, W, 3) or (H, W, 4) is a color, (H, W, 2) a vector with the channels X and Y, or u and v
         where the name ends in "forward" or "backward", and (H, W) a number: ``depth.Z``,
@@ -61,19 +60,14 @@ def write_layers(
         uint64, 0 to 2^63 - 1, is two channels of type uint: ``name``, its lower 32 bits, and
         ``name.hi``, the upper ones.
     half : bool, default True
-        Store colors and masks as half. Depths and vectors always have 32 bits: as half, a depth of
-        3 km is known to 2 m.
+        Store colors and masks as half. Depths and vectors always have 32 bits.
     metadata, slate
         As `write_picture`.
 
     Raises
     ------
-    ValueError
-        If a name or a shape is not as above, sizes differ, or `path` does not end in .exr.
-    TypeError
-        If an array does not hold floats, or integers of 64 bits.
-    OSError
-        If the file cannot be written or does not read back.
+    ValueError, TypeError, OSError
+        If names or arrays are not as above, or as `write_picture`.
     """
     require_exr(path, "layers")
     _write(path, {"": layers}, half, metadata, slate)
@@ -119,9 +113,8 @@ def _write(
     half: bool,
     metadata: Mapping[str, object] | None,
     slate: Slate | None,
-    several: tuple[str, ...] = (),
 ) -> None:
-    """Write a part for each view; one without a name is not marked, or holds several."""
+    """Write a part for each view; one without a name is not marked."""
     strings, said = header.checked(metadata), Slate.of(slate)
     parts = []
     for name, layers in views.items():
@@ -129,75 +122,18 @@ def _write(
         if name:
             specification.attribute("view", name)
             specification.attribute("oiio:subimagename", name)
-        if several:
-            kind = openimageio().TypeDesc(f"string[{len(several)}]")
-            specification.attribute("multiView", kind, several)
         header.put(specification, strings, "openexr")
         said.put(specification, "openexr", "linear")
         parts.append((specification, band))
     write_parts(path, parts)
 
 
-def write_views(
-    path: str | os.PathLike[str],
-    left: npt.ArrayLike,
-    right: npt.ArrayLike,
-    *,
-    layout: Layout = "parts",
-    half: bool = True,
-    metadata: Mapping[str, object] | None = None,
-) -> None:
-    """Write the pictures of two eyes into one EXR; atomic and verified as `write_picture`.
-
-    Parameters
-    ----------
-    path : str or path
-        Ends in .exr.
-    left, right : array
-        (H, W, 3), or (H, W, 4) multiplied by alpha; float, linear light, both of one shape.
-    layout : {"parts", "views"}
-        "parts": two parts, each named and marked as a view, with the channels R, G, B (A).
-        "views": one part with the channels of the left eye as they are and the right eye's as
-        ``right.R``, and the attribute ``multiView``. Programs read the first more often.
-    half, metadata
-        As `write_picture`.
-
-    Raises
-    ------
-    ValueError, TypeError, OSError
-        As `write_layers`.
-    """
-    require_exr(path, "two views")
-    choice("layout", layout, get_args(Layout))
-    eyes = [_checked_eye(name, eye) for name, eye in zip(VIEWS, (left, right), strict=True)]
-    if eyes[0].shape != eyes[1].shape:
-        raise ValueError(f"right must have the shape of left {eyes[0].shape}, got {eyes[1].shape}")
-    if layout == "parts":
-        views = {name: {MAIN: eye} for name, eye in zip(VIEWS, eyes, strict=True)}
-        write_layer_views(path, views, half=half, metadata=metadata)
-        return
-    _write(path, {"": {MAIN: eyes[0], "right": eyes[1]}}, half, metadata, None, VIEWS)
-
-
 def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -> dict[str, Array]:
     """Read all layers of an EXR, the inverse of `write_layers`.
 
-    Parameters
-    ----------
-    path, budget
-        As `read_picture`.
-
-    Returns
-    -------
-    dict of str to ndarray
-        float32, (H, W) for single channels and (H, W, C) else; the display window is not applied.
-        Each channel of type uint is a plane of its own by its whole name, (H, W) int64, and
-        ``name`` and ``name.hi`` are one.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As `read_picture`.
+    They are float32, (H, W) for single channels and (H, W, C) else; the display window is not
+    applied. Each channel of type uint is a plane of its own by its whole name, (H, W) int64, and
+    ``name`` and ``name.hi`` are one. `path`, `budget` and errors are those of `read_picture`.
     """
     with opened_picture(path, budget) as opened:
         spec = opened.specification
@@ -223,22 +159,10 @@ def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -
 def read_views(
     path: str | os.PathLike[str], *, budget: Budget | None = None
 ) -> tuple[Array, Array]:
-    """Read the pictures of two eyes from an EXR of either layout, the inverse of `write_views`.
+    """Read (left, right) of an EXR: two parts, or one with two views in it.
 
-    Parameters
-    ----------
-    path, budget
-        As `read_picture`, for each eye.
-
-    Returns
-    -------
-    left, right : (H, W, 3 or 4) float32
-        Linear light.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As `read_picture`; ValueError also if the file does not hold two views.
+    Each eye is (H, W, 3 or 4) float32, linear light. `path`, `budget` and errors are those of
+    `read_picture`; ValueError also if the file does not hold two views.
     """
     with opened_picture(path, budget) as opened:
         parts = opened.parts()
@@ -348,15 +272,6 @@ def _channels(name: str, count: int) -> list[str]:
     else:
         own = ["R", "G", "B", "A"][:count]
     return own if name == MAIN else [f"{name}.{channel}" for channel in own]
-
-
-def _checked_eye(name: str, values: npt.ArrayLike) -> Array:
-    array = np.asarray(values)
-    if array.dtype.kind != "f":
-        raise TypeError(f"{name} must hold floats, got {array.dtype}")
-    if array.ndim != 3 or array.shape[2] not in (3, 4) or 0 in array.shape:
-        raise ValueError(f"{name} must be (H, W, 3) or (H, W, 4), got {array.shape}")
-    return array
 
 
 def _eye(opened: Opened, part: int, prefix: str = "") -> Array:

@@ -23,7 +23,7 @@ _FOLDER = Path(__file__).parent
 def photograph(
     name: Literal["rocket", "coffee"] = "rocket", *, size: Sequence[int] | None = None
 ) -> Array:
-    """Return a photograph that comes with the package, to try things on.
+    """Return a photograph that comes with the package, (height, width, 3) uint8, sRGB.
 
     Parameters
     ----------
@@ -32,11 +32,6 @@ def photograph(
         600 x 400 px, CC0 (Rachel Michetti).
     size : (width, height), optional
         Pixels that it is fitted to, as :func:`flurries.io.fit` does; its own if not given.
-
-    Returns
-    -------
-    (height, width, 3) uint8
-        Display values (sRGB).
 
     Raises
     ------
@@ -48,8 +43,6 @@ def photograph(
     >>> import flurries as fl
     >>> fl.io.photograph("coffee").shape
     (400, 600, 3)
-    >>> fl.io.photograph(size=(64, 48)).shape
-    (48, 64, 3)
     """
     choice("name", name, NAMES)
     pixels = read_picture(_FOLDER / f"{name}.jpg").pixels

@@ -26,35 +26,27 @@ def fit(
 ) -> Array:
     """Resize a picture to `size`, through a Lanczos filter of three lobes.
 
-    Filtering happens in linear light. The filter's ringing is cut at the smallest and the largest
-    value of each channel; a lamp of a single pixel gains light by that, up to a third.
+    Filtering happens in linear light, in float32. Ringing is cut at the smallest and the largest
+    value of each channel; a lamp of a single pixel gains light by that, up to a third. A picture
+    that has the size already comes back as an unchanged copy.
 
     Parameters
     ----------
     pixels : array_like
-        (H, W), (H, W, 1), (H, W, 3) or (H, W, 4); uint8, uint16 or float. A fourth channel is
+        (H, W), (H, W, 1), (H, W, 3) or (H, W, 4); uint8, uint16 or float, kept. A fourth channel is
         alpha: the colors of floats are multiplied by it, those of integers are not.
     size : (int, int)
         (width, height) in px.
     how : {"cover", "contain", "stretch"}
-        Keep the aspect and fill the frame, cutting off equal parts left and right or above and
-        below; keep the aspect and show all, with black bars (transparent with alpha); or let
-        both directions go their own way. Kept aspects are exact to one pixel in the whole length.
+        Keep the aspect and fill the frame, cutting off both sides; keep the aspect and
+        show all, with black bars (transparent with alpha); or let both directions go their own way.
     encoding : {"display", "linear"}, optional
         What the numbers are; by default integers are display values and floats linear light.
 
-    Returns
-    -------
-    ndarray
-        (height, width) and the channels and the dtype of `pixels`, computed in float32. A picture
-        that has the size already comes back as an unchanged copy.
-
     Raises
     ------
-    TypeError
-        If `pixels` are of another type or `size` holds no integers.
-    ValueError
-        If shapes, `how` or `encoding` are not as above.
+    TypeError, ValueError
+        If an argument is not as above.
     """
     array = rectangular("pixels", pixels)
     if array.dtype.name not in ("uint8", "uint16", "float16", "float32", "float64"):
@@ -65,7 +57,7 @@ def fit(
         or array.shape[2:] not in ((), (1,), (3,), (4,))
     ):
         raise ValueError(f"pixels must be (H, W) or (H, W, 1, 3 or 4), got {array.shape}")
-    width, height = _checked_size(size)
+    width, height = checked_size(size)
     choice("how", how, get_args(Fit))
     integers = array.dtype.kind == "u"
     if encoding is None:
@@ -90,22 +82,17 @@ def fit_nearest(plane: npt.ArrayLike, size: Sequence[int]) -> Array:
     Parameters
     ----------
     plane : (h, w) array
-        Numbers of which no mean may be taken, such as depths: between a wall and the sky behind it
-        there is nothing.
+        Numbers of which no mean may be taken, such as depths. A pixel of the frame gets the value
+        of the pixel that its centre falls into.
     size : (int, int)
         (width, height) in px.
-
-    Returns
-    -------
-    (height, width) array
-        Each pixel has the value of the pixel of `plane` that its centre falls into.
 
     Raises
     ------
     TypeError, ValueError
         For an argument that is not as described.
     """
-    width, height = _checked_size(size)
+    width, height = checked_size(size)
     array = rectangular("plane", plane)
     if array.dtype.kind not in "biuf":
         raise TypeError(f"plane must hold numbers, got {array.dtype}")
@@ -123,7 +110,7 @@ def fit_nearest(plane: npt.ArrayLike, size: Sequence[int]) -> Array:
     return np.ascontiguousarray(array[np.ix_(*places)])
 
 
-def _checked_size(size: Sequence[int]) -> tuple[int, int]:
+def checked_size(size: Sequence[int], most: int = 2**16) -> tuple[int, int]:
     if not isinstance(size, (Sequence, np.ndarray)) or isinstance(size, (str, bytes)):
         raise TypeError(f"size must be (width, height), got {size!r:.60}")
     if len(size) != 2:
@@ -132,8 +119,8 @@ def _checked_size(size: Sequence[int]) -> tuple[int, int]:
         width, height = operator.index(size[0]), operator.index(size[1])
     except TypeError:
         raise TypeError(f"size must be two integers, got {size!r}") from None
-    if not (1 <= width <= 2**16 and 1 <= height <= 2**16):
-        raise ValueError(f"size must be from 1 to {2**16} px each way, got {width} x {height}")
+    if not (1 <= width <= most and 1 <= height <= most):
+        raise ValueError(f"size must be from 1 to {most} px each way, got {width} x {height}")
     return width, height
 
 

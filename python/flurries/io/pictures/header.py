@@ -138,9 +138,7 @@ class Opened:
         return (height, width) if self.orientation >= 5 else (width, height)
 
     def parts(self) -> list[Any]:
-        """Return the specifications of all parts of the file, of a thousand at most."""
-        stated = self.reader.spec(0).get_int_attribute("oiio:subimages", 1)
-        return [self.reader.spec(part) for part in range(min(max(stated, 1), 1000))]
+        return _parts(self.reader)
 
     def read(self, channels: Sequence[int], kind: str, *, part: int | None = None) -> Array:
         """Return channels of a part as stored, (h, w, c); see `bands`."""
@@ -224,12 +222,8 @@ def read_header(path: str | os.PathLike[str], *, overscan: bool = False) -> Head
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
-    OSError
-        If the file is damaged.
-    ValueError
-        If it is not a picture of a known format.
+    FileNotFoundError, OSError, ValueError
+        As `read_picture`.
     """
     with opened_picture(path, overscan=overscan) as opened:
         return Header(
@@ -312,13 +306,15 @@ def find_channels(
     return color, alpha
 
 
+def _parts(reader: Any) -> list[Any]:
+    """Return the specifications of all parts of a file, of a thousand at most."""
+    stated = reader.spec(0).get_int_attribute("oiio:subimages", 1)
+    return [reader.spec(part) for part in range(min(max(stated, 1), 1000))]
+
+
 def _part_with_color(path: Path, reader: Any) -> tuple[int, Any]:
     """Return the first part of a picture that holds red, green and blue, or else its first."""
-    spec = reader.spec()
-    parts = [spec]
-    if reader.format_name() == "openexr":
-        stated = spec.get_int_attribute("oiio:subimages", 1)
-        parts += [reader.spec(part) for part in range(1, min(stated, 1000))]
+    parts = _parts(reader) if reader.format_name() == "openexr" else [reader.spec()]
     chosen = next((n for n, part in enumerate(parts) if {"R", "G", "B"} <= {*part.channelnames}), 0)
     spec = parts[chosen]
     if spec.deep:

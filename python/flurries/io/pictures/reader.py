@@ -76,11 +76,10 @@ def read_picture(
 ) -> Picture:
     """Read a picture.
 
-    The display window of an EXR is what comes: stored pixels outside it are cut off, pixels of it
-    that are not stored are black and transparent. Orientation marks, which telephones set, are
-    honoured. Floats (EXR, HDR, float TIFF) are linear light, half becomes float32, and integers
-    are display values: 8 and 16 bits stay as they are, other widths become float32 from 0 to 1. Of
-    an EXR with layers the channels R, G, B and A come, or else those of its first layer.
+    Of an EXR comes its display window: pixels outside it are cut off, pixels of it that are not
+    stored are black and transparent; of its channels R, G, B and A, or else those of its first
+    layer. Orientation marks are honoured. Floats are linear light, half becomes float32; integers
+    are display values: 8 and 16 bits stay as they are, other widths become float32 from 0 to 1.
 
     Parameters
     ----------
@@ -91,20 +90,14 @@ def read_picture(
     overscan : bool
         All that is stored comes, and the display window is where `Picture.display` says.
 
-    Returns
-    -------
-    Picture
-        All of it. A file that broke off is an error, never a half-grey picture.
-
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     OSError
-        If the file is empty, cut short, damaged, or larger than the budget. The message names it.
+        If the file is empty, cut short, damaged, or larger than the budget.
     ValueError
-        If it is not a picture of a known format, or of a kind that is not supported (deep pixels,
-        chroma subsampled EXR).
+        If it is no picture of a known format, or deep, or chroma subsampled.
     """
     with opened_picture(path, budget, overscan=overscan) as opened:
         pixels, alpha = _decode(opened)
@@ -116,28 +109,6 @@ def read_picture(
             premultiplied=alpha is not None and opened.premultiplied,
             display=opened.display,
         )
-
-
-def read_mask(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Array:
-    """Read a mask: the alpha channel if the picture has one, else its luminance as stored.
-
-    A mask is data, so display values are not decoded: the grey level 128 of 255 is 0.502.
-
-    Returns
-    -------
-    ndarray
-        (H, W) float32 from 0 to 1; values outside are clipped and NaN counts as 0.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As `read_picture`.
-    """
-    picture = read_picture(path, budget=budget)
-    if picture.alpha is None:
-        return luminance(picture)
-    mask: Array = np.clip(np.nan_to_num(picture.alpha, nan=0.0), 0.0, 1.0)
-    return mask
 
 
 def luminance(picture: Picture) -> Array:
@@ -180,7 +151,9 @@ _NAMES = ("Z", "z", "depth", "Depth", "DEPTH")
 def read_depth(
     path: str | os.PathLike[str], *, budget: Budget | None = None, overscan: bool = False
 ) -> Array:
-    """Read the depth channel of a picture.
+    """Read the depth channel of a picture, (H, W) float32.
+
+    Outside an EXR's data window it is infinity.
 
     Parameters
     ----------
@@ -190,17 +163,10 @@ def read_depth(
     budget, overscan
         As `read_picture`.
 
-    Returns
-    -------
-    (H, W) float32
-        As stored; outside an EXR's data window it is infinity.
-
     Raises
     ------
-    FileNotFoundError, OSError
-        If the file cannot be read, or is damaged.
-    ValueError
-        If it has no such channel, or a depth is not greater than 0 (NaN is not).
+    FileNotFoundError, OSError, ValueError
+        As `read_picture`; ValueError also if there is no such channel, or a depth is not above 0.
     """
     with opened_picture(path, budget, overscan=overscan) as opened:
         part, channel = _channel_of(opened)

@@ -137,22 +137,9 @@ NOTHING = Slate()
 
 
 def read_slate(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Slate:
-    """Read what a picture says of itself, without decoding its pixels.
+    """Read what a picture says of itself; windows are those of a picture with its overscan.
 
-    Parameters
-    ----------
-    path, budget
-        As `read_picture`.
-
-    Returns
-    -------
-    Slate
-        Its windows are those of a picture that is read with its overscan.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As `read_picture`.
+    `path`, `budget` and errors are those of `read_picture`.
     """
     with opened_picture(path, budget, overscan=True) as opened:
         spec = opened.specification

@@ -91,30 +91,27 @@ def write_picture(
     The file appears whole or not at all, after it was read back: same size, same channels and, in
     lossless formats, the same bits. The same arguments make the same bytes.
 
-    EXR and HDR hold linear light, PNG and JPEG display values, TIFF either: pixels are converted
-    if need be. EXR colors are multiplied by alpha, those of PNG and of integer TIFF are not.
-    Values above 1 are kept in EXR, HDR and float TIFF and clipped in the others; NaN becomes 0 in
-    integers and stays NaN in floats. A half holds at most 65504, and what is above becomes that.
+    EXR and HDR hold linear light, PNG and JPEG display values, TIFF either: pixels are converted if
+    need be. EXR colors are multiplied by alpha, those of PNG and of integer TIFF are not. Floats
+    keep NaN and values above 1 (a half at most 65504); integers clip them, and NaN becomes 0.
 
     Parameters
     ----------
     path : str or path
         Ends in .dpx, .exr, .hdr, .jpg, .jpeg, .png, .tif or .tiff.
     pixels : array_like
-        (H, W), (H, W, 1), (H, W, 3) or (H, W, 4) with alpha; uint8, uint16 or float. Grey pictures
-        stay single-channel (HDR has three).
+        (H, W), (H, W, 1), (H, W, 3) or (H, W, 4) with alpha; uint8, uint16 or float.
     alpha : array_like, optional
         (H, W) opacity; integers over their maximum, floats from 0 to 1.
     encoding : {"display", "linear"}, optional
-        What `pixels` are; by default integers are display values and floats linear light. A mask
-        of floats that shall reach a PNG as it is wants ``"display"``.
+        What `pixels` are; by default integers are display values and floats linear light.
     premultiplied : bool, optional
         Whether the colors are multiplied by alpha; by default floats are, integers are not.
     half : bool, default True
         Store EXR as half, 16 bits; False stores 32.
     bits : {8, 10, 16}, optional
-        Bits of an integer format; by default 16 for uint16 and 8 else. Given for TIFF it turns
-        floats into integers. DPX alone has 10.
+        Of integer formats; by default 16 for uint16, else 8. Given for TIFF it turns floats into
+        integers. DPX alone has 10.
     compression : {"zip", "zips", "piz", "rle", "none", "dwaa", "dwab"}
         How EXR packs pixels; the last two are lossy.
     quality : int, default 95
@@ -127,11 +124,8 @@ def write_picture(
 
     Raises
     ------
-    ValueError
-        If the extension is unknown, shapes do not fit, the format has no room for alpha, or an
-        option is not one of those above.
-    TypeError
-        If pixels are of another type, or metadata hold more than strings and numbers.
+    ValueError, TypeError
+        If an argument is not as above, or the format has no room for alpha.
     OSError
         If the file cannot be written or does not read back; the old file stays as it was.
     """
