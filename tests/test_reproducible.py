@@ -116,16 +116,6 @@ def test_it_is_on_or_off(bad: Any):
         fl.set_reproducible(bad)
 
 
-@pytest.mark.parametrize("value, on", [("1", True), ("0", False), ("", False), ("yes", False)])
-def test_the_environment_turns_it_on(value: str, on: bool):
-    code = "import flurries as fl; print(fl.reproducible())"
-    done = subprocess.run(
-        [sys.executable, "-c", code], text=True, capture_output=True,
-        env={**os.environ, "FLURRIES_REPRODUCIBLE": value},
-    )  # fmt: skip
-    assert done.stdout.split() == [str(on)]
-
-
 def test_the_command_line_turns_it_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("FLURRIES_REPRODUCIBLE", "0")
     words = ["render", "#304050", "--snow", "heavy", "--size", "64x48", "--quiet", "--frames", "1"]
