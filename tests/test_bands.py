@@ -253,7 +253,7 @@ import os, signal, threading, time
 import numpy as np
 import flurries as fl
 plate = np.full((6000, 6000, 3), 60, np.uint8)
-scene = fl.Scene(plate, effects=[TentSnow("heavy")], space="linear")
+scene = fl.Scene(plate, effects=[fl.effects.TentSnow("heavy")], space="linear")
 sent = 0.0
 def interrupt():
     global sent

@@ -110,9 +110,9 @@ def test_it_is_as_right():
     assert errors[1] < 5e-6 and errors[1] < 3 * errors[0]
 
 
-@pytest.mark.parametrize("bad", [1, 0, "yes", None, np.ones(2)])
+@pytest.mark.parametrize("bad", [1, 0, "yes", np.ones(2)])
 def test_it_is_on_or_off(bad: Any):
-    with pytest.raises(TypeError, match=r"\bon\b"):
+    with pytest.raises(TypeError, match="reproducible"):
         fl.settings(reproducible=bad)
 
 

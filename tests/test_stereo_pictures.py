@@ -139,3 +139,14 @@ def test_stereo_exr_is_what_others_write_and_read(tmp_path):
     io.write_picture(tmp_path / "c.exr", left)
     with pytest.raises(ValueError, match="left and a right view"):
         io.read_views(tmp_path / "c.exr")
+
+
+def test_packing_refusals():
+    good, odd = np.zeros((4, 6, 3), np.float32), np.zeros((5, 7, 3))
+    for word, call in {
+        "even width": lambda: stereo.side_by_side(odd, odd, squeeze=True),
+        "even height": lambda: stereo.over_under(odd, odd, squeeze=True),
+        "right must": lambda: stereo.over_under(good, good[:3]),
+    }.items():
+        with pytest.raises(ValueError, match=word):
+            call()

@@ -28,7 +28,7 @@ from flurries.output.cluster import cluster
 from flurries.output.crew import make, processes
 from flurries.output.manifest import NAME, Mark
 from flurries.output.sequence import run
-from flurries.output.store import Disk, Store
+from flurries.output.store import Store
 from flurries.scene.fingerprint import Hashes
 
 __all__ = ["Corrupted", "corrupt"]
@@ -238,7 +238,7 @@ class _Pictures:
     overwrite: bool = False
     listed: bool = True
     tolerant: bool = True
-    store: Store = field(default_factory=Disk)
+    store: Store = field(default_factory=Store)
     _hashes: Hashes = field(default_factory=Hashes)
     _last: tuple[str, str, Any] = ("", "", None)
 

@@ -22,7 +22,7 @@ from flurries.io.pictures.slate import Slate
 from flurries.io.pictures.writer import Format, format_of
 from flurries.output.deep import deep_of
 from flurries.output.manifest import Mark
-from flurries.output.store import Disk, Store
+from flurries.output.store import Store
 from flurries.scene.fingerprint import Inputs, settings
 from flurries.scene.output import MOTION
 from flurries.scene.scene import Scene
@@ -209,7 +209,7 @@ class Frames:
     scene: Scene  # What to render. Its files are read again, whatever it has kept of them.
     content: Content  # What a file holds.
     pattern: str  # The files' names; without a token the name of one still.
-    store: Store = field(default_factory=Disk)  # Where the files are kept.
+    store: Store = field(default_factory=Store)  # Where the files are kept.
     overwrite: bool = False
     listed: bool = True  # See `flurries.output.sequence.Job`.
     skip: bool = False  # Whether frames whose background cannot be read are left out.

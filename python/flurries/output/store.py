@@ -83,10 +83,6 @@ class Store:
         remove_leftovers(folder)
 
 
-class Disk(Store):
-    """Folders of this machine, or mounted in it."""
-
-
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
     """Let one process at a time go on, where the folder's file system has locks."""
@@ -210,7 +206,7 @@ class Bucket(Store):
 
 def store_of(place: str) -> tuple[Store, str]:
     if "://" not in place:
-        return Disk(), place
+        return Store(), place
     if "::" in place:
         raise ValueError(f"{place}: name the store itself, without a layer over it")
     try:
@@ -226,7 +222,7 @@ def store_of(place: str) -> tuple[Store, str]:
         raise ImportError(f"{place}: {error}") from error
     protocol = system.protocol if isinstance(system.protocol, str) else system.protocol[0]
     if protocol in _LOCAL:
-        return Disk(), key
+        return Store(), key
     if not Path(key).name:
         raise ValueError(f"{place} must name files in a bucket or a folder")
     return Bucket(system, protocol), key

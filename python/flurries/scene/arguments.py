@@ -58,20 +58,16 @@ def parse_region(region: Any, shape: tuple[int, int]) -> Window:
     if region is None:
         return whole(shape)
     wanted = "region must be two slices, as from np.s_[100:200, 50:80]"
-    if not isinstance(region, tuple) or len(region) != 2:
-        raise TypeError(f"{wanted}, got {region!r}")
-    window: list[int] = []
-    for part, length in zip(region, shape, strict=True):
-        if not isinstance(part, slice):
-            raise TypeError(f"{wanted}, got {region!r}")
-        try:
-            start, stop, step = part.indices(length)
-        except (TypeError, ValueError):
-            raise TypeError(f"{wanted}, got {region!r}") from None
-        if step != 1 or stop <= start:
-            raise ValueError(f"{wanted}, inside {shape} and not empty, got {region!r}")
-        window += [start, stop]
-    return window[0], window[1], window[2], window[3]
+    try:
+        rows, cols = region
+        (top, bottom, down), (left, right, along) = (
+            slice.indices(rows, shape[0]), slice.indices(cols, shape[1])
+        )  # fmt: skip
+    except (TypeError, ValueError):
+        raise TypeError(f"{wanted}, got {region!r}") from None
+    if down != 1 or along != 1 or bottom <= top or right <= left:
+        raise ValueError(f"{wanted}, inside {shape} and not empty, got {region!r}")
+    return top, bottom, left, right
 
 
 def require_few(name: str, given: Sequence[object], most: int) -> None:

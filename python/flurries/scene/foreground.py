@@ -189,12 +189,10 @@ def _front(parts: Sequence[tuple[Array, bool, Array | None]]) -> Front:
     for plane, whole, depth in parts:
         if plane.ndim == 2:
             matte = Matte(plane, None)
-        elif depth is None:
-            # A picture hides what is behind it by itself; the weather is whole under it.
-            matte = Matte(np.zeros(plane.shape[:2], np.float32), plane, linear_light=not whole)
         else:
-            cover = np.ascontiguousarray(plane[..., 3])
-            matte = Matte(cover, plane, linear_light=not whole)
+            # A flat picture hides what is behind it by itself; the weather is whole under it.
+            cover = np.zeros_like(plane[..., 3]) if depth is None else plane[..., 3]
+            matte = Matte(np.ascontiguousarray(cover), plane, linear_light=not whole)
         if depth is None:
             flat.append(matte)
         else:

@@ -136,10 +136,10 @@ def looped_path(
         )
     turn = np.zeros(3)
     turning = path._turning
+    steady = turning is None or bool((turning.rates == turning.rates[0]).all())
     if path.turns and turning is not None:
         turn = rotation_vector(turning.at(first).T @ turning.at(end))
-        constant = bool((turning.rates == turning.rates[0]).all())
-        if constant and not tilts:
+        if steady and not tilts:
             turn[:] = 0.0
         angle = math.degrees(float(np.linalg.norm(turn)))
         if angle > _NOTHING:
@@ -147,7 +147,7 @@ def looped_path(
                 f"camera: it ends {angle:.3g} degrees from where it looked; its turning is changed "
                 f"by {angle * fps / frames:.3g} degrees a second"
             )
-    turned = path.turns and (float(np.abs(turn).max()) > _NOTHING or not _one_rate(path))
+    turned = path.turns and (float(np.abs(turn).max()) > _NOTHING or not steady)
     if not (moves or closes or turned):
         return path, bent
     # Every frame of a round, and its keys, so that straight pieces stay straight.
@@ -167,8 +167,8 @@ def looped_path(
         changes["velocity"] = None
         changes["position"] = Keys(_rounds(times, frames, lambda t, n: tuple(place(t, n))))
     if turned:
-        rig = path._turning
-        assert rig is not None
+        assert turning is not None
+        rig = turning
 
         def quaternion(t: float, _: int) -> tuple[float, ...]:
             less = rotation_matrix(-(t - first) / frames * turn)
@@ -187,8 +187,3 @@ def _rounds(
         for n in (-1, 0, 1)
         for t in times[:-1]
     ]
-
-
-def _one_rate(path: CameraPath) -> bool:
-    turning = path._turning
-    return turning is None or bool((turning.rates == turning.rates[0]).all())

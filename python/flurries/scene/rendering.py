@@ -288,14 +288,12 @@ class Rendering(Sources):
             still one number will do. If not given, all that the background has, else the camera or
             the depth, else three seconds from 1 on.
         eyes : mapping of str to Camera, optional
-            EXR only: the views of these eyes, such as ``{"left": ..., "right": ...}``, one part of
-            the file for each.
+            EXR only: views such as ``{"left": ..., "right": ...}``, a part of the file for each.
         overwrite : bool
             Replace what is there, whatever it is.
         dask : True, str or distributed.Client, optional
-            Render on a Dask cluster: one made on this machine, the one whose scheduler answers at
-            an address such as ``tcp://host:8786``, or a client's. Workers write where this process
-            would; one that dies loses nothing. Needs ``flurries[dask]``.
+            Render on a Dask cluster: one made on this machine, one by the address of its scheduler,
+            such as ``tcp://host:8786``, or a client's. Needs ``flurries[dask]``.
         dask_patience : float
             How long to wait while the cluster has no worker, seconds.
         progress : callable, optional
@@ -311,8 +309,8 @@ class Rendering(Sources):
         Raises
         ------
         ValueError, TypeError
-            For an unusable pattern or range, a frame number that background, depth, foreground or
-            camera does not have, or where something else is in the way.
+            For an unusable pattern or range, a frame number that a file or the camera does not
+            have, or where something else is in the way.
         OSError
             If something cannot be read or written; no half-written file stays. If files that serve
             all frames change meanwhile; if files that workers have written are not here.
