@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import os
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -33,10 +34,12 @@ def read_path(path: str | os.PathLike[str]) -> dict[str, Any]:
         if name not in _KNOWN or names.count(name) > 1:
             known = ", ".join(_KNOWN)
             raise ValueError(f"{file}, line 1: columns are {known}, each once; got {name!r}")
-    table = np.array(
-        [[_number(file, line, text) for text in _row(file, line, row, len(names))]
-         for line, row in enumerate(rows[1:], 2)]
-    )  # fmt: skip
+    for line, row in enumerate(rows[1:], 2):
+        if len(row) != len(names):
+            raise ValueError(
+                f"{file}, line {line}: {len(names)} entries are wanted, got {len(row)}"
+            )
+    table = np.array([floats(file, line, row) for line, row in enumerate(rows[1:], 2)])
     columns = dict(zip(names, table.T, strict=True))
     found: dict[str, Any] = {}
     for key, groups in (("position", (_PLACE,)), ("orientation", (_VECTOR, _QUATERNION))):
@@ -63,17 +66,15 @@ def read_path(path: str | os.PathLike[str]) -> dict[str, Any]:
     return found
 
 
-def _row(file: Any, line: int, row: list[str], count: int) -> list[str]:
-    if len(row) != count:
-        raise ValueError(f"{file}, line {line}: {count} entries are wanted, got {len(row)}")
-    return row
-
-
-def _number(file: Any, line: int, text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise ValueError(f"{file}, line {line}: not a finite number: {text.strip()!r}")
-    return number
+def floats(file: object, number: int, parts: Sequence[str]) -> list[float]:
+    """Return the numbers of a line, each finite."""
+    found = []
+    for part in parts:
+        try:
+            value = float(part)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise ValueError(f"{file}, line {number}: not a finite number: {part.strip()[:40]!r}")
+        found.append(value)
+    return found

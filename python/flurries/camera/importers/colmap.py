@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Float64, shape_of, vector
+from flurries.camera.csv import floats
 from flurries.camera.importers.matrices import path_of
-from flurries.camera.importers.text import floats, lines_of
+from flurries.camera.importers.text import lines_of
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import matrices_of

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from flurries._contract import Float64, integer, shape_of
+from flurries.camera.csv import floats
 from flurries.camera.importers.matrices import AXES, FLIP, from_matrices, path_of
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
@@ -40,20 +40,6 @@ def read_numbers(path: str | os.PathLike[str], widths: tuple[int, ...]) -> tuple
 def lines_of(file: Path) -> list[tuple[int, str]]:
     """Return the lines of a text file with their numbers."""
     return list(enumerate(read_text(file, _MOST_BYTES, "camera file").splitlines(), 1))
-
-
-def floats(file: Path, number: int, parts: Sequence[str]) -> list[float]:
-    """Return the numbers of a line, each finite."""
-    found = []
-    for part in parts:
-        try:
-            value = float(part)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise ValueError(f"{file}, line {number}: not a finite number: {part[:40]!r}")
-        found.append(value)
-    return found
 
 
 def read_chan(
