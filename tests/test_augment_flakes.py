@@ -64,7 +64,7 @@ def test_layers_are_their_product_and_nothing_depends_on_what_is_kept(kind: str)
     weather = getattr(fl.augment, kind)(severity=4, seed=1)
     dark = np.zeros((96, 130))
     first = weather(dark, index=5)
-    sheets._kept.clear()
+    sheets._SHEETS.clear()
     assert (weather(dark, index=5) == first).all()
     here = here_of(weather, dark.shape, 5)
     whole, left = np.empty(dark.shape, np.float32), np.ones(dark.shape)
@@ -86,13 +86,13 @@ def test_pictures_of_one_weather_have_nothing_in_common(kind: str):
 
 
 def test_a_process_keeps_some_bytes():
-    sheets._kept.clear()
+    sheets._SHEETS.clear()
     dark = np.zeros((64, 64), np.uint8)
     for size in range(40, 640, 8):
         fl.augment.Rainfall(severity=5, seed=1)(np.zeros((8, size), np.uint8), index=size)
     clip = np.stack([dark] * 20)
     fl.augment.Snowfall(severity=5, seed=1).clip(clip, index=1)
-    assert sum(one.bytes for one in sheets._kept.values()) <= 1.2 * sheets.MOST_BYTES
+    assert sheets._SHEETS.bytes <= 1.2 * sheets.MOST_BYTES
 
 
 @pytest.mark.parametrize("wind", [-2.0, 2.0])

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import lru_cache, wraps
-from typing import ParamSpec, TypeVar
 
 from flurries import _core
 from flurries._contract import flag, integer
 
 MOST_THREADS = 256
-
-_P = ParamSpec("_P")
-_Made = TypeVar("_Made")
 
 
 def set_threads(n: int) -> None:
@@ -97,23 +92,6 @@ def settings(*, threads: int | None = None, reproducible: bool | None = None) ->
 def reproducible() -> bool:
     """Return whether the kernels give the same bits with all vector instructions."""
     return _core.reproducible()
-
-
-def kept_by_mode(most: int) -> Callable[[Callable[_P, _Made]], Callable[_P, _Made]]:
-    """Keep the last results of a function that calls kernels, those of each mode apart."""
-
-    def keeping(make: Callable[_P, _Made]) -> Callable[_P, _Made]:
-        @lru_cache(maxsize=most)
-        def kept(_: bool, *args: _P.args, **kwargs: _P.kwargs) -> _Made:
-            return make(*args, **kwargs)
-
-        @wraps(make)
-        def found(*args: _P.args, **kwargs: _P.kwargs) -> _Made:
-            return kept(reproducible(), *args, **kwargs)  # type: ignore[arg-type]
-
-        return found
-
-    return keeping
 
 
 @contextmanager

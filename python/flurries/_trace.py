@@ -24,20 +24,11 @@ class Span:
 
 
 class Trace:
-    """The stages that ran.
-
-    Attributes
-    ----------
-    spans : dict of (effect, stage) to Span
-        In the order of their first run. An effect is its number in the scene; -1 is the scene's.
-    outside : Span
-        What ran in no stage.
-    bytes : int
-        The most that was allocated at a time, where memory is traced.
-    """
+    """The stages that ran: spans by (effect, stage), -1 being the scene, and what was outside."""
 
     def __init__(self, *, memory: bool = False) -> None:
         self.spans: dict[tuple[int, str], Span] = {}
+        # The most that was allocated at a time, where memory is traced.
         self.bytes = 0
         self.outside = Span()
         self._memory, self._effect = memory, -1
@@ -132,23 +123,7 @@ current: ContextVar[Trace | _Off] = ContextVar("flurries_trace", default=_OFF)
 
 @contextmanager
 def tracing(*, memory: bool = False) -> Iterator[Trace]:
-    """Collect the stages that run inside.
-
-    Parameters
-    ----------
-    memory : bool
-        Whether to trace memory as well, with `tracemalloc`, which takes time.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> from flurries._trace import tracing
-    >>> scene = fl.Scene("#000000", size=(64, 48), effects=[fl.effects.TentSnow(flakes=0)])
-    >>> with tracing() as trace:
-    ...     frame = scene.render(3)
-    >>> sorted(trace.calls)
-    ['background', 'composite', 'join', 'texture']
-    """
+    """Collect the stages that run inside, with memory by `tracemalloc` if asked for."""
     starts = memory and not tracemalloc.is_tracing()
     if starts:
         tracemalloc.start()

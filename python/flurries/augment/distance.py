@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Array, Float64, depths, real, rectangular
+from flurries._kept import kept
 from flurries._warnings import warn_of_units
 from flurries.io.color import to_unit
 from flurries.scene.depth import DepthMap
@@ -248,7 +249,7 @@ def _nearest(known: Array) -> Array:
     return np.where(places - before <= after - places, before, after)
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def _grounded(shape: tuple[int, int], ground: Ground | None, focal: float, far: float) -> Distances:
     plane = np.full((1, 1), far, np.float32) if ground is None else ground.rows(shape, focal)
     plane.flags.writeable = False

@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from flurries._contract import Float64
+from flurries._kept import kept
 from flurries.particles.sizes import Sizes
 
 # Optical depth of the middle of all balls, before it is multiplied; and the mean opacity over the
@@ -85,7 +85,7 @@ class Falling:
         return np.exp(-self.thickness * way)
 
 
-@lru_cache(maxsize=256)
+@kept(256)
 def seen_by(falling: Falling, longer: float, times: float) -> Falling:
     """Return the flakes before a picture of a longer side in px, some times as many of them."""
     dense = max(SMALL / max(longer, SMALL // 12), 1.0) ** _SHARPER
@@ -97,13 +97,13 @@ def seen_by(falling: Falling, longer: float, times: float) -> Falling:
     )  # fmt: skip
 
 
-@lru_cache(maxsize=64)
+@kept(64)
 def law_of(sizes: tuple[float, float, float]) -> Sizes:
     """Return the law of diameters between a smallest and a largest that have a mean."""
     return Sizes.with_mean(*sizes)
 
 
-@lru_cache(maxsize=64)
+@kept(64)
 def square(sizes: tuple[float, float, float]) -> float:
     """Return the mean of the squares of diameters."""
     return law_of(sizes).moment(2.0)
@@ -127,7 +127,7 @@ def _covered(sizes: tuple[float, float, float], gain: float, ratio: float) -> fl
     return math.exp((1.0 - v) * rows[0] + v * rows[1])
 
 
-@lru_cache(maxsize=4096)
+@kept(4096)
 def _covered_at(sizes: tuple[float, float, float], gain: int, ratio: int) -> float:
     """Return the logarithm of what is covered, at whole steps of the factor and of the way."""
     factor, way, total = _STEP**gain, sizes[1] * _STEP**ratio, 0.0
@@ -147,7 +147,7 @@ def _covered_at(sizes: tuple[float, float, float], gain: int, ratio: int) -> flo
     return math.log(total / (0.25 * math.pi * sum(d * d for d in diameters)))
 
 
-@lru_cache(maxsize=1)
+@kept(1)
 def _balls() -> Float64:
     """Return integrals of the opacity of a ball of diameter 1 along its chords, the middle last."""
     x = (np.arange(_ACROSS)[::-1] + 0.5) / (2.0 * _ACROSS)

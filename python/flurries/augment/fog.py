@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from statistics import NormalDist
 from typing import Any, ClassVar
 
@@ -12,6 +11,7 @@ import numpy as np
 
 from flurries import spectral
 from flurries._contract import Array, Float64
+from flurries._kept import kept
 from flurries.augment.air import Air
 from flurries.augment.calibration import contrast_loss
 from flurries.augment.draws import Range, between, range_of, uniforms
@@ -64,7 +64,7 @@ class Patches:
         return made, cell, self.strength
 
 
-@lru_cache(maxsize=1)
+@kept(1)
 def _normal() -> Float64:
     law = NormalDist()
     return np.array([law.inv_cdf((k + 0.5) / _QUANTILES) for k in range(_QUANTILES)])

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from flurries._contract import real
+from flurries._kept import kept
 from flurries.augment.air import Air
 from flurries.augment.calibration import Profile, contrast_loss
 from flurries.augment.draws import Range, range_of
@@ -193,7 +193,7 @@ def _look(kind: str, amount: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@lru_cache(maxsize=256)
+@kept(256)
 def _falling_of(
     amount: float, profile: Profile, veil: float, kind: Literal["snow", "rain"]
 ) -> tuple[float, Falling | None]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
-from functools import lru_cache
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Array, choice, integer, mapping, real
+from flurries._kept import kept
 from flurries.augment.air import Air, View
 from flurries.augment.calibration import PROFILES, Profile
 from flurries.augment.distance import SKY, Depth, Distances, Ground, distances_of, ground_of
@@ -167,6 +167,6 @@ class Recorded(ABC):
         return distances_of(depth, view.shape, self.ground, view.camera.focal, far)
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def _view_of(shape: tuple[int, int], focal: float, aside: float, eyes: float) -> View:
     return View(shape, Camera(focal * max(shape), offset=(aside, 0.0, 0.0)), eyes)

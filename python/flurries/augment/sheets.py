@@ -8,7 +8,6 @@ and of the way; what a picture's weather differs by from its rungs its gains mak
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -16,6 +15,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Float64
+from flurries._kept import ALL, Kept
 from flurries._threads import reproducible
 from flurries.augment.draws import uniforms
 from flurries.augment.falling import OPACITY, Falling, Look, law_of, seen_by, square
@@ -61,7 +61,7 @@ _GAINS = 1.4 ** np.arange(-8.0, 9.0)
 SEED = 7004
 _STREAM = 7005
 
-_kept: OrderedDict[Any, Sheets] = OrderedDict()
+_SHEETS = ALL[__name__] = Kept(most_bytes=MOST_BYTES)
 
 
 class Rungs(NamedTuple):
@@ -144,32 +144,22 @@ def sheets_of(
         number, turn, focal / longer, moving, longer <= _SHEETS_ALONE and not moving,
     )  # fmt: skip
     key = (rungs, reproducible())
-    # Taken out and put in again: the dict's order is that of use. No lock, which a fork in another
-    # thread would leave closed; two that make the same sheets make the same bits.
-    found = _kept.pop(key, None)
-    if found is None:
-        found = _made(rungs)
-        moving = True
-    if moving:
+    made: list[Sheets] = []
+
+    def make() -> Sheets:
+        made.append(_made(rungs))
+        return made[0]
+
+    found = _SHEETS.once(key, make)
+    if made or moving:
         # Places of sheets are made as they are visited.
-        _trim(MOST_BYTES - found.bytes)
-    _kept[key] = found
+        _SHEETS.trim()
     return found
 
 
 def _turn_of(way: int) -> float:
     """Return the step between directions of streaks of a way."""
     return min(max(_TURNS / (_REST * _WAY ** (way - 1)), _TURN[0]), _TURN[1])
-
-
-def _trim(room: int) -> None:
-    total = sum(sheets.bytes for sheets in list(_kept.values()))
-    while _kept and total > room:
-        try:
-            _, oldest = _kept.popitem(last=False)
-        except KeyError:
-            return
-        total -= oldest.bytes
 
 
 def _made(rungs: Rungs) -> Sheets:

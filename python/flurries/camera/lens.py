@@ -8,7 +8,6 @@ camera that moves sideways, stands still or flies backwards is no special case.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,7 @@ from flurries._contract import (
     table,
     vector,
 )
+from flurries._kept import kept
 from flurries.camera.rotation import rotation_matrix
 
 __all__ = ["Camera", "image_velocity", "project"]
@@ -93,7 +93,7 @@ class Camera:
         return turned
 
 
-@lru_cache(maxsize=64)
+@kept(64)
 def _matrix(rotation: tuple[float, float, float]) -> Float64:
     return rotation_matrix(rotation)
 

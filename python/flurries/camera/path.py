@@ -7,12 +7,13 @@ import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from flurries._contract import Float64, choice, suggesting, table
+from flurries._kept import kept
 from flurries.camera.csv import read_path
 from flurries.camera.lens import Camera
 from flurries.camera.rotation import rotation_vector
@@ -313,7 +314,7 @@ def air_moved(t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:
     return np.asarray(moved)
 
 
-@lru_cache(maxsize=96)
+@kept(96)
 def _kept(make: Callable[..., Integral], *given: Any) -> Integral:
     """Return an integral along a path; its sums are made once for a film."""
     return make(*given)

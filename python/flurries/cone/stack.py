@@ -25,7 +25,7 @@ from flurries._contract import (
     vector,
 )
 from flurries._contract import pixels as pixels_of
-from flurries._threads import kept_by_mode
+from flurries._kept import kept
 from flurries.camera.lens import Camera, expect_camera
 from flurries.cone.sheet import MOST_REPEATS, Pose, layer, pose, reach_of, wrapped
 from flurries.cone.tiles import Table, Texture
@@ -209,7 +209,7 @@ class _View:
             np.subtract(1.0, clear, out=whole)
 
 
-@kept_by_mode(4)
+@kept(4, by_mode=True)
 def _view(
     size: tuple[int, int], camera: Camera, axis: tuple[float, ...], slope: float, radius: float,
     course: Course, stop: int,

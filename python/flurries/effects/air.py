@@ -8,13 +8,13 @@ looks there.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Float64
+from flurries._kept import kept
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur
 from flurries.effects.flakes import Flakes
@@ -170,6 +170,6 @@ def images_of(opacity: float) -> _core.BallImages:
     return _images(opacity, _core.reproducible())
 
 
-@lru_cache(maxsize=8)
+@kept(8)
 def _images(opacity: float, mode: bool) -> _core.BallImages:
     return _core.BallImages(opacity)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
+from flurries._kept import kept
 from flurries.effects.bank_texture import COARSE, MARGIN, Waves, coarse_shape
 from flurries.effects.lighting import Base, add_light, lamp_shade, whole
 from flurries.effects.sunlight import optics_of, scattered
@@ -282,7 +282,7 @@ class Skylight:
         return Shade(colors, float(self.cell), (frame.window[0], frame.window[2]))
 
 
-@lru_cache(maxsize=8)
+@kept(8)
 def _above(rows: int) -> Float64:
     """Return the matrix of the mean of what is above each row, by the exponential law."""
     keep = math.exp(-1.0 / (REACH * rows))

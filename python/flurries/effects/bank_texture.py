@@ -9,13 +9,13 @@ of the power, is made by tiles at the frame's own size, for half of the slices a
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
+from flurries._kept import kept
 from flurries.camera.lens import Camera
 from flurries.camera.tiles import tile_drift, tile_shift
 from flurries.effects.motion import comes_nearer
@@ -129,7 +129,7 @@ class Waves:
         _core.field(out, asked, None, False)
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def _short_share(tile: tuple[int, int], outer: float) -> float:
     """Return the share of the power below `LONG`, of a coarse tile and an outer scale, px."""
     height, width = (side * COARSE for side in tile)

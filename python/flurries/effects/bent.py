@@ -20,7 +20,7 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
-from flurries.effects.sheets import SHEAR, areas_of, circles_of, kept, key_of, trim
+from flurries.effects.sheets import SHEAR, SHEETS, areas_of, circles_of, key_of, sheet_of
 from flurries.effects.weather import Film, Layer, Weather, amounts_at
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
@@ -85,7 +85,7 @@ def read_bent(weather: Weather, frame: Frame, film: Film, amount: float) -> Arra
     result = plane((bottom - top, right - left))
     depth = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
     _core.sheet_bent(result, (top, left), groups, depth)
-    trim(sum(len(sheets) for sheets, *_ in groups))
+    SHEETS.trim(sum(len(sheets) for sheets, *_ in groups))
     return result
 
 
@@ -120,7 +120,7 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
         at -= np.floor(at[0, 0, 1] / area[0]) * np.array((shear, area[0]))
         at[..., 0] -= area[1] * np.floor(at[0, 0, 0] / area[1])
         for rung, part in rungs[one.layer]:
-            sheet = kept(key_of(
+            sheet = sheet_of(key_of(
                 weather, slab, frame.seed, one.layer, area, many, (0.0, 0.0), circles[one.layer],
                 rung, one.focal, thin,
             ))  # fmt: skip

@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import InitVar, dataclass, field
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 from flurries import cone
 from flurries._contract import Array, flag, integer, real, suggesting
+from flurries._kept import kept
 from flurries.effects.checks import (
     FALL,
     Check,
@@ -260,6 +261,6 @@ tile, look, seed
         return self._parts(shown, mean, (0.8, 1.0, 1.0, 1.0), flakes)
 
 
-@lru_cache(maxsize=16)
+@kept(16)
 def _texture(make: Callable[..., Array], size: int, *, seed: int, **about: Any) -> cone.Texture:
     return cone.Texture(make(size, seed=seed, **about))

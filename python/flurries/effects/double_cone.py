@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from flurries import cone
 from flurries._contract import Array, Float64
+from flurries._kept import kept
 from flurries.camera.path import CameraPath
 from flurries.cone.sheet import wrapped
 from flurries.effects.motion import Motion, air_course, camera_course
@@ -117,7 +117,7 @@ class DoubleCone:
         return alpha[:, left:right]
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
     """Return the cone over a whole film; times are seconds."""
     motion = part.motion
@@ -149,7 +149,7 @@ def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
     )
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def _beyond(path: cone.Path, fps: float, lap: Lap) -> tuple[float, float]:
     phases = [path.at(t / fps).phase for t in range(lap.first, lap.end + 1)]
     steps = np.diff(phases)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
+from flurries._kept import kept
 from flurries._trace import current
 from flurries.camera.path import CameraPath
 from flurries.camera.tiles import drift_at, shift_at, tile_middles
@@ -238,7 +238,7 @@ def _flow(
     return (gone, shift), (drift_at(x, y, rate, camera.focals), shift_rate)
 
 
-@lru_cache(maxsize=64)
+@kept(64)
 def _layout(
     field: Field, shape: tuple[int, int], path: CameraPath, rotation: tuple[float, float, float],
     focal: float, fps: float,

@@ -9,20 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
+from flurries._kept import kept
 from flurries.camera.optics import Blur
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_matrix
 from flurries.effects.bent import moved_by_wind, read_bent
 from flurries.effects.lighting import lamp_shade
 from flurries.effects.passes import plane_motion
-from flurries.effects.sheets import areas_of, circles_of, kept, key_of, trim
+from flurries.effects.sheets import SHEETS, areas_of, circles_of, key_of, sheet_of
 from flurries.effects.weather import Film, Weather, times
 from flurries.frame.layer import Shade
 from flurries.frame.needs import LeftOut, Needs, Step, has_keys
@@ -117,15 +117,15 @@ def _read(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
     moved = np.round(moved * places) / places
     layers = []
     for key, way, many, slab in zip(keys, moved.tolist(), film.many, film.slabs, strict=True):
-        sheet, root = kept(key), math.sqrt(many)
+        sheet, root = sheet_of(key), math.sqrt(many)
         layers.append((sheet, way, (root, (many - root) * sheet.mean), slab.near, slab.far))
     depth = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
     _core.sheet_read(result, (row, column), layers, depth, True)
-    trim(len(layers))
+    SHEETS.trim(len(layers))
     return result
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def _standing(
     weather: Weather, film: Film, path: CameraPath, fps: float, focals: tuple[float, float],
     rotation: tuple[float, float, float], seed: int, amount: float, exposure: float,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import ClassVar
 
+from flurries._kept import kept
 from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion
 from flurries.effects.resolution import TUNED
@@ -60,7 +61,7 @@ class Flakes:
         return _shares(self, frame.shape, frame.path, frame.camera.focal)
 
 
-@lru_cache(maxsize=64)
+@kept(64)
 def _shares(
     flakes: Flakes, shape: tuple[int, int], path: CameraPath, focal: float
 ) -> tuple[Share, ...]:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from flurries._contract import Float64
+from flurries._kept import kept
 from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion, air_course, camera_course
 from flurries.frame.view import Frame
@@ -71,7 +71,7 @@ def wave_weights(motion: Motion, fps: float, times: Sequence[float], start: Floa
     return np.ascontiguousarray(np.concatenate([weights.real, weights.imag], axis=1))
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def cycles_of(waves: Waves) -> Float64:
     """Return the waves' vectors in cycles per metre, (m, 3)."""
     return np.ascontiguousarray(waves.k / (2.0 * np.pi))
@@ -152,7 +152,7 @@ def _velocity(
     return np.asarray(waves.at(world, _phasor(waves, time, fps)) @ turn)
 
 
-@lru_cache(maxsize=4096)
+@kept(4096)
 def _block(
     waves: Waves, path: CameraPath, fps: float, mount: bytes, depths: bytes, sign: int, number: int
 ) -> Float64:
@@ -192,7 +192,7 @@ def _middles(t: float) -> Iterator[tuple[Float64, Float64]]:
     yield np.array([0.5 * (whole + t)]), np.array([t - whole])
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def _way_of(course: Course) -> Integral:
     def ways(start: Float64, end: Float64, inside: Float64) -> Float64:
         values, _ = course.line(0.5 * (start + end), inside)

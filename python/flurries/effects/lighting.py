@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import Array, Float64
+from flurries._kept import kept
 from flurries.frame.layer import Layer, Shade
 from flurries.frame.view import Frame
 from flurries.io.color import srgb_to_linear
@@ -68,7 +68,7 @@ class Base(NamedTuple):
         return Base(plate.sky, grey)
 
 
-@lru_cache(maxsize=16)
+@kept(16)
 def _colors(plate: PlateLight, focal: float, optics: Optics | None) -> Array:
     """Return the plate's light on particles, or on fog."""
     if optics is None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flurries._contract import Float64
+from flurries._kept import kept
 from flurries.camera.path import CameraPath, fall_course
 from flurries.camera.rotation import rotation_matrix as matrix_of
 from flurries.frame.view import Frame
@@ -106,13 +106,13 @@ def comes_nearer(path: CameraPath, axis: Float64, fall: Number, wind: Vector) ->
 # Velocities over a whole film, metres per frame in house axes.
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def relative_course(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Course:
     """Return camera minus what falls."""
     return sum_of([path.course(fps), course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)])
 
 
-@lru_cache(maxsize=64)
+@kept(64)
 def _line(motion: Motion, path: CameraPath, fps: float) -> tuple[list[float], list[float]] | None:
     fall, wind = motion.fall, motion.mean_wind
     # An even fall changes no knot: classes of all speeds find one course.
@@ -123,13 +123,13 @@ def _line(motion: Motion, path: CameraPath, fps: float) -> tuple[list[float], li
     return start.tolist(), rate.tolist()
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def air_course(fps: float, fall: Number, wind: Vector) -> Course:
     """Return the course of flakes in the wind."""
     return sum_of([course_of(wind, 1.0 / fps), fall_course(fall, 1.0 / fps)])
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def camera_course(path: CameraPath, fps: float) -> Course:
     """Return the camera."""
     return path.course(fps)

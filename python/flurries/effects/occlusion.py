@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -18,6 +18,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
+from flurries._kept import kept
 from flurries.effects.field import Field, Map
 from flurries.effects.motion import Way
 from flurries.effects.wall import wall_maps
@@ -182,7 +183,7 @@ def _power_longer(field: Field, frame: Frame, shortest: Float64) -> Float64:
         return power[np.searchsorted(squares, 1.0 / np.asarray(shortest) ** 2, side="left")]
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def _lattice(
     tile: tuple[int, int], band: tuple[float, float], exponent: float
 ) -> tuple[Float64, Float64]:

@@ -10,11 +10,11 @@ variance of the tuned one's averages.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
 from flurries._contract import Float64
+from flurries._kept import kept
 
 # The width that looks are tuned for.
 TUNED = 1024
@@ -24,7 +24,7 @@ _TERMS = 24
 _STEPS = 40
 
 
-@lru_cache(maxsize=64)
+@kept(64)
 def power_share(wavelengths: tuple[float, float], exponent: float, width: int) -> float:
     """Return the power that a picture shows of a band, in terms of what one 1024 px wide shows.
 
@@ -61,7 +61,7 @@ def _shown(wavelengths: tuple[float, float], exponent: float, scale: float) -> f
     return float(power.mean() * octaves)
 
 
-@lru_cache(maxsize=256)
+@kept(256)
 def map_at(mean: float, spread: float, power: float, share: float) -> tuple[float, float]:
     """Return mean and spread of a map for a picture that shows a share of the tuned one's power.
 
@@ -147,7 +147,7 @@ def variances(mean: float, deviation: float, power: float, shares: Float64) -> F
     return np.asarray(powers @ squares + (whole - squares.sum()) * shares**_TERMS)
 
 
-@lru_cache(maxsize=1)
+@kept(1)
 def _hermite() -> tuple[Float64, Float64]:
     """Return nodes, and the normalised Hermite polynomials there times the normal's weights."""
     z = np.linspace(-8.0, 8.0, 1601)

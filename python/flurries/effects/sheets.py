@@ -8,14 +8,13 @@ shows the same flakes.
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Float64
+from flurries._kept import ALL, Kept, kept
 from flurries.camera.optics import Blur
 from flurries.effects.weather import Film, Weather
 from flurries.particles.population import Slab
@@ -42,22 +41,12 @@ _SIZES = 24
 
 _STREAM = 0x5368656574
 
-_kept: OrderedDict[Any, Any] = OrderedDict()
+SHEETS = ALL[__name__] = Kept(most_bytes=MOST_BYTES)
 
 
-def kept(key: Any) -> _core.FlakeSheet:
+def sheet_of(key: Any) -> _core.FlakeSheet:
     """Return the sheet of some arguments, made where it is not yet."""
-    # Out and in again: the order is that of use.
-    sheet: _core.FlakeSheet = _kept.pop(key, None) or _core.FlakeSheet(*key[1:])
-    _kept[key] = sheet
-    return sheet
-
-
-def trim(used: int) -> None:
-    """Drop what has not been asked for longest, but for the last so many."""
-    size = sum(sheet.bytes for sheet in list(_kept.values()))
-    while size > MOST_BYTES and len(_kept) > used:
-        size -= _kept.popitem(last=False)[1].bytes
+    return SHEETS.once(key, lambda: _core.FlakeSheet(*key[1:]))
 
 
 def key_of(
@@ -102,7 +91,7 @@ def hash_of(seed: int, number: int) -> int:
     return int(draw[0] * 2**53)
 
 
-@lru_cache(maxsize=256)
+@kept(256)
 def diameters_of(slab: Slab, count: int = _SIZES) -> Float64:
     """Return so many diameters that stand for even shares of flakes and cover what those do, px."""
     return np.asarray(np.sqrt((slab.diameters**2).reshape(count, -1).mean(axis=1)))

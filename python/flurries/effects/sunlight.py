@@ -8,7 +8,7 @@ import numpy as np
 
 from flurries import gas
 from flurries._contract import Array, Float64
-from flurries._threads import kept_by_mode
+from flurries._kept import kept
 from flurries.effects.lighting import Base
 from flurries.frame.view import Frame
 from flurries.io.color import srgb_to_linear
@@ -58,7 +58,7 @@ def sunlit(mist: Any, frame: Frame, points: Float64, shown: Float64, base: Base)
     return np.ascontiguousarray(base.dim * sun.ambient + base.sunny * lit)
 
 
-@kept_by_mode(8)
+@kept(8, by_mode=True)
 def _light_in(
     centers: bytes, density: bytes, radius: float, way: tuple[float, float, float], forward: float
 ) -> Float64:

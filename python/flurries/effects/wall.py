@@ -16,13 +16,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
 from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
 
 from flurries._contract import Float64
+from flurries._kept import kept
 from flurries.effects.resolution import variances
 
 # Shares are tabulated evenly in their fourth root: near none the map changes fastest.
@@ -77,7 +77,7 @@ def wall_maps(
     return _maps(sky, least, tuple(nodes), tuple(left(nodes)))
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def _maps(
     sky: tuple[float, float, float], least: float, nodes: tuple[float, ...], left: tuple[float, ...]
 ) -> WallMaps:

@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from flurries._contract import Float64
+from flurries._kept import kept
 from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion
 from flurries.frame.needs import has_keys
@@ -165,7 +166,7 @@ def times(number: Number, factor: float) -> Number:
     return factor * number
 
 
-@lru_cache(maxsize=64)
+@kept(64)
 def _film(
     weather: Weather, path: CameraPath, rotation: tuple[float, float, float], focal: float,
     fps: float, blurred: bool,

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from flurries._contract import Array
+from flurries._kept import Kept
 from flurries._threads import reproducible
 from flurries._trace import current
 from flurries.frame.bands import Visible
@@ -92,24 +93,12 @@ def has_keys(value: Any, depth: int = 3) -> bool:
     return False
 
 
-class Kept:
-    """Results that are the same in every frame: the last few."""
-
-    def __init__(self, most: int) -> None:
-        self._made: dict[Any, Any] = {}
-        self._most = most
-
-    def once(self, key: Any, make: Callable[[], _Made]) -> _Made:
-        """Return the object made for a key, now or before; it is shared, and so read-only."""
-        if (found := self._made.get(key)) is None:
-            found = make()
-            for part in (found, getattr(found, "alpha", None), getattr(found, "rgb", None)):
-                if isinstance(part, np.ndarray):
-                    part.flags.writeable = False
-            # A new dictionary each time: other threads may be reading the old one.
-            rest = list(self._made.items())[1 - self._most :]
-            self._made = {**dict(rest), key: found}
-        return found
+def _read_only(found: _Made) -> _Made:
+    """Return what all frames share, so that none writes to it."""
+    for part in (found, getattr(found, "alpha", None), getattr(found, "rgb", None)):
+        if isinstance(part, np.ndarray):
+            part.flags.writeable = False
+    return found
 
 
 @dataclass(frozen=True)
@@ -137,13 +126,13 @@ class Run:
                 return make()
 
         kept = self.kept if self.keeps(name) else None
-        return run() if kept is None else kept.once((self.key, name), run)
+        return run() if kept is None else kept.once((self.key, name), lambda: _read_only(run()))
 
 
 # Results that are kept of one depth: planes of a picture, most of them.
 _MOST = 8
 
-_KEPT: dict[int, tuple[weakref.ref[Array], dict[Any, Any]]] = {}
+_KEPT: dict[int, tuple[weakref.ref[Array], Kept]] = {}
 
 
 def standing(
@@ -159,12 +148,5 @@ def standing(
     number = id(depth)
     there = _KEPT.get(number)
     if there is None or there[0]() is not depth:
-        there = _KEPT[number] = weakref.ref(depth, lambda _: _KEPT.pop(number, None)), {}
-    kept, place = there[1], (owner, name, key, frame.window, reproducible())
-    if place not in kept:
-        if len(kept) >= _MOST:
-            # The oldest; another thread may have taken it.
-            kept.pop(next(iter(kept), None), None)
-        kept[place] = make()
-    made: _Made = kept[place]
-    return made
+        there = _KEPT[number] = weakref.ref(depth, lambda _: _KEPT.pop(number, None)), Kept(_MOST)
+    return there[1].once((owner, name, key, frame.window, reproducible()), make)

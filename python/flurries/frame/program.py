@@ -15,6 +15,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
+from flurries._kept import Kept
 from flurries._trace import current
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
@@ -23,7 +24,7 @@ from flurries.frame.bands import Window, bands_of, whole
 from flurries.frame.effect import renderer_of
 from flurries.frame.matte import Deep, Front
 from flurries.frame.mixing import Mix
-from flurries.frame.needs import Kept, LeftOut, Needs, Run, has_keys, needs_of
+from flurries.frame.needs import LeftOut, Needs, Run, has_keys, needs_of
 from flurries.frame.view import Frame, Lap
 from flurries.light.lamp import Lamp, Sun
 from flurries.light.plate import PlateLight, ambient_light, plate_light

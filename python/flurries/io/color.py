@@ -8,7 +8,6 @@ paper white and a lamp may be 50.
 from __future__ import annotations
 
 import re
-from functools import lru_cache
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import rectangular
+from flurries._kept import kept
 
 Array: TypeAlias = npt.NDArray[Any]
 Encoding: TypeAlias = Literal["display", "linear"]
@@ -130,7 +130,7 @@ def to_single(values: Array) -> Array:
     return bounded.astype(np.float32)
 
 
-@lru_cache(maxsize=2)
+@kept(2)
 def decoding_table(itemsize: int) -> Array:
     """Return the linear light of every 8-bit or 16-bit display value."""
     levels = 256**itemsize
@@ -139,7 +139,7 @@ def decoding_table(itemsize: int) -> Array:
     return table
 
 
-@lru_cache(maxsize=1)
+@kept(1)
 def encoding_edges() -> Array:
     """Return the least linear light that `to_integer` makes each byte from 1 to 255 of, (255,)."""
     low, high = np.zeros(255, np.float32), np.ones(255, np.float32)

@@ -8,11 +8,11 @@ from __future__ import annotations
 import difflib
 import os
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from flurries._kept import kept
 from flurries.io.color import Array, to_unit, unmultiply
 from flurries.io.oiio import last_error, openimageio
 
@@ -98,7 +98,7 @@ class ColorSpace:
         return np.asarray(turned[0], np.float64)
 
 
-@lru_cache(maxsize=4)
+@kept(4)
 def _config(path: str) -> Any:
     config = openimageio().ColorConfig(path)
     if words := config.geterror():

@@ -6,15 +6,15 @@ import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from flurries import _core
+from flurries._kept import kept
 
 
-@lru_cache(maxsize=1)
+@kept(1)
 def openimageio() -> Any:
     """Import OpenImageIO and return the module, without its threads."""
     import OpenImageIO as library

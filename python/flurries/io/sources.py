@@ -7,13 +7,13 @@ import operator
 import os
 import threading
 from abc import ABC, abstractmethod
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 from weakref import WeakSet
 
+from flurries._kept import Kept
 from flurries.io.color import Encoding
 from flurries.io.files import Budget, path_text
 from flurries.io.films.index import READABLE
@@ -92,17 +92,7 @@ class Source(ABC):
         """
         number = self._number(i)
         with self._lock:
-            if number in self._kept:
-                self._kept.move_to_end(number)
-                return self._kept[number]
-            picture = self._read_or_hold(number)
-            picture.pixels.flags.writeable = False
-            if picture.alpha is not None:
-                picture.alpha.flags.writeable = False
-            self._kept[number] = picture
-            while len(self._kept) > _KEPT:
-                self._kept.popitem(last=False)
-            return picture
+            return self._kept.once(number, lambda: self._read_or_hold(number))
 
     def file(self, i: int) -> Path:
         """Return the file that holds frame `i`, see `frame`."""
@@ -127,6 +117,14 @@ class Source(ABC):
         """Read the picture of a frame that exists."""
 
     def _read_or_hold(self, number: int) -> Picture:
+        """Return a picture that the next caller may get as well."""
+        picture = self._found(number)
+        picture.pixels.flags.writeable = False
+        if picture.alpha is not None:
+            picture.alpha.flags.writeable = False
+        return picture
+
+    def _found(self, number: int) -> Picture:
         try:
             return self._read(number)
         except (OSError, ValueError) as error:
@@ -145,7 +143,7 @@ class Source(ABC):
 
     def _renew(self) -> None:
         self._lock = threading.Lock()
-        self._kept: OrderedDict[int, Picture] = OrderedDict()
+        self._kept = Kept(_KEPT)
         _sources.add(self)
 
     def __getstate__(self) -> dict[str, Any]:

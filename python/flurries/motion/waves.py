@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import Float64
+from flurries._kept import kept
 from flurries.motion.keys import Course, Integral
 
 # Waves of the gusts and of the swirls, each.
@@ -108,7 +108,7 @@ def _mirror(count: tuple[int, ...]) -> npt.NDArray[np.intp]:
     return np.asarray(np.ravel_multi_index([g.ravel() for g in grids], count))
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def carry(waves: Waves, course: Course, fps: float) -> tuple[Integral, Integral]:
     """Return the way q of a course (m per frame), and the integral of exp(i (k . q - w t))."""
 

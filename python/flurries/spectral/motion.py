@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 
 from flurries._contract import Float64
+from flurries._kept import kept
 from flurries.spectral.request import Request
 from flurries.spectral.tables import band_amplitude, temporal_gain
 from flurries.spectral.tiles import tile_starts
@@ -78,7 +78,7 @@ def _fitted(now: Request, kinds: Float64, rings: int) -> Float64:
     return np.concatenate([*found, (summed[:, :1] / summed[:, 1:2])], axis=1)
 
 
-@lru_cache(maxsize=4)
+@kept(4)
 def _waves(
     tile: tuple[int, int],
     wavelengths: tuple[float, float],

@@ -1,0 +1,83 @@
+"""What is made once and kept, all of it by one rule.
+
+A result is kept by its key alone: the arguments, and the mode of the kernels where these make it.
+The results that were used last stay, so many or so many bytes of them. There is no lock, which a
+fork in another thread would leave closed: two threads may make the same thing twice, with the same
+bits. The child of a fork has what its parent kept. `ALL` lists what modules keep.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from functools import lru_cache, wraps
+from typing import Any, ParamSpec, TypeVar
+
+from flurries import _core
+
+_P = ParamSpec("_P")
+_Made = TypeVar("_Made")
+
+# What is kept, by the name of the function that made it, or of the module.
+ALL: dict[str, Any] = {}
+
+
+class Kept:
+    """Results by their keys, the last `most`; `trim` keeps `most_bytes` of those that have such."""
+
+    def __init__(self, most: int = 1 << 30, most_bytes: int = 0) -> None:
+        self._made: OrderedDict[Any, Any] = OrderedDict()
+        self._most, self._most_bytes = most, most_bytes
+
+    def once(self, key: Any, make: Callable[[], _Made]) -> _Made:
+        """Return the object made for a key, now or before; it is shared, and so read-only."""
+        # Out and in again: the order is that of use.
+        found = self._made.pop(key, None)
+        if found is None:
+            found = make()
+        self._made[key] = found
+        while len(self._made) > self._most:
+            self._made.popitem(last=False)
+        made: _Made = found
+        return made
+
+    @property
+    def bytes(self) -> int:
+        """What is kept now."""
+        return sum(one.bytes for one in list(self._made.values()))
+
+    def trim(self, used: int = 1) -> None:
+        """Drop what has not been asked for longest, but for the last so many."""
+        size = self.bytes
+        while size > self._most_bytes and len(self._made) > used:
+            size -= self._made.popitem(last=False)[1].bytes
+
+    def clear(self) -> None:
+        """Drop all."""
+        self._made.clear()
+
+
+def kept(
+    most: int, *, by_mode: bool = False
+) -> Callable[[Callable[_P, _Made]], Callable[_P, _Made]]:
+    """Keep the last results of a function; `by_mode` if it calls kernels."""
+
+    def keeping(make: Callable[_P, _Made]) -> Callable[_P, _Made]:
+        name = f"{make.__module__}.{make.__qualname__}"
+        if not by_mode:
+            plain: Any = lru_cache(maxsize=most)(make)
+            ALL[name] = plain
+            return plain  # type: ignore[no-any-return]
+
+        @lru_cache(maxsize=most)
+        def kept_one(_: bool, *args: _P.args, **kwargs: _P.kwargs) -> _Made:
+            return make(*args, **kwargs)
+
+        @wraps(make)
+        def found(*args: _P.args, **kwargs: _P.kwargs) -> _Made:
+            return kept_one(_core.reproducible(), *args, **kwargs)  # type: ignore[arg-type]
+
+        ALL[name] = kept_one
+        return found
+
+    return keeping
