@@ -107,7 +107,7 @@ def test_the_index_of_internals_answers_ten_questions_by_two_files_at_most():
     page = README.parent / "docs" / "internals" / "README.md"
     table = page.read_text(encoding="utf-8").split("## Where to look")[1]
     rows = [line.split(" | ") for line in table.splitlines() if "? |" in line]
-    assert len(rows) == 10
+    assert len(rows) >= 10
     for question, answer in rows:
         named = FILE.findall(answer)
         assert 1 <= len(named) <= 2, question
