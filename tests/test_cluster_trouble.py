@@ -60,9 +60,8 @@ def test_16_3_a_scope_is_its_threads_alone():
     with scope(threads=1, reproducible=True):
         assert (fl.settings().threads, fl.settings().reproducible) == (1, True)
         seen: list[Any] = []
-        thread = threading.Thread(
-            target=lambda: seen.append((fl.settings().threads, fl.settings().reproducible))
-        )
+        now = fl.settings()  # Its properties say what holds where they are read.
+        thread = threading.Thread(target=lambda: seen.append((now.threads, now.reproducible)))
         thread.start()
         thread.join()
     assert seen == [(fl.settings().threads, False)] and not fl.settings().reproducible

@@ -349,3 +349,8 @@ def test_the_texture_s_motion_is_that_of_its_layers():
     factor = np.interp(film.depths, *zip(*profile, strict=True))
     want = 300.0 * 0.2 / 30.0 * (film.covers / film.depths * factor).sum() / film.covers.sum()
     assert moved[90, 120] == pytest.approx([want, 0.0], rel=1e-5)
+
+
+def test_a_method_chooses_an_effect_of_other_fields():
+    assert fl.Snow("heavy", method="tent", flakes=9) == fl.effects.TentSnow("heavy", flakes=9)
+    assert fl.Rain(method="cone", seed=3) == fl.effects.ConeRain(seed=3)

@@ -62,9 +62,8 @@ def test_a_region_has_the_bits_of_the_whole(scene: fl.Scene):
         assert np.array_equal(scene.render(7.5, region=part), whole.image[part])
         apart = scene.layers(7.5, region=part)
         assert np.array_equal(apart.alpha, whole.alpha[part])
-        assert all(
-            np.array_equal(apart.layers[n].rgba, whole.layers[n].rgba[part]) for n in whole.layers
-        )
+        for name, layer in whole.layers.items():
+            assert np.array_equal(apart.layers[name].rgba, layer.rgba[part])
 
 
 @pytest.mark.parametrize("t", [1e6, -5.5, 1e6 + 0.37, -1e6, np.float32(2.5), np.int64(3)])

@@ -107,6 +107,7 @@ def test_help_of_an_effect_shows_fields_and_what_users_call(kind: type[Any]):
     (lambda: fl.Snow(severty=3), "Snow has no 'severty'; did you mean 'severity'?"),
     (lambda: fl.Mist("fog", visibilty=3), "Mist has no 'visibilty'; did you mean "),
     (lambda: fl.Snow("light", amuont=3), "Snow has no 'amuont'; did you mean 'amount"),
+    (lambda: fl.Snow(density=3.0, method="tent"), "TentSnow has no 'density'"),
     (lambda: fl.Scene(efects=()), "Scene has no 'efects'; did you mean 'effects'?"),
     (lambda: fl.Camera(foccal=3.0), "Camera has no 'foccal'; did you mean 'focal'?"),
     (lambda: fl.CameraPath(velocty=3.0), "CameraPath has no 'velocty'; did you mean 'velocity'?"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import tracemalloc
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
@@ -39,27 +40,24 @@ class Trace:
     @property
     def seconds(self) -> dict[str, float]:
         """The seconds of each stage, of all effects together."""
-        found: dict[str, float] = {}
-        for (_, name), span in self.spans.items():
-            found[name] = found.get(name, 0.0) + span.seconds
-        return found
+        return self._sums("seconds")
 
     @property
     def calls(self) -> dict[str, int]:
         """How often each stage ran."""
-        found: dict[str, int] = {}
+        return self._sums("calls")
+
+    def _sums(self, what: str) -> dict[str, Any]:
+        found: Counter[str] = Counter()
         for (_, name), span in self.spans.items():
-            found[name] = found.get(name, 0) + span.calls
-        return found
+            found[name] += getattr(span, what)
+        return dict(found)
 
     @property
     def counts(self) -> dict[str, int]:
         """How much was done inside: "tiles" transformed, "particles" drawn."""
-        found: dict[str, int] = {}
-        for span in (self.outside, *self.spans.values()):
-            for name, number in span.counts.items():
-                found[name] = found.get(name, 0) + number
-        return found
+        spans = (self.outside, *self.spans.values())
+        return dict(sum((Counter(span.counts) for span in spans), Counter()))
 
     def _now(self) -> Span:
         return self._open[-1][0] if self._open else self.outside

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 # What frames ask of an effect, and users do not.
-INNER = {"KNOBS", "NAME", "parts"}
+INNER = {"KNOBS", "NAME", "of_preset", "parts"}
 
 
 class Described(type):

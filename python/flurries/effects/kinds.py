@@ -9,6 +9,7 @@ from typing import Any
 
 from flurries._contract import _came, choice
 from flurries.effects.cone import ConeRain, ConeSnow
+from flurries.effects.knobs import METHODS
 from flurries.effects.mist import Mist
 from flurries.effects.rain import Rain
 from flurries.effects.snow import Snow
@@ -18,7 +19,6 @@ from flurries.effects.tent_snow import TentSnow
 # Packages name their effects here: ``[project.entry-points."flurries.effects"]``.
 GROUP = "flurries.effects"
 
-# Mistakes list all kinds there are.
 LONGEST_KIND = 64
 
 OURS: dict[str, type[Any]] = {
@@ -31,8 +31,8 @@ OURS: dict[str, type[Any]] = {
     "cone_rain": ConeRain,
 }
 
-# The paper's and the cone's: other methods, in `flurries.effects`.
-METHODS = (TentSnow, TentRain, ConeSnow, ConeRain)
+METHODS[Snow] = {"tent": TentSnow, "cone": ConeSnow}
+METHODS[Rain] = {"tent": TentRain, "cone": ConeRain}
 
 _registered: dict[str, type[Any]] = {}
 
@@ -104,4 +104,4 @@ def _entry_points() -> Iterator[EntryPoint]:
 
 def spelled(kind: type) -> str:
     """Return how a class of effects, or of what they are made of, is called in Python."""
-    return f"fl.{'effects.' * (kind in METHODS)}{kind.__name__}"
+    return f"fl.{'effects.' * any(kind in own.values() for own in METHODS.values())}{kind.__name__}"

@@ -11,6 +11,9 @@ from flurries._contract import choice, suggesting
 
 _Kind = TypeVar("_Kind")
 
+# Effects of other fields that a `method` of snow and rain chooses; `kinds` names them.
+METHODS: dict[type, dict[str, type]] = {}
+
 # From the arguments that were given to the fields that a knob sets.
 Law = Callable[[Any, Mapping[str, Any]], dict[str, Any]]
 
@@ -83,10 +86,18 @@ def looks(kind: type[_Kind]) -> type[_Kind]:
     def init(self: Any, *others: Any, preset: str | None = None, **given: Any) -> None:
         if len(others) > 1 or (others and preset is not None):
             raise TypeError(f"{kind.__name__} takes one preset and its fields by name")
-        name = others[0] if others else preset
-        plain(self, **(given if name is None else kind.of_preset(name, given)))  # type: ignore[attr-defined]
+        for name in others or ([] if preset is None else [preset]):
+            given = kind.of_preset(name, given)  # type: ignore[attr-defined]
+        plain(self, **given)
+
+    @functools.wraps(plain)
+    def new(cls: Any, *others: Any, method: Any = None, **given: Any) -> Any:
+        # Of what another class makes Python calls no `__init__` of this one.
+        other = METHODS.get(cls, {}).get(method) if isinstance(method, str) else None
+        return other(*others, **given) if other else object.__new__(cls)
 
     kind.__init__ = init  # type: ignore[method-assign]
+    kind.__new__ = new  # type: ignore[method-assign]
     if not hasattr(kind, "of_preset"):
         kind.of_preset = classmethod(_of_preset)  # type: ignore[attr-defined]
     return kind

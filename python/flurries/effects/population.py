@@ -15,7 +15,6 @@ import numpy as np
 from flurries._contract import Float64, real, seed_of, vector
 from flurries._warnings import warn
 from flurries.effects.checks import (
-    DEPTH_MODES,
     length,
     one_of,
     optional,
@@ -40,7 +39,7 @@ from flurries.motion.wind import Wind
 from flurries.particles.population import Population
 from flurries.particles.sizes import Sizes
 
-Method: TypeAlias = Literal["flakes", "simulated"]
+Method: TypeAlias = Literal["flakes", "simulated", "tent", "cone"]
 Shape: TypeAlias = Literal["natural", "round"]
 
 # What the fields of a population may be.
@@ -60,7 +59,6 @@ POPULATION: dict[str, Any] = {
     "cloud": length,
     "handover": optional(length),
     "method": one_of(get_args(Method)),
-    "depth_mode": one_of(DEPTH_MODES),
     "shape": one_of(get_args(Shape)),
     "look": one_of(("v2",)),
     "seed": optional(lambda _, value: seed_of(value)),

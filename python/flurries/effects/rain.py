@@ -6,7 +6,7 @@ from dataclasses import InitVar, dataclass, field
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
-from flurries.effects.checks import DepthMode, settle
+from flurries.effects.checks import settle
 from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.flake_texture import FlakeTexture
@@ -75,8 +75,8 @@ class Rain(metaclass=Described):
     shape : {"natural", "round"}
         Shape of a drop near the camera: "natural" is flattened by its fall, with a rim through
         which little light comes; "round" is a round dot.
-    handover, method, depth_mode, look, seed
-        As in :class:`Snow`.
+    handover, method, look, seed
+        As in :class:`Snow`, with `TentRain` and `ConeRain`.
     severity : int, optional
         1 to 5. Sets other fields; scene files hold those and not the severity.
     rate_mm_h : float, optional
@@ -111,7 +111,6 @@ class Rain(metaclass=Described):
     cloud: float = 10.0
     handover: float | None = None
     method: Method = "flakes"
-    depth_mode: DepthMode = "pixel"
     shape: Shape = "natural"
     look: str = "v2"
     seed: int | None = None

@@ -6,7 +6,7 @@ from dataclasses import InitVar, dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
-from flurries.effects.checks import DepthMode, settle
+from flurries.effects.checks import settle
 from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.flake_texture import FlakeTexture
@@ -83,10 +83,9 @@ class Snow(metaclass=Described):
     handover : float, optional
         Depth in metres up to which flakes are drawn one by one. If not given, it follows from the
         density and the focal length.
-    method : {"flakes", "simulated"}
-        "simulated" draws every flake one by one, which is slow.
-    depth_mode : {"pixel", "tile"}
-        Far flakes follow the scene's depth at every pixel in both.
+    method : {"flakes", "simulated", "tent", "cone"}
+        "simulated" draws every flake one by one, which is slow. "tent" makes a
+        :class:`flurries.effects.TentSnow`, "cone" a `ConeSnow`, by looks and fields of these.
     shape : {"natural", "round"}
         Shape of a flake whose image has a sigma above some 3 pixels: "natural" is an aggregate of
         crystals that tumbles as it falls, "round" a round dot like farther flakes.
@@ -130,7 +129,6 @@ class Snow(metaclass=Described):
     cloud: float = 10.0
     handover: float | None = None
     method: Method = "flakes"
-    depth_mode: DepthMode = "pixel"
     shape: Shape = "natural"
     look: str = "v2"
     seed: int | None = None
