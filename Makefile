@@ -23,7 +23,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/dispatch/Cargo.toml crates/fft/Cargo.toml pyproject.toml
 
-.PHONY: docs links demo test asan audit test-lowest test-browser test-hosts test-hosts-older wheel test-wheel peers hard-cases accuracy mutations \
+.PHONY: docs links demo test asan audit test-lowest test-browser test-hosts test-hosts-older wheel test-wheel peers accuracy mutations \
 	lint bench performance frames hashes soak clean requirements
 
 demo: $(VENV)/.installed
@@ -114,10 +114,6 @@ test-wheel: wheel
 # Our weather for data sets beside that of the usual libraries: docs/internals/peers.md.
 peers:
 	$(PYTHON) benches/peers.py --page docs/internals/peers.md
-
-# The measured value of every hard case beside the expected one: docs/internals/hard-cases.md.
-hard-cases: $(VENV)/.tools
-	PYTHONPATH=tests $(BIN)/python tests/make_hard_cases.py
 
 # Error against time of every approximation: docs/internals/accuracy.md and its plots, about a minute.
 accuracy: $(VENV)/.tools

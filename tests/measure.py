@@ -7,7 +7,7 @@ Shifts are (x, y) in pixels between two frames. A parallax is depth times motion
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import factorial
 from typing import Any
@@ -18,12 +18,10 @@ from numpy.typing import NDArray
 from scipy.special import j0
 
 import flurries as fl
-from flurries.camera import Camera
 from flurries.frame.bands import whole
 from flurries.frame.truth import truth
 
 Floats = NDArray[np.float64]
-Times = Sequence[tuple[float, float]]
 
 SIZE, NEAR, LONGEST = 512, 12.0, 32.0
 FOCAL = 1.2 * SIZE
@@ -103,11 +101,6 @@ def centroid(image: Floats, start: Floats) -> Floats:
     return at
 
 
-def on_screen(points: Floats, camera: Camera) -> Floats:
-    """(n, 2) pixels of points in camera axes; none of them may lie in the plane of the eye."""
-    return points[:, :2] * (camera.focal / points[:, 2:]) + camera.principal((SIZE, SIZE))
-
-
 def lone(px: Floats) -> NDArray[np.bool_]:
     """Which points of the screen have room enough for a window that follows them."""
     apart = np.hypot(*(px[:, None] - px).transpose(2, 0, 1))
@@ -120,22 +113,6 @@ def lone_flakes(shown: fl.Scene, t: float) -> NDArray[Any]:
     flakes, near = fl.flakes(shown, t), shown.effects[0].near_depth
     inside = (flakes["depth"] > 0.25 * near) & (flakes["depth"] < 0.85 * near)
     return flakes[lone(flakes["pixel"]) & inside]
-
-
-def flake_shifts(shown: fl.Scene, t: float, step: float, eye: Any = None) -> Floats:
-    """Rows (depth, x, y, dx, dy), half-way, of the lone flakes on the frames at t and t + step.
-
-    With an `eye` the second frame is what that one sees.
-    """
-    first, second = picture(shown, t), picture(shown, t + step, eye=eye)
-    start, later = lone_flakes(shown, t), fl.flakes(shown, t + step)
-    _, here, there = np.intersect1d(start["id"], later["id"], return_indices=True)
-    rows = []
-    for at, one, other in zip(start["pixel"][here], start[here], later[there], strict=True):
-        a = centroid(first, at)
-        b = centroid(second, a)
-        rows.append([0.5 * (one["depth"] + other["depth"]), *(a + b) / 2, *b - a])
-    return np.array(rows)
 
 
 def against(measured: Any, wanted: Any) -> tuple[float, float]:
@@ -152,69 +129,6 @@ def parallax(pair: tuple[Floats, Floats]) -> Floats:
     """(3, 2): of the bands WAVES, m px."""
     bands = [band_shift([pair], wavelength, 0.04) for wavelength in WAVES]
     return np.array([moved * NEAR * LONGEST / mean for moved, mean in bands])
-
-
-def parallax_of_bands(options: dict[str, Any], times: Times, **about: Any) -> Floats:
-    """(n, 2): of the bands WAVES, for every pair of times."""
-    shown = scene({**TEXTURE, **TORUS, **options}, **about)
-    return np.concatenate(
-        [parallax((picture(shown, a), picture(shown, b))) / (b - a) for a, b in times]
-    )
-
-
-def parallax_of_flakes(options: dict[str, Any], times: Times, **about: Any) -> Floats:
-    """(n, 2): of every lone flake, for every pair of times."""
-    shown = scene({**FLAKES, **options}, **about)
-    rows = [(row, b - a) for a, b in times for row in flake_shifts(shown, a, b - a)]
-    return np.array([row[3:] * row[0] / step for row, step in rows])
-
-
-def tracked(points: Floats, velocity: Floats, step: float) -> Floats:
-    """(n, 2): shifts per frame of flakes drawn by the kernel alone, of 1.2 px sigma."""
-    radius = 3.6 * points[:, 2] / FOCAL
-    first, second = (
-        fl.particles.splat((SIZE, SIZE), p, radius, Camera(FOCAL), opacity=0.9, dtype=np.float64)
-        for p in (points, points + velocity * step)
-    )
-    start = [centroid(first, at) for at in on_screen(points, Camera(FOCAL))]
-    return np.array([centroid(second, at) - at for at in start]) / step
-
-
-# A camera that flies ---------------------------------------------------------------------------
-
-
-def flow_of_flakes(options: dict[str, Any], path: fl.CameraPath, t: float, step: float) -> Floats:
-    """(3,): s, bx, by of the fit depth * (dx, dy) = s (x, y) + (bx, by) per frame.
-
-    (x, y) from the principal point. The flow of a camera that does not turn has this form.
-    """
-    shown = [scene({**FLAKES, **options}, camera=path, seed=seed) for seed in range(8)]
-    rows = np.concatenate([flake_shifts(one, t, step) for one in shown])
-    x, y = (rows[:, 1:3] - path.camera.principal((SIZE, SIZE))).T
-    one, none = np.ones_like(x), np.zeros_like(x)
-    system = np.concatenate([np.stack([x, one, none], axis=1), np.stack([y, none, one], axis=1)])
-    return np.linalg.lstsq(system, (rows[:, 3:] * rows[:, :1] / step).T.ravel(), rcond=None)[0]
-
-
-def tiles(
-    options: dict[str, Any], path: fl.CameraPath, t: float, step: float, waves: Sequence[float]
-) -> Iterator[tuple[Floats, Floats]]:
-    """Of tiles of 64 px: the centre in the picture, and the parallax of each of the bands."""
-    options = {**TEXTURE, "tile": 64, **options}
-    shown = [scene(options, camera=path, seed=seed) for seed in range(16)]
-    pairs = [(picture(one, t), picture(one, t + step)) for one in shown]
-    # A camera that goes forward mixes tiles by a half.
-    given = options.get("overlap")
-    overlap = 32 if given is None else given
-    starts = [s for s in fl.spectral.tile_starts(SIZE, tile=64, overlap=overlap) if s <= SIZE - 64]
-    # Of tiles that share a half with the next, every second one is enough.
-    starts = starts[:: 2 if overlap > 20 else 1]
-    for top, left in ((top, left) for top in starts for left in starts):
-        part = np.s_[top : top + 64, left : left + 64]
-        crops = [(first[part], second[part]) for first, second in pairs]
-        for wavelength in waves:
-            moved, mean = band_shift(crops, wavelength, 0.15, window=True)
-            yield np.array([left + 32.0, top + 32.0]), moved / step * NEAR * LONGEST / mean
 
 
 # A film ---------------------------------------------------------------------------------------

@@ -17,7 +17,9 @@ import flurries as fl
 from flurries.effects import ConeRain, ConeSnow, TentRain, TentSnow
 
 RNG = np.random.default_rng
-LENS = fl.Camera(70.0)
+# Large enough that threads get parts: rows of tiles, runs of flakes, strips of pixels.
+SHAPE = (230, 257)
+LENS = fl.Camera(310.0)
 MOVING: dict[str, Any] = {
     "drift": (3.0, -9.0), "velocity": (1.0, 4.0), "shutter": 0.5, "alias": "soft", "seed": 5,
 }  # fmt: skip
@@ -35,17 +37,26 @@ def gas(dtype: Any, **options: Any) -> np.ndarray:
     radius = 0.05 + 0.4 * RNG(2).random(60)
     color = RNG(3).random((60, 3))
     return fl.gas.splat(
-        (40, 52), points(60), radius, 0.5 + radius, color, LENS, dtype=dtype, **options
+        SHAPE, points(60), radius, 0.5 + radius, color, LENS, dtype=dtype, **options
     )
 
 
+def flakes(count: int) -> dict[str, Any]:
+    """Flakes at rest and in motion, some of them huge."""
+    return {
+        "points": points(count), "radius": 0.004 + 0.4 * (np.arange(count) % 997 == 0),
+        "camera": LENS, "opacity": 0.4, "velocity": 0.05 * RNG(9).random((count, 3)),
+        "shutter": 0.5,
+    }  # fmt: skip
+
+
 def picture(dtype: Any) -> np.ndarray:
-    numbers = RNG(4).random((40, 52, 3))
+    numbers = RNG(4).random((*SHAPE, 3))
     return numbers.astype(dtype) if np.dtype(dtype).kind == "f" else (200 * numbers).astype(dtype)
 
 
 def _kernels(dtype: Any) -> dict[str, Callable[[], Any]]:
-    cover = RNG(5).random((40, 52)).astype(dtype)
+    cover = RNG(5).random(SHAPE).astype(dtype)
     tile = fl.cone.snow_tile(64, seed=1)
     axis = (0.1, 0.9, 0.3)
     return {
@@ -81,18 +92,17 @@ def _kernels(dtype: Any) -> dict[str, Callable[[], Any]]:
             (90, 70), fl.spectral.flake_patterns(33, **FLAKES), drift=[(3.0, 9.0), (1.0, 4.0)],
             velocity=[(1.0, 4.0), (0.5, 2.0)], shutter=0.5, shear=0.382, seed=2, dtype=dtype,
         ),
-        "particles.splat": lambda: fl.particles.splat(
-            (40, 52), points(300), 0.01 + 0.1 * RNG(2).random(300), LENS, opacity=0.7,
-            velocity=RNG(9).random((300, 3)), shutter=0.5, dtype=dtype,
-        ),
+        "particles.splat": lambda: fl.particles.splat(SHAPE, dtype=dtype, **flakes(20_000)),
         "gas.splat": lambda: gas(dtype),
         "gas.splat, by ray": lambda: gas(dtype, footprint="volume", edge="square"),
         "gas.splat, viewpoint": lambda: gas(dtype, footprint="viewpoint", error=0.01),
+        "gas.splat, table": lambda: gas(dtype, footprint="table"),
+        "gas.splat, smooth": lambda: gas(dtype, smooth=8.0),
         "cone.layer": lambda: fl.cone.layer(
-            (40, 52), LENS, tile, axis=axis, phase=0.3, stretch=2.5, dtype=dtype
+            SHAPE, LENS, tile, axis=axis, phase=0.3, stretch=2.5, dtype=dtype
         ),
         "cone.layers": lambda: fl.cone.layers(
-            (40, 52), LENS, tile, axis=axis, phase=0.3, stretch=2.5, dtype=dtype
+            SHAPE, LENS, tile, axis=axis, phase=0.3, stretch=2.5, dtype=dtype
         ),
         "cone.rain_tile": lambda: fl.cone.rain_tile(64, seed=2, dtype=dtype),
         "composite.snow": lambda: fl.composite.snow(picture(dtype), cover),
@@ -112,8 +122,10 @@ KERNELS: dict[str, Callable[[], Any]] = {
 }
 # Angles of tiles and places of flakes: float64 only.
 KERNELS |= {
+    "particles.ids": lambda: fl.particles.ids(SHAPE, **flakes(20_000)),
+    "particles.edge_fade": lambda: fl.particles.edge_fade(points(20_000), (4.0, 3.0, 6.0)),
     "particles.positions": lambda: fl.particles.positions(
-        500, (4.0, 3.0, 6.0), seed=3, velocity=(0.3, 1.2, 0.1), time=1234.5, sway=(0.1, 2.0)
+        20_000, (4.0, 3.0, 6.0), seed=3, velocity=(0.3, 1.2, 0.1), time=1234.5, sway=(0.1, 2.0)
     ),
     "random_phase": lambda: fl.spectral.random_phase((33, 40), seed=9),
     "tent_rate": lambda: fl.spectral.tent_rate((33, 40), (1.0, 5.0)),
@@ -122,8 +134,8 @@ KERNELS |= {
         np.ones((64, 60)), (1.0, 5.0), alias="soft", shutter=0.7
     ),
     "cone.rays": lambda: np.stack(
-        [fl.cone.rays((40, 52), LENS, axis=(0.1, 0.9, 0.3)).azimuth,
-         fl.cone.rays((40, 52), LENS, axis=(0.1, 0.9, 0.3)).height]
+        [fl.cone.rays(SHAPE, LENS, axis=(0.1, 0.9, 0.3)).azimuth,
+         fl.cone.rays(SHAPE, LENS, axis=(0.1, 0.9, 0.3)).height]
     ),
     "gas.light": lambda: fl.gas.light(points(60), np.full(60, 0.3), np.ones(60), (0.4, 1.0, 0.3)),
 }  # fmt: skip

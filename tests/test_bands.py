@@ -11,9 +11,6 @@ import numpy as np
 import pytest
 
 import flurries as fl
-import test_gate
-from flurries import _core
-from flurries._trace import tracing
 from flurries.effects import ConeRain, ConeSnow, TentRain, TentSnow
 from flurries.frame import bands
 
@@ -174,67 +171,6 @@ def test_what_may_draw_the_whole_draws_it_once(low: Callable[[], None]):
     assert calls[True] == [(y, min(y + 64, H), 0, W) for y in range(0, H, 64)]
 
 
-class Plain:
-    """One that says nothing of what it needs."""
-
-    def __init__(self) -> None:
-        self.calls = 0
-
-    def render(self, frame: fl.Frame) -> fl.Layer:
-        self.calls += 1
-        top, bottom, left, right = frame.window
-        alpha = np.zeros((bottom - top, right - left), np.float32)
-        return fl.Layer("plain", alpha, rgb=np.ones((*alpha.shape, 3), np.float32))
-
-
-def test_one_that_does_not_say_is_asked_once(low: Callable[[], None]):
-    plain = Plain()
-    scene = fl.Scene(LIGHT, effects=[TentSnow(), plain])
-    whole = scene.render(1)
-    low()
-    assert same([scene.render(1)], [whole]) and plain.calls == 2
-
-
-@pytest.mark.parametrize("camera", [None, TURNING])
-def test_nothing_is_made_once_for_each_band(
-    camera: Any, low: Callable[[], None], monkeypatch: pytest.MonkeyPatch
-):
-    sorts: list[str] = []
-    for name in ("fall",):
-        kernel = getattr(_core, name)
-
-        def counted(*args: Any, kernel: Any = kernel, name: str = name) -> Any:
-            sorts.append(name)
-            return kernel(*args)
-
-        monkeypatch.setattr(_core, name, counted)
-    gas = _core.gas_sort
-    monkeypatch.setattr(_core, "gas_sort", lambda *args: sorts.append("gas") or gas(*args))
-    fl.set_threads(1)
-    effects = [TentSnow(flakes=300), fl.Mist(count=100, wind=(1.0, 0.0, 0.0))]
-    scene = fl.Scene(BYTES, camera=camera, effects=effects, space="linear", depth=SLOPE)
-    counts, made = [], []
-    for lower in (lambda: None, low):
-        lower()
-        with tracing() as trace:
-            scene.render(3)
-        counts.append(trace.counts["tiles"])
-        made.append(list(sorts))
-        sorts.clear()
-    # Tiles that two bands share are made for both.
-    assert counts[0] < counts[1] and made[0] == made[1] and len(made[0]) == 2
-
-
-def test_a_film_of_bands_is_a_film_of_frames(low: Callable[[], None]):
-    # What stands still is kept, and bands that are known are not asked of the stream again.
-    effects = [TentSnow(flakes=50, **STILL) for _ in range(6)]
-    scene = fl.Scene(LIGHT, effects=effects)
-    whole = [scene.render(t) for t in range(3)]
-    low()
-    scene = fl.Scene(LIGHT, effects=effects)
-    assert same([scene.render(t) for t in range(3)], whole)
-
-
 def test_bands_cover_a_window_once():
     rng = np.random.default_rng(2)
     for _ in range(200):
@@ -246,32 +182,3 @@ def test_bands_cover_a_window_once():
         assert all(p[0] % 64 == 0 for p in parts[1:])
         most = max(64 * (window[3] - left), bands.BAND)
         assert len(parts) == 1 or max((p[1] - p[0]) * (p[3] - p[2]) for p in parts) <= most
-
-
-CTRL_C = """
-import os, signal, threading, time
-import numpy as np
-import flurries as fl
-plate = np.full((6000, 6000, 3), 60, np.uint8)
-scene = fl.Scene(plate, effects=[fl.effects.TentSnow("heavy")], space="linear")
-sent = 0.0
-def interrupt():
-    global sent
-    time.sleep(0.7)
-    sent = time.perf_counter()
-    os.kill(os.getpid(), signal.SIGINT)
-signal.signal(signal.SIGINT, signal.default_int_handler)
-threading.Thread(target=interrupt).start()
-try:
-    for _ in range(20):
-        scene.render(1)
-    print("finished")
-except KeyboardInterrupt:
-    print(time.perf_counter() - sent)
-print(scene.render(1, region=np.s_[:9, :9]).shape)
-"""
-
-
-def test_ctrl_c_is_heard_between_bands():
-    words = test_gate.python(CTRL_C)
-    assert float(words[0]) <= 0.5 and len(words) == 4

@@ -15,7 +15,7 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 import flurries as fl
-from flurries.camera import image_velocity, project, tile_zoom
+from flurries.camera import image_velocity, project
 from flurries.camera import importers as cameras
 from flurries.camera.extent import extent
 from flurries.cli import main
@@ -262,39 +262,6 @@ def test_the_way_across_is_weighed_by_the_focal_length_of_its_time(turns: bool):
             )  # fmt: skip
             # Two slopes at once are taken as straight within a frame.
             assert got[axis] == pytest.approx(want, abs=2e-4), (t, axis)
-
-
-def test_a_zoom_moves_texture_and_flakes_alike():
-    size = (512, 384)
-    for effect in (
-        fl.effects.TentSnow(fall=0.2, wind=(0.05, 0, 0), flakes=0),
-        fl.effects.TentSnow(fall=0.2, wind=(0.05, 0, 0), flakes=20_000, texture=0.0, haze=0.0),
-    ):
-        path = fl.CameraPath(fl.Camera(1.0), focal=fl.Keys([(0, 600.0), (100, 700.0)]))
-        scene = fl.Scene(size=size, camera=path, effects=effect)
-        now, later = (scene.layers(t) for t in (50, 51))
-        motion = now.layers["snow"].motion
-        # Outwards at the focal length's own rate, beside the fall.
-        still = scene.replace(camera=fl.Camera(650.0)).layers(50).layers["snow"].motion
-        covered = np.ones(motion.shape[:2], bool)
-        if effect.flakes:
-            covered = now.layers["snow"].ids >= 0
-        radial = np.arange(size[0]) + 0.5 - size[0] / 2
-        want = radial / 650.0 * np.ones((size[1], 1))
-        slope = np.polyfit(want[covered], motion[..., 0][covered], 1)[0]
-        assert slope == pytest.approx(1.0, abs=0.05)
-        assert np.median(np.abs(still[..., 0])) < np.median(np.abs(motion[..., 0][covered]))
-        rows, cols = np.nonzero(covered)
-        landed = np.rint(np.c_[rows, cols] + motion[covered][:, ::-1]).astype(int)
-        inside = ((landed >= 0) & (landed < motion.shape[:2])).all(axis=1)
-        a = now.layers["snow"].alpha[covered][inside]
-        b = later.layers["snow"].alpha[tuple(landed[inside].T)]
-        assert np.corrcoef(a, b)[0, 1] > 0.7
-    got = tile_zoom((H, W), 0.01, fl.Camera(100.0), tile=32, overlap=8)
-    first = 0.01 * np.array(
-        [fl.spectral.tile_starts(n, tile=32, overlap=8)[0] + 16 - n / 2 for n in (W, H)]
-    )
-    assert np.abs(got[0, 0] - first).max() < 1e-12
 
 
 def test_a_zoom_that_never_changes_is_none():

@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import flurries as fl
 from every import every
@@ -109,27 +107,6 @@ def test_infinity_never_becomes_nan(function: str, dtype: str):
         got = C.over(background, np.dstack([alpha * 0.5] * 3 + [alpha]))
     assert np.isinf(got[0, :2]).all()
     assert np.array_equal(got[0, 2], np.full(3, 0.5, dtype)), "opaque is the layer's color"
-
-
-# Backgrounds of all sizes: some are taken for levels of 0 to 255.
-@pytest.mark.filterwarnings("ignore:background is a float picture of values")
-@settings(max_examples=300, deadline=None, derandomize=True, database=None)
-@given(
-    st.lists(
-        st.tuples(st.floats(0.0, 1e4, width=32), st.floats(0.0, 1.0, width=32)),
-        min_size=1,
-        max_size=50,
-    ),
-    st.floats(0.0, 50.0, width=32),
-    st.sampled_from([np.float32, np.float64]),
-)
-def test_inside_the_two_colors(pairs: list[tuple[float, float]], white: float, dtype: type):
-    values = np.array([b for b, _ in pairs], dtype)[None]
-    alpha = np.array([a for _, a in pairs], dtype)[None]
-    got = C.snow(values, alpha, intensity=white)
-    low, high = np.minimum(values, dtype(white)), np.maximum(values, dtype(white))
-    assert (got >= np.nextafter(low, dtype(-np.inf))).all()
-    assert (got <= np.nextafter(high, dtype(np.inf))).all()
 
 
 @every("dtype", [*DTYPES])

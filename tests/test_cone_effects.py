@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.effects import ConeRain, ConeSnow, TentSnow
+from flurries.effects import ConeRain, ConeSnow
 from flurries.frame.view import Frame
 from measure import cover
 
@@ -93,18 +93,3 @@ def test_amounts_looks_and_colors():
     for kind in (ConeRain, ConeSnow):
         looks = [cover(scene(kind(name, tile=64)), 4).mean() for name in kind.PRESETS]
         assert looks == sorted(looks)
-
-
-def test_snow_in_front_is_the_same_as_snows_flakes():
-    effect = ConeSnow(texture_flakes=0, haze=0.0, flakes=60)
-    alone = TentSnow(texture=0.0, haze=0.0, flakes=60, near_depth=effect.radius,
-                    fall=effect.fall,
-                    wind=effect.wind, shutter=effect.shutter, flake_size=effect.flake_size,
-                    flake_opacity=effect.flake_opacity, sway=effect.sway)  # fmt: skip
-    np.testing.assert_array_equal(cover(scene(effect), 8), cover(scene(alone), 8))
-
-
-def test_a_wind_with_gusts_counts_by_its_mean():
-    gusty = ConeRain(tile=64, wind=fl.Wind(mean=(2.0, 0.0, 0.0)))
-    plain = ConeRain(tile=64, wind=(2.0, 0.0, 0.0))
-    np.testing.assert_array_equal(scene(gusty).render(5), scene(plain).render(5))

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import twin_cone as twin
 from every import every
-from flurries import _core, cone
+from flurries import cone
 from flurries.camera import Camera, image_velocity
 
 SHAPE = (90, 120)
@@ -39,18 +35,6 @@ def test_rays_are_the_twins(axis, slope):
     np.testing.assert_allclose(seen.height_step.ravel()[away], up[away], rtol=1e-5, atol=1e-9)
 
 
-@given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: math.hypot(*v) > 1e-9))
-def test_the_frame_is_square_and_the_smallest_rotation(axis):
-    frame = np.array(_core.cone_basis(axis))
-    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=5e-15)
-    np.testing.assert_allclose(frame[0], np.array(axis) / math.hypot(*axis), atol=2e-12)
-    # Turned about the normal only; straight up is the fallback.
-    normal = np.cross(twin.DOWN, frame[0])
-    if np.linalg.norm(normal) > 1e-6:
-        np.testing.assert_allclose(frame[1:] @ normal, normal[[0, 2]], atol=1e-9)
-    np.testing.assert_array_equal(_core.cone_basis((0, -5, 0)), [[0, -1, 0], [1, 0, 0], [0, 0, -1]])
-
-
 @pytest.mark.parametrize("travel", [(0.5, 2, 8), (-3, 1, 2), (0.1, 4, -6), (0.3, 1.0, 1e-3)])
 def test_the_apex_is_the_focus_of_expansion(travel):
     # The one position from which nothing seems to move, found from Eq. 8 alone.
@@ -69,28 +53,6 @@ def test_the_apex_is_the_focus_of_expansion(travel):
     assert seen.fade[0] == 0.0 and abs(seen.height[0]) > 1e5
 
 
-@pytest.mark.parametrize("travel", [(0, 5, 0), (1.5, 4, -3), (0.2, 0.5, -8)])
-def test_a_cylinder_is_perspective_everywhere(travel):
-    # A drop on the cylinder's surface moves along it; its image, by Eq. 8, stays on its azimuth and
-    # goes up in height by speed / radius.
-    camera, shape, radius = Camera(100.0, rotation=(0.3, 0.2, 0.1)), (200, 240), 2.0
-    axis = np.array(travel) / np.linalg.norm(travel)
-    points = np.random.default_rng(1).uniform((5, 5), (235, 195), (400, 2))
-    seen = cone.rays(shape, camera, axis=axis, points_px=points)
-    rays = twin.directions(points, camera, shape)
-    across = np.sqrt(1 - (rays @ axis) ** 2)
-    depth = (radius / across * rays.T).T @ camera.matrix()
-    rate = image_velocity(points, depth[:, 2], -1e-5 * np.array(travel), camera, shape)
-    moved = cone.rays(shape, camera, axis=axis, points_px=points + rate)
-    keep = across > 0.1
-    turned = (moved.azimuth - seen.azimuth)[keep]
-    climbed = (moved.height - seen.height)[keep]
-    speed = 1e-5 * np.linalg.norm(travel) / radius
-    # Second order in the step of 1e-5: 1e-10, and more near the axis.
-    np.testing.assert_allclose(climbed, speed, rtol=2e-4)
-    assert np.abs(turned - np.round(turned)).max() < 1e-4 * speed
-
-
 def test_two_eyes_see_the_cone_at_its_distance():
     # A point of the cylinder straight ahead: its disparity is f b / R.
     shape, radius, apart = (64, 128), 2.0, 0.064
@@ -103,3 +65,17 @@ def test_two_eyes_see_the_cone_at_its_distance():
     assert abs(disparity - (-200.0 * apart / radius)) < 0.02
     # Without a distance the eyes see the same.
     np.testing.assert_array_equal(*[cone.rays(shape, eye, **look).azimuth for eye in eyes])
+
+
+def test_azimuths_stay_in_one_turn_and_a_pixel_on_the_axis_is_finite():
+    # Rays that turn back from the seam by 1e-32 to 1e-14 among them: a wrap may round up to 1.
+    across = np.concatenate([np.logspace(-30, -12, 200), -np.logspace(-30, -12, 200)])
+    places = np.column_stack([np.full(400, 20.0), across])
+    for seen in (
+        cone.rays(SHAPE, Camera(30.0), axis=(0.0, 1e-30, 1.0), slope=0.0),
+        cone.rays((16, 16), Camera(30.0, center=(8.0, 0.0)), axis=(0, 0, 1), points_px=places),
+        cone.rays((60, 80), Camera(100.0, center=(40.5, 30.5)), axis=(0.0, -0.0, -1.0), slope=0.2),
+    ):
+        assert (seen.azimuth >= 0.0).all() and (seen.azimuth < 1.0).all()
+        numbers = seen.azimuth, seen.height, seen.azimuth_step, seen.height_step, seen.fade
+        assert all(np.isfinite(part).all() for part in numbers)

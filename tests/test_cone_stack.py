@@ -74,16 +74,6 @@ def test_a_part_has_the_bits_of_the_whole(rows, offset, depth):
         assert out.tobytes() == whole[rows[0] : rows[1]].tobytes()
 
 
-def test_two_eyes_are_layers_seen_from_beside():
-    shape, axis = (48, 64), (0.1, 1, 0.2)
-    eye = Camera(60.0, offset=(0.032, 0.0, 0.0))
-    fast = cone.layers(shape, eye, TILE, axis=axis, phase=0.3, radius=2.0)
-    exact = cone.layers(shape, eye, TILE, axis=axis, phase=0.3, radius=2.0, dtype=np.float64)
-    middle = cone.layers(shape, Camera(60.0), TILE, axis=axis, phase=0.3)
-    assert abs(fast - exact).mean() < 0.011
-    assert abs(fast - middle).mean() > 0.02
-
-
 def test_what_stands_in_the_picture_hides_the_layers_behind_it():
     shape, camera, axis = (48, 64), Camera(60.0), (0, 1, 0)
     depth = np.full(shape, np.inf, np.float32)

@@ -8,13 +8,11 @@ import stat
 import subprocess
 import sys
 import tempfile
-import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from flurries._threads import scope
 from flurries.io import read_picture, remove_leftovers, replacing, write_picture
 from flurries.io.pictures import rows
 
@@ -195,30 +193,6 @@ def test_a_picture_that_reads_back_wrong_is_not_kept(tmp_path, monkeypatch, name
     assert names(tmp_path) == []
 
 
-def test_children_that_are_forked_while_an_exr_is_packed_write_their_own(tmp_path):
-    pixels = np.random.default_rng(3).random((600, 500, 3), np.float32)
-    ended = threading.Event()
-
-    def write(name):
-        with scope(threads=2, reproducible=None):
-            write_picture(tmp_path / name, pixels)
-
-    def work():
-        while not ended.is_set():
-            write("parent.exr")
-
-    worker = threading.Thread(target=work)
-    worker.start()
-    try:
-        for number in range(4):
-            said = in_child(lambda: signal.alarm(30), lambda n=number: write(f"{n}.exr"))
-            assert said == "None"
-    finally:
-        ended.set()
-        worker.join()
-    assert read_picture(tmp_path / "3.exr").size == (500, 600)
-
-
 WRITER = """
 import itertools, sys
 import numpy as np
@@ -255,26 +229,3 @@ def test_killed_writers_leave_no_partial_picture(tmp_path):
         assert all(not name.startswith(".") for name in names(tmp_path))
     # The control: kills did hit writers at work.
     assert found
-
-
-HOLDER = """
-import sys
-from flurries.io import replacing
-with replacing(sys.argv[1]) as temporary:
-    temporary.write_bytes(b"half")
-    print(temporary, flush=True)
-    input()
-"""
-
-
-def test_leftovers_of_the_dead_are_removed_and_those_of_the_living_are_not(tmp_path):
-    path = tmp_path / "a.png"
-    with start(HOLDER, path, stdin=subprocess.PIPE) as writer:
-        temporary = Path(writer.stdout.readline().strip())
-        assert remove_leftovers(tmp_path) == []
-        assert temporary.read_bytes() == b"half"
-        writer.send_signal(signal.SIGKILL)
-    assert temporary.exists()
-    assert not path.exists()
-    assert remove_leftovers(tmp_path) == [temporary]
-    assert names(tmp_path) == []

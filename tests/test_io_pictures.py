@@ -160,16 +160,6 @@ def test_color_without_opacity_stays(tmp_path):
     )
 
 
-def test_alpha_apart_is_the_same_as_alpha_within(tmp_path):
-    for name, pixels in [("a.exr", noise((9, 8, 4))), ("a.png", levels((9, 8, 4), np.uint8))]:
-        write_picture(tmp_path / name, pixels)
-        write_picture(tmp_path / f"b{name}", pixels[..., :3], alpha=pixels[..., 3])
-        assert (tmp_path / name).read_bytes() == (tmp_path / f"b{name}").read_bytes()
-    write_picture(tmp_path / "g.png", levels((9, 8), np.uint8), alpha=np.full((9, 8), 0.2))
-    assert read_header(tmp_path / "g.png").channels == ("Y", "A")
-    np.testing.assert_array_equal(read_picture(tmp_path / "g.png").alpha, np.float32(51 / 255))
-
-
 def test_metadata_come_back(tmp_path):
     given = {
         "seed": -(2**63),

@@ -192,21 +192,6 @@ def test_what_cannot_be_opened(tmp_path, sequence):
         open_background(sequence)
 
 
-def test_sources_pickle_and_copy(sequence, tmp_path, monkeypatch):
-    write_picture(tmp_path / "still.png", level(9))
-    monkeypatch.chdir(tmp_path)
-    for spec in ("still.png", sequence.name):
-        source = open_background(spec)
-        source.frame(1)
-        data = pickle.dumps(source)
-        assert len(data) < 4096
-        with monkeypatch.context() as elsewhere:
-            elsewhere.chdir("/")
-            for other in (pickle.loads(data), copy.copy(source), copy.deepcopy(source)):
-                assert (other.size, other.count, other.fps) == (source.size, source.count, None)
-                np.testing.assert_array_equal(other.frame(1).pixels, source.frame(1).pixels)
-
-
 def test_a_forked_child_is_not_stopped_by_a_lock_that_a_lost_thread_holds(sequence):
     source = open_background(sequence)
     held = source._lock

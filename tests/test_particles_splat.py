@@ -80,28 +80,6 @@ def test_energy_of_streaks_of_every_length_and_angle(sigma, length):
             assert abs(energy - 1) < 0.002, (angle, x, energy)
 
 
-def test_a_streak_is_the_mean_of_plain_gaussians():
-    # Where its footprint is exact, and so is a disc's, which is a streak of no length.
-    sigma, angle, opacity = 1.2, 0.7, 1e-4
-    effective, direction = sigma**2 + 1 / 12, np.array([math.cos(angle), math.sin(angle)])
-    y, x = np.mgrid[:50, :50] + 0.5
-    dx, dy = x - 25.2, y - 24.9
-    along, across = dx * direction[0] + dy * direction[1], dy * direction[0] - dx * direction[1]
-    reach = 3 * math.sqrt(effective)
-    for length in (0.0, 9.0):
-        travel = np.append(direction, 0) * length * 2.0 / FOCAL
-        streak = one((50, 50), 25.2, 24.9, sigma=sigma, opacity=opacity, velocity=travel, shutter=1)
-        places = ((np.arange(400) + 0.5) / 400 - 0.5)[:, None] * length * direction
-        squares = (dx[..., None] - places[:, 0]) ** 2 + (dy[..., None] - places[:, 1]) ** 2
-        amplitude = opacity * twin.share(sigma**2, effective)
-        plain = amplitude * np.exp(-squares / (2 * effective)).mean(axis=-1)
-        core = (np.abs(across) < reach) & (np.abs(along) < length / 2 + reach)
-        if length == 0.0:
-            core = np.maximum(np.abs(dx), np.abs(dy)) < reach
-        assert core.sum() > 40
-        np.testing.assert_allclose(streak[core], plain[core], rtol=0, atol=1e-5 * streak.max())
-
-
 def test_the_rim_has_no_step():
     # A flake moves by 1e-4 px; nowhere does alpha change by more than its slope allows.
     for sigma in (0.3, 1.0, 4.0):
@@ -134,18 +112,6 @@ def test_huge_flakes_and_endless_streaks_are_finite(dtype, near):
     assert np.isfinite(alpha).all()
     assert alpha.min() >= 0
     assert alpha.max() <= 1
-
-
-def test_the_order_of_flakes_does_not_matter():
-    points, radius, arguments, _ = cloud(400, 10, speed=0.05, shutter=1.0)
-    order = np.random.default_rng(0).permutation(400)
-    a = particles.splat((99, 99), points, radius, Camera(FOCAL), dtype=np.float64, **arguments)
-    arguments["opacity"] = arguments["opacity"][order]
-    arguments["velocity"] = arguments["velocity"][order]
-    b = particles.splat(
-        (99, 99), points[order], radius[order], Camera(FOCAL), dtype=np.float64, **arguments
-    )
-    np.testing.assert_allclose(a, b, rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("map_dtype", [np.float32, np.float64])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from fractions import Fraction
 from typing import Any
 
@@ -62,14 +61,6 @@ def test_outside_it_goes_on_with_the_end_rates():
     assert np.allclose(held.rate(100, fps=FPS), np.array([3.0, -2.0, 9.0]) / FPS)
 
 
-def test_a_velocity_counts_in_seconds():
-    path = PATHS["velocity"]
-    assert np.allclose(path.place(48.0, fps=FPS), (1.0, -2.0, 6.0), rtol=1e-15)
-    assert np.allclose(path.place(48.0, fps=12.0), (2.0, -4.0, 12.0), rtol=1e-15)
-    assert np.array_equal(path.place(0.0, fps=FPS), np.zeros(3))
-    assert np.allclose(path.rate(7, fps=FPS) * FPS, (0.5, -1.0, 3.0), rtol=1e-15)
-
-
 @every(
     ("arguments", "forward"),
     [
@@ -85,15 +76,6 @@ def test_a_velocity_counts_in_seconds():
 )
 def test_whether_it_goes_forward(arguments: dict[str, Any], forward: bool):
     assert fl.CameraPath(LENS, **arguments).goes_along(FORWARD) is forward
-
-
-def test_the_callers_array_is_his():
-    places = PLACES.copy()
-    path = fl.CameraPath(LENS, position=places)
-    places[:] = 99.0
-    assert np.array_equal(path.place(0, fps=FPS), PLACES[0])
-    with pytest.raises(ValueError, match="read-only"):
-        path.position[0] = 1.0
 
 
 def test_both_ways_at_once_are_refused():
@@ -150,33 +132,6 @@ def test_keyed_air_has_come_as_far_as_its_integral():
         ahead, behind = (snow.parts.motion.way(frame_of(scene, t + s)).moved for s in (1e-3, -1e-3))
         rate = snow.parts.motion.way(frame_of(scene, t)).rate
         assert np.abs((ahead - behind) / 2e-3 - rate).max() < 1e-3  # a key may lie between
-
-
-def test_moving_air_and_a_moving_camera_are_one():
-    still = {"fall": 0.0, "sway": (0.0, 1.0), "flakes": 300}
-    blown = Scene(GRAY, size=(W, H), effects=[Snow(wind=(0.5, 1.5, 0.0), **still)])
-    flown = Scene(
-        GRAY, size=(W, H), camera=fl.CameraPath(Camera(1.2 * W), velocity=(-0.5, -1.5, 0.0)),
-        effects=[Snow(wind=(0.0, 0.0, 0.0), **still)],
-    )  # fmt: skip
-    fallen = Scene(
-        GRAY, size=(W, H), effects=[Snow(**{**still, "fall": 1.5, "wind": (0.5, 0.0, 0.0)})]
-    )
-    for t in (0.0, 9.25, -4.0):
-        want = blown.render(t)
-        assert np.array_equal(flown.render(t), want) and np.array_equal(fallen.render(t), want)
-        assert not np.array_equal(blown.render(t + 1), want)
-
-
-def test_an_eye_is_a_camera_moved_aside():
-    path = fl.CameraPath(LENS, velocity=(0.3, -0.2, 1.5))
-    scene = Scene(GRAY, size=(W, H), camera=path, effects=[Snow(flakes=300)])
-    lens = dataclasses.replace(scene.camera.camera, offset=(0.06, 0.0, 0.0))
-    moved = scene.replace(camera=fl.CameraPath(lens, velocity=scene.camera.velocity))
-    assert np.array_equal(scene.render(5, eye=lens), moved.render(5))
-    assert not np.array_equal(scene.render(5, eye=lens), scene.render(5))
-    with pytest.raises(TypeError, match="eye"):
-        scene.render(5, eye=0.06)
 
 
 def test_a_camera_that_looks_along_the_wind_sees_it_go_away():

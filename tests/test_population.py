@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.effects.population import product
 from flurries.particles.population import Population, slabs_of
 from flurries.particles.sizes import (
     Sizes,
@@ -17,7 +16,6 @@ from flurries.particles.sizes import (
     drop_speed,
     rain_of,
     snow_mass,
-    snow_of,
     snow_speed,
 )
 from measure import cover
@@ -59,13 +57,6 @@ def test_rates_are_carried_by_the_flakes_and_drops(rate: float):
         carried = 3600.0 * effect.density * float((mass(at) * speed(at)).mean())
         assert carried == pytest.approx(rate, rel=1e-4)
     assert rain_of(2.0 * rate)[1].mean > rain_of(rate)[1].mean
-
-
-def test_snow_hides_as_far_as_it_was_seen_to():
-    """Rasmussen et al. 1999 see 0.5 to 2 km in light, and 100 to 500 m in heavy snow."""
-    seen = {1.0: (500.0, 2500.0), 3.0: (300.0, 1000.0), 10.0: (80.0, 500.0)}
-    for rate, (low, high) in seen.items():
-        assert low < 3.912 / Population(*snow_of(rate), 0.9, snow_speed).extinction < high
 
 
 def test_classes_share_out_all_flakes_and_their_area():
@@ -183,14 +174,6 @@ def test_a_small_picture_is_a_large_one_made_smaller():
     assert np.mean(deviations) == pytest.approx(1.0, abs=0.03), deviations
 
 
-def test_less_snow_is_fewer_flakes_and_not_fainter_ones():
-    keyed = fl.Keys([(0, 0.5), (100, 0.5)])
-    whole, half, likewise = (alpha(scene(amount=amount)) for amount in (1.0, 0.5, keyed))
-    assert np.log1p(-half).mean() == pytest.approx(0.5 * np.log1p(-whole).mean(), rel=0.06)
-    assert half.max() > 0.8 * whole.max()
-    assert likewise.mean() == pytest.approx(half.mean(), rel=0.03)
-
-
 def test_snow_that_stops_falls_on_and_leaves_from_the_top():
     emission = fl.Keys([(0.0, 1.0), (0.01, 0.0)])
     shown = scene(emission=emission, cloud=2.0, shape=(240, 120))
@@ -216,15 +199,6 @@ def test_a_turning_and_a_zooming_camera_keep_the_amount_of_snow():
     assert moving == pytest.approx([still, still], rel=0.08)
 
 
-def test_rain_shines_more_than_its_color_and_covers_no_more():
-    plain, bright = (
-        fl.Scene("#303030", size=(160, 120), effects=[rain], seed=2, space="linear").layers(4.0)
-        for rain in (fl.Rain(rate_mm_h=20.0, gain=gain) for gain in (1.0, 6.0))
-    )
-    assert np.array_equal(plain.alpha, bright.alpha)
-    assert bright.image.mean() > plain.image.mean()
-
-
 @pytest.mark.parametrize("kind", [fl.Snow, fl.Rain])
 def test_a_keyed_density_is_that_density(kind: Any):
     def depth(density: Any, frames: range) -> float:
@@ -246,20 +220,6 @@ def test_keyed_sizes_are_those_of_their_keys():
     assert len(keyed.layers(40).layers) == 2
     steps = [keyed.render(t).astype(np.float64).mean() for t in (79.0, 79.9, 80.0, 80.1)]
     assert np.ptp(steps) < 0.2 * np.mean(steps)
-
-
-def test_keyed_color_goes_between_its_keys():
-    color = fl.Keys([(0, (1.0, 0.0, 0.0)), (10, (0.0, 0.0, 1.0))])
-    shown = scene(color=color)
-    assert shown.render(0)[..., 2].max() == 0.0 < shown.render(0)[..., 0].max()
-    assert shown.render(10)[..., 0].max() == 0.0 < shown.render(10)[..., 2].max()
-
-
-def test_products_of_keys():
-    first, second = fl.Keys([(0, 0.0), (10, 1.0)]), fl.Keys([(5, 2.0), (20, 0.0)])
-    found = product(first, second)
-    for t in np.linspace(0.0, 20.0, 33).tolist():
-        assert abs(found.value(t) - first.value(t) * second.value(t)) < 0.02  # type: ignore[union-attr]
 
 
 def test_keys_are_saved_and_refused(tmp_path: Any):
@@ -349,8 +309,3 @@ def test_the_texture_s_motion_is_that_of_its_layers():
     factor = np.interp(film.depths, *zip(*profile, strict=True))
     want = 300.0 * 0.2 / 30.0 * (film.covers / film.depths * factor).sum() / film.covers.sum()
     assert moved[90, 120] == pytest.approx([want, 0.0], rel=1e-5)
-
-
-def test_a_method_chooses_an_effect_of_other_fields():
-    assert fl.Snow("heavy", method="tent", flakes=9) == fl.effects.TentSnow("heavy", flakes=9)
-    assert fl.Rain(method="cone", seed=3) == fl.effects.ConeRain(seed=3)

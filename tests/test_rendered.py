@@ -158,26 +158,6 @@ def test_channels_are_called_as_compositors_call_them(tmp_path: Path):
     assert np.array_equal(read["rain.depth"], whole.layers["rain"].depth)
 
 
-def test_all_ways_to_a_flake_name_it_alike(tmp_path: Path):
-    scene = fl.Scene(LIGHT, size=(W, H), effects=fl.Snow("heavy"), fps=24.0)
-    flakes = fl.flakes(scene, 12)
-    ids = scene.layers(12).layers["snow"].ids
-    scene.write(tmp_path / "a.exr", 12, layers=True)
-    shown = set(np.unique(ids).tolist()) - {-1}
-    # As floats these would not be told apart.
-    assert len(shown) > 50 and max(shown) > 2**48
-    assert shown <= set(flakes["id"].tolist())
-    assert np.array_equal(read_layers(tmp_path / "a.exr")["snow.id"], np.maximum(ids, 0))
-    rows, columns = np.nonzero(ids >= 0)
-    order = np.argsort(flakes["id"])
-    found = flakes[order[np.searchsorted(flakes["id"], ids[rows, columns], sorter=order)]]
-    apart = np.hypot(*(found["pixel"] - np.c_[columns, rows] - 0.5).T)
-    focal = scene.camera.camera.focal
-    # A flake reaches to its rim, and as far as it goes while the shutter is open.
-    radius = 0.5 * found["diameter"] + 0.05
-    assert (apart <= focal * radius / found["depth"] + 1.5).all()
-
-
 @pytest.mark.parametrize("layers", [True, False])
 def test_two_eyes_are_two_views(layers: bool, tmp_path: Path):
     scene = fl.Scene(LIGHT, effects=TentSnow(flakes=300))

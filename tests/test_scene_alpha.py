@@ -84,21 +84,6 @@ def test_16_7_weather_over_alpha_is_premultiplied(dtype: str, space: str):
     assert alike or np.abs(bare.astype(float) - frame[..., :3]).max() > 0.05 * wanted.max()
 
 
-def test_16_7_regions_bands_eyes_and_masks_keep_it():
-    random = np.random.default_rng(3)
-    background = random.integers(0, 256, (1100, 1000, 4), dtype=np.uint8)
-    mask = np.zeros((1100, 1000), np.float32)
-    mask[400:600] = 1.0
-    scene = fl.Scene(background, effects=[fl.effects.TentSnow("heavy", flakes=400)])
-    whole = scene.render(1)
-    part = scene.render(1, region=np.s_[500:620, 30:700])
-    assert np.array_equal(part, whole[500:620, 30:700])
-    masked = scene.replace(foreground=mask).render(1)
-    assert np.array_equal(masked[400:600], background[400:600])
-    left, right = scene.stereo(1, distance=0.06)
-    assert left.shape == right.shape == whole.shape and not np.array_equal(left, right)
-
-
 @pytest.mark.parametrize("name", ["a.png", "a.exr", "a.tif"])
 def test_16_7_files_with_alpha_go_in_and_come_out(tmp_path: Path, name: str):
     background = plate("float32" if name == "a.exr" else "uint8")

@@ -121,23 +121,6 @@ def test_pixels_follow_edges_that_tiles_cannot():
 LINEAR = {**PLAIN, "blend": "linear", "overlap": 24, "power": 2.0, "spread": 3.0}
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_before_a_wall_seams_show_the_share_of_what_they_show_before_the_sky(mode: str):
-    # Blended linearly the field has less variance at seams, and its opacity another mean: what a
-    # wall leaves is a share of that. One factor for all pixels would leave 3 % too much there.
-    sky, wall = (
-        np.mean([alpha(Snow(**LINEAR, depth_mode=mode), d, t=t) for t in range(0, 900, 10)], axis=0)
-        for d in (None, 24.0)
-    )
-    row = np.arange(W) % 40
-    seam = (row >= 8) & (row < 16) & (np.arange(W) >= 40)
-    ratio = wall[:, seam].mean() / sky[:, seam].mean()
-    middle = ~seam & (row > 28) & (row < 36)
-    assert sky[:, seam].mean() < 0.975 * sky[:, middle].mean()
-    assert ratio == pytest.approx(1 / 3, rel=0.012)
-    assert wall[:, middle].mean() / sky[:, middle].mean() == pytest.approx(1 / 3, rel=0.012)
-
-
 @pytest.mark.parametrize("blend", ["linear", "power"])
 def test_depth_and_motion_of_a_seam_are_weighed_by_power(blend: str):
     # Left a wall, right the sky: tiles of two depths, and between them a mix by their squares.
@@ -217,22 +200,3 @@ def test_a_red_coat_is_no_red_light():
     assert red < 1.02 * blue and red < 1.02 * green
     # A picture of one color says that its light has it.
     assert ambient_light(np.full((9, 9, 3), (60, 20, 10), np.uint8), "display")[2] < 0.4
-
-
-def test_ambient_of_a_region_is_that_of_the_whole():
-    picture = np.random.default_rng(6).integers(0, 90, (H, W, 3)).astype(np.uint8)
-    picture[:, 100:] //= 4
-    scene = Scene(picture, effects=[Snow(color="ambient", flakes=200)])
-    part = np.s_[20:60, 120:200]
-    assert np.array_equal(scene.render(2, region=part), scene.render(2)[part])
-    odd = picture.astype(np.float32)
-    odd[0, 0], odd[1, 1] = np.nan, np.inf
-    got = Scene(odd, effects=[Snow(color="ambient", flakes=200)]).render(2)
-    assert np.isfinite(got[5:]).all()
-
-
-@pytest.mark.parametrize("kind", [Snow, fl.Snow, fl.Mist, fl.Sun, fl.effects.ConeRain])
-def test_colors_are_also_those_of_the_web(kind: Any):
-    assert kind(color="#336699").color == (0.2, 0.4, 0.6)
-    with pytest.raises(ValueError, match="color must be '#rrggbb'"):
-        kind(color="#3366")

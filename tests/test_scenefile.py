@@ -55,6 +55,11 @@ SCENES: dict[str, dict[str, Any]] = {
     "velocity": {"size": (50, 40), "effects": [Snow(flakes=100), Snow(flakes=100, fall=0.5)],
                  "camera": fl.CameraPath(fl.camera.Camera(80.0, center=(20.0, 11.0)),
                                          velocity=Keys([(0, (0, 0, 1)), (9, (1, 0, 2))]))},
+    "gusts": {"size": (50, 40), "effects": [Snow(flakes=100, wind=fl.Wind(
+        Keys([(0, (1, 0, 0)), (9, (2, 0, 0))]), gusts=0.5, swirl=0.25, seed=9))]},
+    "profiles": {"size": (50, 40), "effects": [
+        Snow(flakes=100, wind=fl.Wind(profile=[(12, (1, 0, 0)), (48, (-1.5, 0.4, 0))])),
+        Snow(flakes=100, wind=fl.Wind((1, 0, 0), profile=[(1, 0.5), (9, 2)]))]},
     "places": {"size": (50, 40), "effects": [Snow(flakes=100)],
                "camera": fl.CameraPath(
                    fl.camera.Camera(77.7, offset=(0.1, 0, 0), center_shift=(1, 2),
@@ -132,6 +137,7 @@ def test_what_a_text_cannot_hold_is_refused(folder: Path):
         "background": Scene(PLATE),
         "foreground": Scene(size=(60, 40), foreground=np.zeros((40, 60), np.float32)),
         "depth": Scene(size=(60, 40), depth=fl.DepthMap(PLATE[..., 0], **MAP)),
+        "wind: a field": Scene(effects=[Snow(wind=fl.Wind(field=np.zeros((2, 2, 2, 3))))]),
     }.items():
         with pytest.raises(ValueError, match=name):
             scene.save("scene.toml")
@@ -190,6 +196,9 @@ MISTAKES: list[tuple[str | bytes, int | None, str]] = [
     (SNOW + "flakes = {keys = [[0, 1]]}\n", 3, "flakes"),
     ("[camera]\nposition = [[0, 0, 0], [1]]\n", 2, "position"),
     ("[camera]\nvelocity = [0, 0, 0]\nposition = [[0, 0, 0]]\n", 3, "position"),
+    (SNOW + "wind = {mean = [1, 0, 0], gust = 0.5}\n", 3, "'gust'.*'gusts'"),
+    (SNOW + "wind = {gusts = -1}\n", 3, "gusts"),
+    (SNOW + "wind = {profile = {keys = [[1, [0, 1]]]}}\n", 3, "profile"),
     (f"seed = {2**63}\n", 1, "seed"), ("fps = 1979-05-27\n", 1, "fps"),
     ("background = 'nope.png'\n", None, "nope.png"),
     ("size = [6, 4\n", None, "TOML"), ("seed = 1\nseed = 2\n", 2, "TOML.*line 3"),

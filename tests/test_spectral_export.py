@@ -77,14 +77,6 @@ def test_the_description_says_how_to_make_them_again(tmp_path: Path):
         assert np.array_equal(read_picture(a).pixels, read_picture(b).pixels)
 
 
-@pytest.mark.parametrize(
-    ("name", "side"),
-    [("%04d.png", "loop.json"), ("s-%d.exr", "s.json"), ("a%03d_b.tif", "a_b.json")],
-)
-def test_the_description_is_named_like_the_frames(tmp_path: Path, name: str, side: str):
-    assert export(tmp_path, name)[-1].name == side
-
-
 def test_what_is_there_is_not_replaced_unasked(tmp_path: Path):
     files = export(tmp_path, "%d.png")
     before = files[3].read_bytes()

@@ -6,7 +6,6 @@ import warnings
 from typing import Any
 
 import numpy as np
-import pytest
 
 import flurries as fl
 import twin
@@ -48,16 +47,6 @@ def test_every_layout_is_the_twins(shape, tile: int, overlap: int, blend: str, d
     got = fl.spectral.field(shape, **options, blend=blend, dtype=dtype)
     want = twin.field(shape, **options, blend=blend, direct=tile <= 17)
     assert np.abs(got - want).max() <= LIMIT[dtype]
-
-
-def test_shortest_keeps_the_normaliser():
-    # The kept variance is log(Z_bg/Z_near)/log 8, here one octave of three, and the
-    # waves that stay are the same: a near wall shows less snow, not other snow.
-    options = {"drift": (0.0, 0.0), "seed": 5, "tile": 256, "overlap": 0, "dtype": np.float64}
-    cut = fl.spectral.field((256, 256), **options, shortest=[[16.0]])
-    assert cut.var() == pytest.approx(1 / 3, abs=0.01)
-    full = fl.spectral.field((256, 256), **options)
-    assert np.mean(cut * full) == pytest.approx(cut.var(), abs=1e-12)
 
 
 def test_gains_are_not_taken_from_the_call_before():

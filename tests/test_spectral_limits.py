@@ -41,17 +41,6 @@ def test_a_band_longer_than_the_tile_warns(name: str):
     assert [w.filename for w in warned] == [__file__]
 
 
-@pytest.mark.parametrize("needs", [{"alias": "cut"}, {"alias": "soft"}, {"shutter": 0.5}])
-def test_what_filters_needs_a_velocity(needs: dict[str, Any]):
-    with pytest.raises(ValueError, match="velocity"):
-        S.field((40, 30), **FRAME, **needs)
-
-
-def test_gains_need_rings():
-    with pytest.raises(ValueError, match="ring_gains"):
-        S.field((40, 30), **FRAME, ring_gains=(0.5, 2.0))
-
-
 HUGE = 1.7e308
 EXTREME: dict[str, Callable[[], Any]] = {
     **{f"drift {v}": lambda v=v: S.field((40, 30), **{**FRAME, "drift": (v, -v)})
@@ -101,9 +90,3 @@ def test_a_drift_that_loses_its_phases_is_warned_of(cycles: float, warned: int):
         S.field((40, 30), **{**FRAME, "drift": (0.0, cycles * 32.0)})
         S.advance_phase(ONES, (cycles * 32.0, 0.0))
     assert [w.filename for w in caught] == [__file__] * (2 * warned)
-
-
-def test_a_vanishing_spread_is_a_threshold():
-    # z/(2 spread) at z = 0 is 0 for any spread above 0, so the opacity there stays mean^2.
-    got = fl.spectral.opacity(np.array([[-1.0, 0.0, 1.0]]), spread=5e-324)
-    assert np.array_equal(got, [[0.0, 0.25, 1.0]])

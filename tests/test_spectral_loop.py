@@ -78,14 +78,6 @@ def test_the_middle_of_an_exposure_is_the_mean_of_its_moments():
     assert np.abs(loop(time=moments).mean(axis=0) - blurred).max() < 3e-5
 
 
-def test_out_and_shapes_of_time():
-    assert loop(time=[1.0, 2.5]).shape == (2, *SHAPE)
-    out = np.zeros(SHAPE)
-    assert loop(time=2, out=out) is out
-    assert np.array_equal(out, loop()[2])
-    assert fl.spectral.loop(60, SHAPE, VELOCITY, seed=3).dtype == np.float32
-
-
 def test_a_loop_too_short_for_its_motion_is_warned_of():
     with pytest.warns(UserWarning, match="32 % of the waves to rest"):
         fl.spectral.loop(30, (64, 64), (0.0, 1.1), seed=1)

@@ -78,29 +78,6 @@ def test_the_paper_is_one_spectrum_and_one_law_of_many():
     assert np.abs(got - want).max() < 1e-12
 
 
-def test_a_rate_linear_in_the_frequency_moves_the_picture_as_a_whole():
-    fx, fy = waves((32, 32))
-    options = {"seed": 4, "tile": 32, "overlap": 0, "dtype": np.float64, "wavelengths": (3.0, 16.0)}
-    at = [
-        fl.spectral.field((32, 32), rate=-(2 * fx - 3 * fy), time=t, **options) for t in (0.0, 2.0)
-    ]
-    assert np.abs(at[1] - np.roll(at[0], (-6, 4), axis=(0, 1))).max() < 1e-12
-
-
-def test_the_variance_is_one_and_the_filter_takes_what_its_laws_say():
-    fx, fy = waves((64, 64))
-    ring = np.exp(-((np.hypot(fx, fy) - 0.15) ** 2) / (2 * 0.04**2))
-    torus = {"tile": 64, "overlap": 0, "dtype": np.float64, "seed": 1, "envelope": 7.0 * ring}
-    whole = fl.spectral.field((64, 64), **torus)
-    assert abs(whole.mean()) < 1e-12 and abs(whole.var() - 1.0) < 1e-12
-    rate = -6.0 * fx
-    cut = fl.spectral.field((64, 64), rate=rate, time=3.0, alias="cut", shutter=0.5, **torus)
-    power = ring**2
-    power[0, 0] = 0.0
-    passing = np.where(np.abs(rate) < 0.5 - 1e-12, np.sinc(0.5 * rate) ** 2, 0.0)
-    assert abs(cut.var() - (power * passing).sum() / power.sum()) < 1e-12
-
-
 def test_an_alpha_is_the_opacity_of_its_field():
     own: dict[str, Any] = {"seed": 3, "envelope": blob(), "rate": rates(), "time": 2.0, **SIZES}
     alpha = fl.spectral.alpha(SHAPE, mean=0.3, power=1.5, amount=0.8, **own)
@@ -108,33 +85,3 @@ def test_an_alpha_is_the_opacity_of_its_field():
     assert np.array_equal(alpha, fl.spectral.opacity(field, mean=0.3, power=1.5, amount=0.8))
     out = np.empty(SHAPE)
     assert fl.spectral.field(SHAPE, out=out, **own) is out and np.array_equal(out, field)
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"envelope": np.ones((12, 12))}, r"envelope must have the shape of a tile, \(16, 12\)"),
-        ({"envelope": -blob()}, "envelope must be 0 or more"),
-        ({"envelope": np.zeros(TILE)}, "envelope must have a wave"),
-        ({"envelope": np.full(TILE, np.nan)}, "envelope must be finite"),
-        ({"rate": np.ones((3, 3))}, "rate must have the shape of a tile"),
-        ({"rate": np.abs(rates())}, "rate must be odd"),
-        ({"time": 3.0}, "time must be 0 without rate"),
-        ({"time": np.nan, "rate": rates()}, "time must be finite"),
-        ({"envelope": blob(), "jitter": True}, "jitter must be False"),
-        ({"envelope": blob(), "ring_edges": (3.0, 6.0, 12.0)}, "ring_edges must be None"),
-        ({"rate": rates(), "drift": (1.0, 2.0), "alias": "cut"}, "velocity is needed"),
-        ({"rate": rates(), "shortest": np.full((1, 3), 4.0)}, "shortest must have shape"),
-        ({"rate": rates(), "drift": np.ones((1, 3, 2))}, "drift must have shape"),
-    ],
-)
-def test_what_is_no_spectrum_and_no_law_is_refused(given: dict[str, Any], said: str):
-    with pytest.raises(ValueError, match=said):
-        fl.spectral.field(SHAPE, seed=1, wavelengths=(3.0, 12.0), **given, **SIZES)
-    with pytest.raises(ValueError, match=said):
-        fl.spectral.alpha(SHAPE, seed=1, wavelengths=(3.0, 12.0), **given, **SIZES)
-
-
-def test_a_kept_mean_needs_the_kernel():
-    with pytest.raises(ValueError, match="preserve_mean must be False"):
-        fl.spectral.alpha(SHAPE, seed=1, envelope=blob(), preserve_mean=True, **SIZES)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -41,10 +43,12 @@ def test_advance_phase_is_the_twins(shape: twin.Shape, shift, wavelength_max: fl
     assert np.abs(twin.reduced(got - want)).max() < 1e-14
 
 
-@every(
-    ("cycles", "expected"),
-    [(0.5, -0.5), (-0.5, -0.5), (1.5, -0.5), (0.75, -0.25), (7.0, 0.0), (-3.25, -0.25)],
-)
-def test_reduction_is_half_open(cycles: float, expected: float):
-    phase = np.full((4, 4), cycles)
-    assert np.array_equal(fl.spectral.advance_phase(phase, (0.0, 0.0)), np.full((4, 4), expected))
+@every("frames", [1e3, 1e6, 1e9])
+def test_a_phase_is_right_after_any_number_of_frames(frames: float):
+    # Of a wave on an axis the tent moves the phase by the drift in longest waves: a rational.
+    start, drift = twin.random_phase((12, 12), seed=5), (3.25 * frames, 1.625 * frames)
+    got = fl.spectral.advance_phase(start, drift)
+    for wave, moved in (((0, 2), drift[0]), ((3, 0), drift[1])):
+        off = Fraction(got[wave]) - Fraction(start[wave]) + Fraction(moved) / 32
+        # Half the last bit of the cycles, twice.
+        assert abs(off - round(off)) <= np.spacing(moved / 32) + 1e-16

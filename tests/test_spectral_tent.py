@@ -28,20 +28,6 @@ def test_tent_is_exact_on_the_axes(size: int):
     assert np.all(rate[1 : (size + 1) // 2, 0] == 0.125)
 
 
-@pytest.mark.parametrize("size", [5, 7])
-def test_one_wavelength_is_a_translation(size: int):
-    # Only the waves of one wavelength along the axes: the tent's step moves them as a whole by
-    # drift * lambda / wavelength_max, here a whole pixel to the right and two down.
-    amplitude = np.zeros((size, size))
-    amplitude[0, [1, -1]] = amplitude[[1, -1], 0] = 0.5
-    phase = twin.random_phase((size, size), seed=1)
-    drift = (1.0 * 32.0 / size, 2.0 * 32.0 / size)
-    moved = fl.spectral.advance_phase(phase, drift)
-    still = fl.spectral.inverse_transform(amplitude, phase, dtype=np.float64)
-    after = fl.spectral.inverse_transform(amplitude, moved, dtype=np.float64)
-    assert np.abs(after - np.roll(still, (2, 1), axis=(0, 1))).max() < 1e-14
-
-
 @pytest.mark.parametrize("theta", [0.0, np.pi / 2, -2.2])
 def test_velocity_from_paper(theta: float):
     # C tile widths per T frames for the wave as long as the tile: C = 4, T = 64 is 2 px at 32 px.

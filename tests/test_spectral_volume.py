@@ -44,57 +44,6 @@ def test_the_film_is_numpys_inverse_transform(frames: int, size: int, band, cell
     assert np.abs(single - want).max() < 4e-6
 
 
-# Against the 2-D method ---------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("frames", "share"), [(30, 0.17), (60, 0.084), (120, 0.042)])
-def test_rounding_stops_a_share_of_the_power(frames: int, share: float):
-    # |C cos| < 1/2 rounds to rest: (2/pi) asin(1/(2C)), C = 2/32 T at 2 px per frame.
-    turns = 2.0 / 32.0 * frames
-    assert 2.0 / np.pi * np.arcsin(0.5 / turns) == pytest.approx(share, abs=5e-3)
-    film = fl.spectral.volume(frames, 128, drift(2.0 / 32.0, 67.0), seed=1, dtype=np.float64)
-    # The mean of a whole loop is what does not turn.
-    assert film.mean(axis=0).var() == pytest.approx(share, abs=0.02)
-
-
-# The tent -----------------------------------------------------------------------------------------
-
-
-def share(film: np.ndarray, degrees: float, bins: int = 2, *, window: bool = True) -> float:
-    """Share of the power within so many temporal bins of the tent's rate, circularly."""
-    frames, size = len(film), film.shape[1]
-    hann = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(frames) / frames) if window else 1.0
-    film = (film - film.mean()) * np.broadcast_to(hann, frames)[:, None, None]
-    power = np.abs(np.fft.fftn(film)) ** 2
-    rate = twin.tent_rate((size, size), drift(C, degrees))
-    distance = np.abs(twin.reduced(np.fft.fftfreq(frames)[:, None, None] - rate)) * frames
-    return float(np.sum(power[distance <= bins]) / np.sum(power))
-
-
-def fields(degrees: float = 63.0) -> np.ndarray:
-    return np.array(
-        [
-            fl.spectral.field((64, 64), drift=t * drift(C, degrees), seed=1, overlap=0,
-                              dtype=np.float64)
-            for t in range(FRAMES)
-        ]
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize("degrees", [63.0, -20.0, 90.0])
-def test_the_power_lies_on_the_tent(degrees: float):
-    film = fl.spectral.volume(FRAMES, 64, drift(C, degrees), seed=1, dtype=np.float64)
-    for pictures in (film, fields(degrees)):
-        assert share(pictures, degrees) > 0.998
-        # Negative controls: the other way, across, and frames out of order.
-        assert share(pictures, degrees + 180.0) < 0.5
-        assert share(pictures, degrees + 90.0) < 0.5
-        shuffled = pictures[np.random.default_rng(0).permutation(FRAMES)]
-        assert share(shuffled, degrees) < 0.2
-
-
-# All cells that the tent passes through: an experiment (erratum 14) ------------------------------
-
 # The slides' band, arguments ----------------------------------------------------------------------
 
 
@@ -128,15 +77,6 @@ def test_overlap_breaks_equal_octaves(turns: float, most: float, least: float, p
     assert (count[0], count[2]) == pytest.approx((most, least), abs=0.05)
     measured = octave_powers(film)
     assert measured / measured[2] == pytest.approx(powers, abs=0.02)
-
-
-def test_the_named_bands():
-    assert dict(fl.spectral.BANDS) == {"paper": (4.0, 32.0), "slides": (2.0, 16.0)}
-    with pytest.raises(TypeError):
-        fl.spectral.BANDS["paper"] = (1.0, 2.0)  # type: ignore[index]
-    film = volume(4, wavelengths=fl.spectral.BANDS["slides"])
-    power = np.mean(np.abs(np.fft.fft2(film)) ** 2, axis=0)
-    assert power[~twin.band((64, 64), (2.0, 16.0))].sum() < 1e-20 * power.sum()
 
 
 def test_warnings_say_what_would_disappoint():

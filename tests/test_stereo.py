@@ -10,10 +10,9 @@ import pytest
 
 import flurries as fl
 import measure
-from measure import FLAKES, FOCAL, LONGEST, NEAR, TEXTURE, TORUS, scene
+from measure import FOCAL, LONGEST, NEAR, TEXTURE, TORUS, scene
 
 Camera, Snow, Scene = fl.Camera, fl.effects.TentSnow, fl.Scene
-LENS = Camera(FOCAL)
 BANDS = (30.0, 24.0, 20.0, 16.0, 12.0, 10.0, 8.0, 6.0, 5.0)
 SHARP = {**TEXTURE, **TORUS, "alias": "keep"}
 
@@ -54,38 +53,6 @@ def test_disparity_times_depth_is_constant_and_the_slope_is_minus_one(t: float):
     assert np.abs(products / (FOCAL * distance) - 1.0).max() < 0.01
     slope = np.polyfit(np.log(depths), np.log(shifts), 1)[0]
     assert abs(slope + 1.0) < 0.01
-
-
-def test_flakes_have_their_own_disparity():
-    products = []
-    for seed in range(6):
-        shown = scene(FLAKES, camera=LENS, seed=seed)
-        rows = measure.flake_shifts(shown, 5.0, 0.0, Camera(FOCAL, offset=(0.06, 0.0, 0.0)))
-        products.extend(rows[:, 3:] * rows[:, :1])
-    assert len(products) > 20
-    assert np.median(products, axis=0) == pytest.approx(
-        (-FOCAL * 0.06, 0.0), abs=0.02 * FOCAL * 0.06
-    )
-
-
-def test_convergence_moves_the_plane_of_the_picture():
-    pair = halves(scene(SHARP), 5.0, distance=0.05, convergence=24.0)
-    # The band that stands for 24 m is seen at one place by both.
-    moved, mean = measure.band_shift([pair], 16.0, 0.04)
-    assert NEAR * LONGEST / mean == pytest.approx(24.0, rel=0.01)
-    assert abs(moved[0]) < 0.01
-    nearer, mean = measure.band_shift([pair], 28.0, 0.04)
-    want = -FOCAL * 0.05 * (mean / (NEAR * LONGEST) - 1.0 / 24.0)
-    assert nearer[0] == pytest.approx(want, abs=0.02) and want < 0.0
-
-
-def test_both_eyes_keep_the_background_and_regions():
-    picture = np.random.default_rng(2).integers(0, 255, (96, 128, 3)).astype(np.uint8)
-    left, right = Scene(picture).stereo(3.0, distance=0.065, convergence=2.0)
-    assert np.array_equal(left, picture) and np.array_equal(right, picture)
-    shown = Scene(picture, effects=[Snow(flakes=300)])
-    left, right = shown.stereo(7.5, distance=0.0)
-    assert np.array_equal(left, right) and np.array_equal(left, shown.render(7.5))
 
 
 def test_an_ambiguous_texture_is_told():

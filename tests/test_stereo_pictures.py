@@ -6,36 +6,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-import flurries as fl
 from every import every
 from flurries import io, stereo
-
-SHAPE = (120, 200)
-
-
-def middle(alpha):
-    weight = alpha.astype(np.float64)
-    return weight.sum(axis=0) @ (np.arange(alpha.shape[1]) + 0.5) / weight.sum()
-
-
-@pytest.mark.parametrize("footprint", ["viewplane", "viewplane_c"])
-def test_gas_and_flakes_have_the_predicted_disparity(footprint):
-    f, apart, screen = 300.0, 0.5, 3.0
-    pair = stereo.eyes(fl.Camera(f, center=(100.0, 60.0)), distance=apart, convergence=screen)
-    for depth in (2.0, 3.0, 3.7, 9.0):
-        want = f * apart * (1 / screen - 1 / depth)
-        place = [(0.03, 0.1, depth)]
-        gas = [
-            middle(fl.gas.alpha(SHAPE, place, 0.2, 0.5, eye, footprint=footprint)) for eye in pair
-        ]
-        flakes = [middle(fl.particles.splat(SHAPE, place, 0.03, eye, opacity=0.5)) for eye in pair]
-        assert abs(gas[1] - gas[0] - want) < 0.01
-        # Snow and gas at equal depth.
-        assert abs((flakes[1] - flakes[0]) - (gas[1] - gas[0])) < 0.01
-        for x, eye in zip(gas, pair, strict=True):
-            px, _ = fl.camera.project(place, eye, SHAPE)
-            assert abs(x - px[0, 0]) < 0.01
-
 
 # In linear light.
 CASES = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,10 @@ from scipy.integrate import quad_vec
 from scipy.spatial.transform import Rotation, Slerp
 
 import flurries as fl
+import measure
 from every import every
 from flurries.camera.rotation import rotation_vector
+from measure import FOCAL, SIZE, TEXTURE, picture, scene
 
 Camera, Keys, Path_ = fl.camera.Camera, fl.Keys, fl.CameraPath
 LENS = Camera(300.0)
@@ -145,19 +148,6 @@ def test_a_million_frames_lose_nothing():
         assert np.abs(way - want).max() < 2e-8
 
 
-def test_a_path_of_many_frames_is_summed_well():
-    count = 20_001
-    turns = np.zeros((count, 3))
-    turns[:, 1] = 0.3 * np.sin(np.arange(count) / 50.0)
-    path = Path_(LENS, velocity=(0.1 * FPS, 0.0, 0.0), orientation=turns)
-    way = path.rig(2e4).T @ path.travel(2e4, fps=FPS, fall=0.0, wind=(0.0, 0.0, 0.0))
-    a, b = turns[:-1, 1], turns[1:, 1]
-    # Exact in each piece: the angle is linear in it.
-    want = 0.1 * np.array([((np.sin(b) - np.sin(a)) / (b - a)).sum(), 0.0,
-                           ((np.cos(a) - np.cos(b)) / (b - a)).sum()])  # fmt: skip
-    assert np.abs(way - want).max() < 1e-10
-
-
 def test_a_shift_is_the_flow_of_the_rotation_at_the_middle_of_the_tile():
     lens = Camera(280.0, center=(50.0, 33.0), center_shift=(3.0, -1.0))
     angle = (0.02, -0.03, 0.05)
@@ -167,16 +157,6 @@ def test_a_shift_is_the_flow_of_the_rotation_at_the_middle_of_the_tile():
     at = np.array([(x, y) for y in rows for x in cols])
     want = fl.camera.image_velocity(at, 1.0, (0, 0, 0), lens, (90, 120), rotation=angle)
     assert np.abs(got.reshape(-1, 2) - want).max() < 1e-13
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_scene_files_keep_the_turn(form: str, tmp_path: Path):
-    path = Path_(Camera(90.0), position=PLACES, orientation=FORMS[form])
-    shown = fl.Scene(size=(50, 40), camera=path, effects=[fl.effects.TentSnow(flakes=300)])
-    shown.save(tmp_path / "scene.toml")
-    again = fl.open(tmp_path / "scene.toml")
-    for t in (0.0, 3.3):
-        assert np.array_equal(again.render(t), shown.render(t))
 
 
 CSV = "frame, x,y,z, rx,ry,rz\n0,0,0,0,0,0,0\n10, 1,0,2, 0,0.5,0\n\n25,1,0,3,0.1,0.5,0\n"
@@ -219,3 +199,47 @@ def test_bad_files_are_told(tmp_path: Path):
         (tmp_path / "way.csv").write_bytes(text.encode("latin-1"))
         with pytest.raises(ValueError, match=rf"way\.csv.*{words}"):
             fl.CameraPath.load(tmp_path / "way.csv", LENS)
+
+
+# What is seen of it ------------------------------------------------------------------------------
+
+
+def test_a_closed_path_returns_the_frame():
+    loop = np.array([(0, 0, 0), (1, 0, 2), (3, -1, 2), (1, 1, 1), (0, 0, 0)], dtype=float)
+    still = fl.effects.TentSnow(
+        fall=0.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 1.0), shutter=0.0, flakes=300
+    )
+    for tilt in (None, np.tile((0.1, 0.2, 0.3), (5, 1))):
+        path = Path_(Camera(110.0), position=loop, orientation=tilt)
+        assert not path.turns
+        shown = fl.Scene(size=(90, 70), camera=path, effects=[still])
+        # But for the waves' temporal filter, which goes by the rate of the frame.
+        field = still.parts.texture.field
+        frames = [one(shown, t) for t in (0.0, 4.0)]
+        first, last = (field.request(frame, field.motion.way(frame)) for frame in frames)
+        assert np.array_equal(first.drift, last.drift) and np.array_equal(first.shift, last.shift)
+        kept = shown.replace(effects=[replace(still, alias="keep")])
+        assert np.array_equal(kept.render(0), kept.render(4))
+        assert not np.array_equal(kept.render(0), kept.render(2))
+
+
+def one(shown: fl.Scene, t: float) -> fl.Frame:
+    return shown.program.views(t)[0][1]
+
+
+# A camera that pans, tilts, rolls and moves, 10 px a frame in all.
+SPIN = np.array([0.004, 0.012, -0.004])
+
+
+def turning(spin: np.ndarray = SPIN) -> fl.CameraPath:
+    turns = Keys([(0, (0, 0, 0)), (100, tuple(100 * spin))])
+    return Path_(Camera(FOCAL), velocity=(0.6, -0.4, 0.0), orientation=turns)
+
+
+def test_two_eyes_of_a_turning_camera_see_one_air():
+    path = turning()
+    eye = Camera(FOCAL, offset=(0.06, 0.0, 0.0))
+    torus = scene({**TEXTURE, "tile": SIZE, "overlap": 0, "alias": "keep"}, camera=path)
+    pair = picture(torus, 40.0), picture(torus, 40.0, eye=eye)
+    for parallax in measure.parallax(pair):
+        assert parallax == pytest.approx((-FOCAL * 0.06, 0.0), abs=0.02 * FOCAL * 0.06)

@@ -77,30 +77,3 @@ def test_coverage_is_a_formula():
     # All depths cover alike, half of what fades counts.
     want = -math.expm1(-SNOW.extinction() * (SNOW.far - 1.125 * SNOW.near))
     assert np.mean(means) == pytest.approx(want, rel=0.02)
-
-
-def test_windows_and_times_show_the_same_flakes():
-    _, whole = film(SNOW, VIEW, [3.0, 40.0], 5)
-    part = film(SNOW, VIEW, [40.0], 5, window=(20, 70, 30, 90))[0]
-    # Points that stand for middle flakes are other ones.
-    assert np.abs(part - whole[20:70, 30:90]).max() < 0.05
-    assert np.abs(film(SNOW, VIEW, [40.0], 6)[0] - whole).max() > 0.3
-
-
-def moved(view: View, t: float) -> np.ndarray:
-    """The shift of a far, narrow layer between two frames: the highest of their correlation."""
-    slab = Law(density=3.0, sizes=(0.03, 0.03, 0.03), near=10.0, far=11.0, fades=(1.001, 0.001))
-    a, b = (picture - picture.mean() for picture in film(slab, view, [t, t + 5.0], 2))
-    both = np.fft.ifft2(np.fft.fft2(b) * np.fft.fft2(a).conj()).real
-    y, x = np.unravel_index(np.argmax(both), both.shape)
-    return np.array([(x + 60) % 120 - 60, (y + 45) % 90 - 45])
-
-
-@pytest.mark.parametrize(("view", "across"), [
-    ({}, 0.0), ({"wind": (3.0, 0.0, 0.0)}, 3.0), ({"velocity": (2.0, 0.0, 0.0)}, -2.0),
-    ({"velocity": (0.0, 0.0, 2.0)}, 0.0), ({"spin": 0.3}, -0.3 * 10.5),
-])  # fmt: skip
-def test_flakes_move_as_their_depth_says(view: dict, across: float):
-    got = moved(View(size=(120, 90), focal=200.0, shutter=0.0, **view), 0.0)
-    wanted = np.array([across, 0.8 * 30.0**0.16]) * 5.0 / 30.0 * 200.0 / 10.5
-    assert np.abs(got - wanted).max() < 1.5

@@ -246,3 +246,11 @@ def test_equal_winds_are_equal():
     rates = [wind_at(e.parts.motion, one(fl.Scene(size=(64, 48), effects=effects), 9.0, i), at)[1]
              for i, e in enumerate(effects)]  # fmt: skip
     assert np.array_equal(*rates)
+
+
+def test_a_texture_in_a_profile_wants_a_camera_that_does_not_turn():
+    path = fl.CameraPath(LENS, orientation=[(0, 0, 0), (0, 0.01, 0)])
+    wind = Wind(profile=[(12.0, (1.0, 0.0, 0.0)), (48.0, (-1.5, 0.4, 0.0))])
+    shown = fl.Scene(size=(64, 48), camera=path, effects=[Snow(wind=wind, flakes=0)])
+    with pytest.raises(ValueError, match="wind: a profile"):
+        shown.render(3)
