@@ -1,5 +1,7 @@
 """Pictures to write and to compare: noise, levels, and an EXR straight from OpenImageIO."""
 
+import json
+
 import numpy as np
 import OpenImageIO as oiio
 
@@ -50,3 +52,12 @@ def assert_reads_as(path, color, alpha, encoding):
         assert picture.alpha is None
     else:
         assert same_bits(picture.alpha, np.ascontiguousarray(alpha))
+
+
+def header_of(path):
+    """Return what other programs see under ``flurries:`` in a picture's header."""
+    spec = oiio.ImageInput.open(str(path)).spec()
+    said = spec.get_string_attribute("ImageDescription")
+    found = json.loads(said) if said.startswith("{") else {}
+    found |= {one.name: one.value for one in spec.extra_attribs if one.name.startswith("flurries:")}
+    return {key.removeprefix("flurries:"): value for key, value in found.items()}

@@ -21,8 +21,8 @@ import flurries as fl
 from flurries.augment.corrupt import corrupt
 from flurries.cli import main
 from flurries.io import read_picture, write_picture
-from flurries.output.manifest import NAME as MANIFEST
-from flurries.output.store import check
+from flurries.output.journal import NAME, Journal, is_journal
+from flurries.output.store import Store, check
 
 
 def pictures(folder: Path, count: int = 5, size: int = 96) -> Path:
@@ -37,12 +37,17 @@ def pictures(folder: Path, count: int = 5, size: int = 96) -> Path:
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """Hashes of all files by their names."""
+    """Return hashes of all files but the journal by their names."""
     return {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(folder.rglob("*"))
-        if path.is_file()
+        if path.is_file() and not is_journal(path.name)
     }
+
+
+def lines(folder: Path) -> dict[str, Any]:
+    journal = Journal(Store(), folder)
+    return {name: journal.lines(name)[-1] for name in journal.names()}
 
 
 @pytest.fixture
@@ -58,10 +63,9 @@ def test_what_is_made(source: Path, tmp_path: Path):
     assert contents(source) == before
     names = {path.relative_to(out).as_posix() for path in made.written}
     assert {"snow/1/0.png", "fog/4/below/photo.jpg", "snow/4/below/light.exr"} <= names
-    manifest = json.loads((out / MANIFEST).read_text())
-    assert set(manifest["files"]) == names and check(out)[1] == []
-    # What the manifest says of a picture is what it is.
-    entry = manifest["files"]["snow/4/2.png"]
+    assert set(lines(out)) == names and check(out)[1] == []
+    # What the journal says of a picture is what it is.
+    entry = lines(out)["snow/4/2.png"]
     want = fl.augment.replay(entry["record"])(read_picture(source / "2.png").pixels)
     assert np.array_equal(read_picture(out / "snow/4/2.png").pixels, want)
     assert (
@@ -83,8 +87,9 @@ def test_one_set_whatever_the_workers(source: Path, tmp_path: Path):
         sets[name] = contents(tmp_path / name)
     assert len({json.dumps(found) for found in sets.values()}) == 1
     # No duplicates: each picture its own weather.
-    manifest = json.loads((tmp_path / "1" / MANIFEST).read_text())["files"]
-    assert len({entry["record"]["weather_seed"] for entry in manifest.values()}) == 14
+    said = lines(tmp_path / "1").values()
+    assert len({entry["record"]["weather_seed"] for entry in said}) == 14
+    assert [path.name for path in (tmp_path / "3").glob("flurries*")] == [NAME]
 
 
 def test_a_picture_is_the_same_in_another_folder(source: Path, tmp_path: Path):
@@ -93,7 +98,6 @@ def test_a_picture_is_the_same_in_another_folder(source: Path, tmp_path: Path):
         (source / name).unlink()
     corrupt(source, tmp_path / "less", severity=2, workers=1)
     less, whole = contents(tmp_path / "less"), contents(tmp_path / "all")
-    del less[MANIFEST]
     assert less.items() <= whole.items()
 
 
@@ -101,21 +105,22 @@ def test_it_goes_on(source: Path, tmp_path: Path):
     out = tmp_path / "out"
     corrupt(source, out, severity=(1, 2), workers=1)
     want = contents(out)
-    (out / "snow/1/1.png").unlink()
-    (out / "snow/2/2.png").write_bytes(b"damaged")
-    changed = out / "snow/1/3.png"
-    write_picture(source / "3.png", data.coffee()[:96, :96])
+    for name in ("snow/1/1.png", "snow/2/2.png"):
+        (out / name).unlink()
     made = corrupt(source, out, severity=(1, 2, 3), workers=1)
     assert {p.relative_to(out).as_posix() for p in made.written} == {
-        "snow/1/1.png", "snow/2/2.png", "snow/1/3.png", "snow/2/3.png",
+        "snow/1/1.png", "snow/2/2.png",
         *(f"snow/3/{n}" for n in ("0.png", "1.png", "2.png", "3.png", "4.png",
                                   "below/photo.jpg", "below/light.exr")),
     }  # fmt: skip
     found = contents(out)
     assert found["snow/1/1.png"] == want["snow/1/1.png"]
     assert found["snow/2/2.png"] == want["snow/2/2.png"]
-    assert found["snow/1/3.png"] != want["snow/1/3.png"] and changed.exists()
     assert corrupt(source, out, severity=(1, 2, 3), workers=1).written == []
+    write_picture(source / "3.png", data.coffee()[:96, :96])
+    with pytest.raises(ValueError, match=r"snow/1/3\.png .* was made over other pictures"):
+        corrupt(source, out, severity=(1, 2, 3), workers=1)
+    assert contents(out) == found
     assert len(corrupt(source, out, severity=1, workers=1, overwrite=True).written) == 7
 
 
@@ -163,10 +168,10 @@ def test_one_bad_picture_stops_nobody(source: Path, tmp_path: Path):
 def test_profiles_are_two_sets(source: Path, tmp_path: Path):
     out = tmp_path / "out"
     corrupt(source, out, severity=2, workers=1, profile="hard")
-    record = json.loads((out / MANIFEST).read_text())["files"]["snow/2/0.png"]["record"]
+    record = lines(out)["snow/2/0.png"]["record"]
     assert record["profile"] == "hard"
     # Not taken for the other's.
-    with pytest.raises(ValueError, match="something else; overwrite"):
+    with pytest.raises(ValueError, match=r"is of another scene.*; overwrite"):
         corrupt(source, out, severity=2, workers=1)
 
 
@@ -191,10 +196,10 @@ def test_bad_folders_are_refused(source: Path, tmp_path: Path):
     with pytest.raises(ValueError, match="no pictures"):
         corrupt(tmp_path / "empty", tmp_path / "out", workers=1)
     corrupt(source, tmp_path / "out", severity=1, seed=1, workers=1)
-    with pytest.raises(ValueError, match="something else; overwrite"):
+    with pytest.raises(ValueError, match=r"is of another scene.*; overwrite"):
         corrupt(source, tmp_path / "out", severity=1, seed=2, workers=1)
-    (tmp_path / "out" / MANIFEST).write_text("[1, 2]")
-    with pytest.raises(ValueError, match="no manifest"):
+    (tmp_path / "out" / NAME).write_text("[1, 2]")
+    with pytest.raises(ValueError, match="no journal"):
         corrupt(source, tmp_path / "out", severity=1, seed=1, workers=1)
 
 
@@ -203,7 +208,7 @@ def test_the_command(source: Path, tmp_path: Path, capsys: pytest.CaptureFixture
     line = ["corrupt", str(source), str(out), "--weather", "rain", "--severity", "2"]
     assert main([*line, "--workers", "1"]) == 0
     words = capsys.readouterr()
-    assert words.out.strip() == str(out / MANIFEST) and "7 pictures written" in words.err
+    assert words.out.strip() == str(out / NAME) and "7 pictures written" in words.err
     assert main([*line, "--workers", "1"]) == 0
     assert "7 were there already" in capsys.readouterr().err
     assert main([*line, "--severity", "9"]) == 2
@@ -276,7 +281,7 @@ def test_webp_bmp_and_gif_are_read_and_what_is_left_out_is_counted(tmp_path: Pat
         "another picture has its name": 1,
     }  # fmt: skip
     assert set(made.failed) == {"broken.webp"}
-    files = json.loads((tmp_path / "out" / MANIFEST).read_text())["files"]
+    files = lines(tmp_path / "out")
     for name, given in {"a": clear, "palette": picture.convert("P")}.items():
         entry = files[f"snow/4/{name}.png"]
         pixels = np.asarray(given.convert("RGBA"))

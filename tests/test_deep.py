@@ -88,13 +88,15 @@ def test_a_budget_of_samples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     assert not list(tmp_path.glob("*.exr"))
 
 
-def test_what_is_there_stays_and_what_is_damaged_is_made_again(tmp_path: Path):
+def test_what_is_there_stays_and_what_is_damaged_is_refused(tmp_path: Path):
     shown, file = scene(SNOW), tmp_path / "deep.exr"
     assert shown.write(file, 3, deep=True).written == [3]
     before = file.read_bytes()
     assert shown.write(file, 3, deep=True).kept == [3]
     file.write_bytes(before[: len(before) // 2])
-    assert shown.write(file, 3, deep=True).written == [3]
+    with pytest.raises(ValueError, match=r"deep\.exr .* has been changed since it was written"):
+        shown.write(file, 3, deep=True)
+    assert shown.write(file, 3, deep=True, overwrite=True).written == [3]
     assert file.read_bytes() == before
 
 

@@ -35,7 +35,8 @@ from flurries.io import (
     write_picture,
 )
 from flurries.io.files import read_bytes
-from flurries.output import manifest
+from flurries.output.journal import MOST_BYTES, NAME, Journal
+from flurries.output.store import Store
 
 # What one process may take: the interpreter and its libraries need a quarter of it.
 MOST_MEMORY = 2 << 30
@@ -112,8 +113,8 @@ def test_16_8_twenty_thousand_effects(tmp_path: Path):
         fl.Scene(size=(64, 48), effects=[fl.effects.TentRain()] * 1001)
 
 
-def manifest_of(path: Path) -> Any:
-    return manifest.read(path.parent)
+def journal_of(path: Path) -> Any:
+    return Journal(Store(), path.parent)
 
 
 READERS: list[tuple[str, Callable[[Path], Any]]] = [
@@ -125,7 +126,7 @@ READERS: list[tuple[str, Callable[[Path], Any]]] = [
     ("a.chan", lambda path: importers.load(path, (48, 64))),
     ("a.txt", lambda path: importers.load(path, (48, 64))),
     ("images.txt", lambda path: importers.load(path.parent, (48, 64))),
-    ("a.toml", fl.open), (manifest.NAME, manifest_of),
+    ("a.toml", fl.open), (NAME, journal_of),
     ("a.png", lambda path: fl.Scene(path)),
     ("a.png", lambda path: fl.Scene(size=(64, 48), foreground=path)),
     ("a.exr", lambda path: fl.Scene(size=(64, 48), depth=path)),
@@ -153,7 +154,7 @@ def test_16_8_text_files_have_a_largest_size(tmp_path: Path):
     for name, read, size in [
         ("a.toml", fl.open, 1 << 20), ("a.csv", read_path, 1 << 25),
         ("a.chan", lambda path: importers.load(path, (48, 64)), 1 << 25),
-        (manifest.NAME, manifest_of, 1 << 28),
+        (NAME, journal_of, MOST_BYTES),
     ]:  # fmt: skip
         with (tmp_path / name).open("wb") as file:
             file.truncate(size + 1)

@@ -16,7 +16,7 @@ from flurries.io import (
     write_layers,
     write_picture,
 )
-from stills import as_read, assert_reads_as, levels, noise, same_bits
+from stills import as_read, assert_reads_as, header_of, levels, noise, same_bits
 
 # Newer Pythons warn when a process with threads is forked, which is what these tests are about.
 pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
@@ -176,16 +176,12 @@ def test_metadata_come_back(tmp_path):
         "third": repr(1 / 3),
         "scene": "Schnee, 雪, ❄",
         "version": "1.0",
-        "DateTime": "2000:01:01 00:00:00",
     }
     for name in ("a.exr", "a.png", "a.tif", "a.jpg"):
         write_picture(tmp_path / name, np.zeros((4, 4, 3)), metadata=given)
-        assert read_header(tmp_path / name).metadata == wanted, name
-    # Programs see them under their full names.
-    spec = oiio.ImageInput.open(str(tmp_path / "a.exr")).spec()
-    assert spec.get_string_attribute("flurries:seed") == str(-(2**63))
+        assert header_of(tmp_path / name) == wanted, name
     write_picture(tmp_path / "b.exr", np.zeros((4, 4, 3)))
-    assert read_header(tmp_path / "b.exr").metadata == {}
+    assert header_of(tmp_path / "b.exr") == {}
 
 
 @pytest.mark.parametrize("name", ["a.exr", "a.png", "a.tif", "a.jpg", "a.hdr"])
@@ -222,7 +218,7 @@ def test_layers_come_back(tmp_path):
         *("R", "G", "B", "A", "snow.R", "snow.G", "snow.B", "snow.A", "light.R", "light.G"),
         *("light.B", "depth.Z", "motion.X", "motion.Y", "alpha.A", "left.mask.A", "noise.Y"),
     }
-    assert read_header(tmp_path / "a.exr").metadata["seed"] == "3"
+    assert header_of(tmp_path / "a.exr")["seed"] == "3"
     found = read_layers(tmp_path / "a.exr")
     assert found.keys() == layers.keys()
     for name, layer in layers.items():

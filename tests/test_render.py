@@ -13,13 +13,14 @@ from flurries.io import (
     VideoWriter,
     linear_to_srgb,
     open_background,
-    read_header,
     read_picture,
     read_video,
     srgb_to_linear,
     write_picture,
 )
 from flurries.output.contents import display_levels
+from flurries.output.journal import is_journal
+from stills import header_of
 
 Scene, Snow = fl.Scene, fl.effects.TentSnow
 W, H = 66, 50
@@ -45,8 +46,8 @@ def wide(scene: fl.Scene) -> fl.Scene:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Every file below a folder but the manifest, hidden ones too."""
-    found = {p for p in folder.rglob("*") if p.is_file() and p.name != "flurries.json"}
+    """Every file below a folder but the journal, hidden ones too."""
+    found = {p for p in folder.rglob("*") if p.is_file() and not is_journal(p.name)}
     return {str(p.relative_to(folder)): p.read_bytes() for p in found}
 
 
@@ -132,7 +133,7 @@ def test_a_film_is_not_its_own_background(tmp_path: Path):
 
 def test_headers_say_which_frame_and_nothing_private(scene: fl.Scene, tmp_path: Path):
     scene.write(tmp_path / "%d.png", [12])
-    found = read_header(tmp_path / "12.png").metadata
+    found = header_of(tmp_path / "12.png")
     assert found["frame"] == "12" and found["version"] == fl.__version__
     assert len(found["scene"]) >= 16
     assert str(tmp_path) not in (tmp_path / "12.png").read_bytes().decode("latin-1")

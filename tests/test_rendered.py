@@ -14,7 +14,8 @@ import pytest
 
 import flurries as fl
 from flurries.effects import TentRain, TentSnow
-from flurries.io import read_header, read_layers
+from flurries.io import read_layers
+from stills import header_of
 
 W, H = 256, 192
 LIGHT = np.random.default_rng(3).gamma(1.0, 0.4, (H, W, 3)).astype(np.float32)
@@ -148,7 +149,7 @@ def test_channels_are_called_as_compositors_call_them(tmp_path: Path):
     assert {types[name] for name in precise} == {"float"}
     assert {types[name] for name in numbers} == {"uint"}
     assert {types[name] for name in named - precise - numbers} == {"half"}
-    said = read_header(tmp_path / "a.exr").metadata
+    said = header_of(tmp_path / "a.exr")
     assert said["version"] == fl.__version__ and (said["seed"], said["frame"]) == ("9", "12")
     assert said["light"] == "linear" and "y down" in said["motion"] and len(said["scene"]) > 16
     whole, read = scene.layers(12), read_layers(tmp_path / "a.exr")

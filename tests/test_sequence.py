@@ -1,4 +1,4 @@
-"""Sequences that cannot be lost: marks, manifests, damaged plates."""
+"""Sequences that cannot be lost: journals, damaged plates."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import pytest
 import flurries as fl
 from flurries.cli import main
 from flurries.io import read_picture, read_video, write_picture
-from flurries.output import manifest
-from flurries.output.store import check
+from flurries.output.journal import NAME, Journal
+from flurries.output.store import Store, check
+from flurries.scene.fingerprint import BITS
 
 W, H = 66, 50
 PLATE = np.random.default_rng(3).integers(0, 220, (H, W, 3)).astype(np.uint8)
@@ -23,7 +24,7 @@ def test_the_two_modes_are_never_mixed(tmp_path: Path):
     SCENE.write(tmp_path / "%d.png", "1-2")
     fl.settings(reproducible=True)
     try:
-        with pytest.raises(ValueError, match="something else"):
+        with pytest.raises(ValueError, match="of another scene"):
             SCENE.write(tmp_path / "%d.png", "1-3")
         assert SCENE.write(tmp_path / "%d.png", "1-3", overwrite=True).written == [1, 2, 3]
         assert SCENE.write(tmp_path / "%d.png", "1-3").kept == [1, 2, 3]
@@ -31,20 +32,20 @@ def test_the_two_modes_are_never_mixed(tmp_path: Path):
         fl.settings(reproducible=False)
 
 
-# The manifest ------------------------------------------------------------------------------------
+# The journal -------------------------------------------------------------------------------------
 
 
-def test_the_manifest_has_a_hash_of_each_frame(tmp_path: Path, capsys: Any):
+def test_the_journal_has_a_hash_of_each_frame(tmp_path: Path, capsys: Any):
     import hashlib
 
     SCENE.write(tmp_path / "%04d.png", "1-3")
     SCENE.write(tmp_path / "%04d.exr", "2-4x2")
-    said = manifest.read(tmp_path)
-    assert list(said) == ["0001.png", "0002.exr", "0002.png", "0003.png", "0004.exr"]
-    for name, entry in said.items():
-        data = (tmp_path / name).read_bytes()
+    journal = Journal(Store(), tmp_path)
+    assert journal.names() == ["0001.png", "0002.exr", "0002.png", "0003.png", "0004.exr"]
+    for name in journal.names():
+        (entry,), data = journal.lines(name), (tmp_path / name).read_bytes()
         assert entry["sha256"] == hashlib.sha256(data).hexdigest() and entry["bytes"] == len(data)
-        assert entry["frame"] == int(name[:4])
+        assert entry["frame"] == int(name[:4]) and entry["bits"] == BITS
     assert check(tmp_path)[1] == [] and main(["check", str(tmp_path)]) == 0
     (tmp_path / "0003.png").unlink()
     data = bytearray((tmp_path / "0004.exr").read_bytes())
@@ -55,24 +56,42 @@ def test_the_manifest_has_a_hash_of_each_frame(tmp_path: Path, capsys: Any):
     capsys.readouterr()
     assert main(["check", str(tmp_path)]) == 3
     assert "0004.exr" in capsys.readouterr().err
-    # Frames that nobody listed, as after a kill, are hashed when they are found.
-    (tmp_path / manifest.NAME).unlink()
-    SCENE.write(tmp_path / "%04d.png", "1-3")
-    assert list(manifest.read(tmp_path)) == ["0001.png", "0002.png", "0003.png"]
-    assert check(tmp_path)[1] == []
+    # What nobody has a line of is nobody's.
+    (tmp_path / NAME).rename(tmp_path / "flurries.json")
+    with pytest.raises(ValueError, match=r"0001\.png .* no journal .* flurries 0\.2 .*overwrite"):
+        SCENE.write(tmp_path / "%04d.png", "1-3")
+    assert SCENE.write(tmp_path / "%04d.png", "1-3", overwrite=True).written == [1, 2, 3]
+    with pytest.raises(FileNotFoundError, match=r"no journal \(flurries\.jsonl\)"):
+        check(tmp_path.parent)
 
 
 @pytest.mark.parametrize("text", ["mine", "[]", '{"files": {}}', "\xff", "[" * 100_000])
 def test_somebody_elses_file_stays(text: str, tmp_path: Path):
-    (tmp_path / manifest.NAME).write_text(text, encoding="latin-1")
-    with pytest.raises(ValueError, match=r"flurries\.json"):
+    (tmp_path / NAME).write_text(text, encoding="latin-1")
+    with pytest.raises(ValueError, match=r"flurries\.jsonl is there already and is no journal"):
         SCENE.write(tmp_path / "%d.png", "1")
-    assert [p.name for p in tmp_path.iterdir()] == [manifest.NAME]
-    assert (tmp_path / manifest.NAME).read_text(encoding="latin-1") == text
-    SCENE.write(tmp_path / "%d.png", "1", manifest=False)
-    SCENE.write(tmp_path / "still.png", "1")
-    with pytest.raises(FileNotFoundError):
-        check(tmp_path.parent)
+    assert [p.name for p in tmp_path.iterdir()] == [NAME]
+    assert (tmp_path / NAME).read_text(encoding="latin-1") == text
+
+
+def test_journals_of_many_are_one_and_lines_of_what_was_replaced_go(tmp_path: Path):
+    """Each line is in some file at any time: two that join, a neighbour at work, a torn line."""
+    for number, seed in ((1, 0), (2, 0), (1, 9)):
+        SCENE.replace(seed=seed).write(tmp_path / "%d.png", f"{number}", overwrite=True)
+    path = tmp_path / "1.png"
+    with (tmp_path / NAME).open("ab") as file:
+        file.write(b'{"file": "3.png", "sha256": "cut')
+    one, other = Journal(Store(), tmp_path), Journal(Store(), tmp_path)
+    assert [len(one.lines(name)) for name in one.names()] == [1, 1]
+    for journal, name in ((one, "a"), (other, "b")):
+        journal.append(journal.entry(tmp_path / name, path, {"frame": 1}))
+    one.join()
+    assert Journal(Store(), tmp_path).names() == ["1.png", "2.png", "a", "b"]
+    assert len(list(tmp_path.glob("flurries*"))) == 2
+    other.join()
+    assert Journal(Store(), tmp_path).names() == ["1.png", "2.png", "a", "b"]
+    assert [p.name for p in tmp_path.glob("flurries*")] == [NAME]
+    assert (tmp_path / NAME).read_bytes().count(b"\n") == 4
 
 
 # Damaged backgrounds -----------------------------------------------------------------------------
@@ -96,7 +115,7 @@ def test_it_stops_at_a_damaged_frame(damaged: fl.Scene, tmp_path: Path):
     assert not (tmp_path / "out").exists()
     with pytest.raises(OSError, match=r"plate\.3\.png"):
         damaged.write(tmp_path / "out" / "%d.png", "2-4")
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["2.png", manifest.NAME]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["2.png", NAME]
 
 
 def test_it_skips_damaged_frames(damaged: fl.Scene, tmp_path: Path, capsys: Any):

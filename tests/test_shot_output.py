@@ -22,7 +22,7 @@ OTHER = {
     "bits": "float", "codec": "ffv1", "motion": "y-up", "colorspace": "ACEScg",
     "compression": "piz", "quality": "draft", "layers": True, "alone": True, "deep": True,
     "damaged": "hold",
-    "sound": False, "manifest": False,
+    "sound": False,
 }  # fmt: skip
 
 
@@ -60,13 +60,12 @@ def test_a_wrong_key_is_told_with_its_line(tmp_path: Path):
 
 def test_the_command_line_obeys_the_file_and_comes_before_it(tmp_path: Path):
     file = tmp_path / "scene.toml"
-    scene(bits="float", motion="y-up", layers=True, manifest=False, codec="ffv1").save(file)
+    scene(bits="float", motion="y-up", layers=True, codec="ffv1").save(file)
     words = ["render", str(file), "-q", "--frames", "1", "-o"]
     assert main([*words, str(tmp_path / "a.%d.exr")]) == 0
     first = header(tmp_path / "a.1.exr")
     assert first.format == oiio.FLOAT and "snow.depth.Z" in first.channelnames
     assert first.get_string_attribute("flurries:motion").endswith("y up")
-    assert not (tmp_path / "flurries.json").exists()
     assert main([*words, str(tmp_path / "b.%d.exr"), "--bits", "half", "--motion", "y-down"]) == 0
     second = header(tmp_path / "b.1.exr")
     assert second.channelformats[0] == oiio.HALF

@@ -219,7 +219,7 @@ def test_a_stage_that_is_there_is_not_replaced(tmp_path: Path):
     file = tmp_path / "flakes.usdc"
     assert scene_of().write(file, "10-11").written == [10, 11]
     assert scene_of().write(file, "10-11").kept == [10, 11]
-    with pytest.raises(ValueError, match="stage of another scene or of other frames; overwrite"):
+    with pytest.raises(ValueError, match=r"is there already and is of another scene, .*overwrite"):
         scene_of(seed=5).write(file, "10-11")
     before = file.read_bytes()
     assert scene_of(seed=5).write(file, "10-11", overwrite=True).written == [10, 11]

@@ -8,6 +8,7 @@ import pytest
 
 from every import every
 from flurries import io, stereo
+from stills import header_of
 
 # In linear light.
 CASES = {
@@ -87,7 +88,7 @@ def test_stereo_exr(half, channels, tmp_path):
         np.testing.assert_array_equal(eye, stored)
     # Other readers see the left eye, and the note.
     np.testing.assert_array_equal(io.read_picture(path).pixels, got[0][..., :3])
-    assert io.read_header(path).metadata["frame"] == "7"
+    assert header_of(path)["frame"] == "7"
     assert again.read_bytes() == path.read_bytes()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["again.exr", "pair.exr"]
 

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,7 +20,8 @@ from moto.server import ThreadedMotoServer
 import flurries as fl
 from flurries.cli import main
 from flurries.io.atomic import hidden_name
-from flurries.output import crew, manifest
+from flurries.output import crew
+from flurries.output.journal import is_journal
 from workers import group, workers
 
 SCENE = fl.Scene("#304050", size=(96, 64), effects=fl.effects.TentSnow("heavy", flakes=100))
@@ -32,14 +34,15 @@ def named(place: str) -> Any:
 
 
 def contents(place: str) -> dict[str, bytes]:
-    """Return all that is in a folder of a store, hidden objects too."""
+    """Return all that is in a folder of a store but its journal, hidden objects too."""
     system, folder = named(place)
-    return {Path(key).name: system.cat_file(key) for key in system.ls(folder, detail=False)}
+    keys = {Path(key).name: key for key in system.ls(folder, detail=False)}
+    return {name: system.cat_file(key) for name, key in keys.items() if not is_journal(name)}
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: Any) -> dict[str, bytes]:
-    """What twelve frames and their list are on a local disk."""
+    """What twelve frames are on a local disk."""
     place = tmp_path_factory.mktemp("whole") / "out"
     SCENE.write(place / "%04d.png", "1-12")
     return contents(str(place))
@@ -94,21 +97,25 @@ def test_16_14_frames_are_the_same_bytes_in_every_store(place: str, whole: dict[
     done = SCENE.write(f"{place}/%04d.png", "1-12")
     assert done.written == list(range(1, 13)) and contents(place) == whole
     assert named(str(done.files[-1]))[1] == named(f"{place}/0012.png")[1]
-    # Made whole again: what is missing, cut, or changed.
+    # What is missing is made again, what is cut or changed is named and stays.
     system, folder = named(place)
     system.rm_file(f"{folder}/0003.png")
-    system.pipe_file(f"{folder}/0005.png", whole["0005.png"][:99])
-    system.pipe_file(f"{folder}/0007.png", b"")
     again = SCENE.write(f"{place}/%04d.png", "1-12")
-    assert again.written == [3, 5, 7] and len(again.kept) == 9
+    assert again.written == [3] and len(again.kept) == 11
     assert contents(place) == whole
-    # Without its list, and with half of it.
-    system.rm_file(f"{folder}/{manifest.NAME}")
-    assert SCENE.write(f"{place}/%04d.png", "1-12").kept == list(range(1, 13))
+    flipped = whole["0007.png"][:-1] + b"x"
+    for number, data in ((5, whole["0005.png"][:99]), (7, flipped)):
+        system.pipe_file(f"{folder}/{number:04}.png", data)
+        with pytest.raises(ValueError, match=rf"{number:04}\.png .* changed since it was written"):
+            SCENE.write(f"{place}/%04d.png", "1-12")
+        SCENE.write(f"{place}/%04d.png", [number], overwrite=True)
     assert contents(place) == whole
-    system.pipe_file(f"{folder}/{manifest.NAME}", whole[manifest.NAME][:300])
-    with pytest.warns(UserWarning, match="cut short"):
-        assert SCENE.write(f"{place}/%04d.png", "1-12").kept == list(range(1, 13))
+    # Without the journal they are nobody's.
+    for key in system.ls(folder, detail=False):
+        if is_journal(Path(key).name):
+            system.rm_file(key)
+    with pytest.raises(ValueError, match=r"0001\.png .* no journal .* \(so with 11 more\)"):
+        SCENE.write(f"{place}/%04d.png", "1-12")
     assert contents(place) == whole
 
 
@@ -154,7 +161,7 @@ def test_16_14_workers_write_to_s3(server: Server, client: Any, whole: Any, monk
     # A store that each worker has for itself is no success. What is late comes soon, or never.
     monkeypatch.setattr(crew, "_LATE", 0.3)
     with pytest.raises(OSError, match=r"memory:///apart/0.*\.png: a worker has written it, but"):
-        SCENE.write("memory://apart/%04d.png", "1-12", dask=client, manifest=False)
+        SCENE.write("memory://apart/%04d.png", "1-12", dask=client)
 
 
 def test_16_14_a_store_that_vanishes(server: Server, whole: dict[str, bytes]):
@@ -162,7 +169,10 @@ def test_16_14_a_store_that_vanishes(server: Server, whole: dict[str, bytes]):
 
     def progress(frames: Any) -> Iterator[int]:
         for number in frames:
-            if number == 6:
+            if number == 12:
+                # Eight are sent together.
+                while not named(place)[0].glob(f"{place}/*.png"):
+                    time.sleep(0.01)
                 server.stop()
             yield number
 
@@ -226,7 +236,7 @@ def test_16_14_a_read_only_store():
 
 
 def test_16_14_a_store_that_keeps_half_is_no_success():
-    with pytest.raises(OSError, match=r"losing://.*png: does not read back as what was written"):
+    with pytest.raises(OSError, match=r"losing://.*: does not read back as what was written"):
         SCENE.write("losing://out/%04d.png", "1-3")
 
 
@@ -243,11 +253,11 @@ def told(*words):
     except OSError as error:
         print(json.dumps(str(error)))
 told()
-print(json.dumps({p.name: p.read_bytes().hex() for p in Path("out").iterdir()}))
+print(json.dumps({p.name: p.read_bytes().hex() for p in Path("out").glob("*.png")}))
 for path in Path(".").glob("filler*"):
     path.unlink()
 told()
-print(json.dumps({p.name: p.read_bytes().hex() for p in Path("out").iterdir()}))
+print(json.dumps({p.name: p.read_bytes().hex() for p in Path("out").glob("*.png")}))
 """
 
 

@@ -132,6 +132,6 @@ def test_the_example_of_a_film_runs(tmp_path: Path):
         [sys.executable, str(file), str(tmp_path)], capture_output=True, text=True, check=True
     )
     assert "Rendered(320 x 214 px, uint8, layers=snow)" in ran.stdout
-    made = {path.name for path in tmp_path.iterdir()} - {"flurries.json"}
+    made = {path.name for path in tmp_path.iterdir()} - {"flurries.jsonl"}
     numbers = {f"snow_{number:04d}.png" for number in range(1, 5)}
     assert made == numbers | {"snow.exr", "anaglyph.png", "texture.png"}

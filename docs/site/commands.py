@@ -15,7 +15,7 @@ HEAD = """# Commands
 other data to stdout. `-q` says nothing but warnings and errors, `-v` says more. Completion for a shell:
 `eval "$(flurries completion bash)"`.
 
-Exit codes: 0; 2 for a mistake or a file that cannot be used; 3 where frames were skipped or differ from their manifest;
+Exit codes: 0; 2 for a mistake or a file that cannot be used; 3 where frames were skipped or differ from their journal;
 130 after Ctrl-C; 1 for a defect of flurries.
 """
 

@@ -115,7 +115,6 @@ CALLS: dict[str, Call] = {
     "io.photograph": Call({"name": "rocket", "size": (12, 9)}),
     "io.read_depth": Call({"path": "layers.exr"}),
     "io.layers.deep.read_deep": Call({"path": "deep.exr"}),
-    "io.layers.deep.read_deep_header": Call({"path": "deep.exr"}),
     "io.layers.deep.write_deep": Call(
         {"path": "out4.exr", "deep": DEEP}, loose=True),
     "io.read_header": Call({"path": "picture.png"}),

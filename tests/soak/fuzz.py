@@ -29,7 +29,8 @@ from flurries.io import (
     write_layers,
     write_picture,
 )
-from flurries.output import manifest
+from flurries.output.journal import NAME, Journal
+from flurries.output.store import Store
 
 # One that takes longer hangs: the alarm ends the process.
 LONGEST = 20
@@ -112,7 +113,7 @@ def jobs(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
     scene = fl.Scene("#304050", size=(56, 40), camera=camera, effects=effects, sun=fl.Sun())
     scene.save(folder / "a.toml")
     scene.write(folder / "out" / "%d.png", "1-3")
-    (folder / "out" / manifest.NAME).rename(folder / "a.json")
+    (folder / "out" / NAME).rename(folder / "a.json")
     (folder / "a.csv").write_text("frame,x,y,z,focal\n0,1,2,3,50\n4,2,3,4.5,60\n9,2,3,5,70\n")
     (folder / "a.chan").write_text("1 0 1 2 10 20 30 45\n2 0 1 3 11 20 30 46\n")
     (folder / "a.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 1 0 1 0 0 0 0 1 2\n")
@@ -125,7 +126,7 @@ def jobs(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
         ("depth.exr", "bad.exr", read_depth), ("depth.exr", "bad.exr", read_layers),
         ("views.exr", "bad.exr", read_views), ("a.mp4", "bad.mp4", films),
         ("a.mkv", "bad.mkv", films), ("a.webm", "bad.webm", films),
-        ("a.toml", "bad.toml", fl.open), ("a.json", manifest.NAME, manifest_of),
+        ("a.toml", "bad.toml", fl.open), ("a.json", NAME, journal_of),
         ("a.csv", "bad.csv", read_path),
         ("a.chan", "bad.chan", lambda path: importers.load(path, (40, 56))),
         ("a.txt", "bad.txt", lambda path: importers.load(path, (40, 56))),
@@ -143,8 +144,8 @@ def jobs(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
         yield lambda read=read, path=folder / name: read(path)
 
 
-def manifest_of(path: Path) -> None:
-    manifest.read(path.parent)
+def journal_of(path: Path) -> None:
+    Journal(Store(), path.parent)
 
 
 def main(folder: str, count: str) -> None:

@@ -1,4 +1,4 @@
-"""Whole folders of pictures in weather: parallel, resumable, with a manifest.
+"""Whole folders of pictures in weather: parallel, resumable, with a journal.
 
 ``OUT/snow/3/a/b.png`` is the picture ``a/b.png`` in snow of severity 3. A picture's weather comes
 from the seed and its own name, so that it is the same whatever else is in the folder, however many
@@ -26,9 +26,9 @@ from flurries.augment.weather import replay
 from flurries.io import linear_to_srgb, read_header, read_picture, srgb_to_linear, write_picture
 from flurries.output.cluster import cluster
 from flurries.output.crew import make, processes
-from flurries.output.manifest import NAME, Mark
+from flurries.output.folder import Store
+from flurries.output.journal import NAME, Mark
 from flurries.output.sequence import run
-from flurries.output.store import Store
 from flurries.scene.fingerprint import Hashes
 
 __all__ = ["Corrupted", "corrupt"]
@@ -53,15 +53,15 @@ class Corrupted:
         Pictures that could not be read or written, and why.
     skipped : dict of str to int
         How many files are no pictures to be read, and why.
-    manifest : Path
-        ``flurries.json``: of each file its source, weather, severity, record and hash.
+    journal : Path
+        ``flurries.jsonl``: of each file its source, weather, severity, record and hash.
     """
 
     written: list[Path]
     kept: list[Path]
     failed: dict[str, str]
     skipped: dict[str, int]
-    manifest: Path
+    journal: Path
 
 
 def corrupt(
@@ -113,7 +113,7 @@ def corrupt(
     ValueError, TypeError
         For an argument that is not as described, or where something else is in the way.
     OSError
-        If the folder cannot be read or the manifest cannot be written. A picture that fails does
+        If the folder cannot be read or the journal cannot be written. A picture that fails does
         not stop the others.
     """
     source, target = Path(folder), Path(out)
@@ -236,7 +236,6 @@ class _Pictures:
     seed: int
     profile: str = "natural"
     overwrite: bool = False
-    listed: bool = True
     tolerant: bool = True
     store: Store = field(default_factory=Store)
     _hashes: Hashes = field(default_factory=Hashes)
@@ -283,7 +282,7 @@ class _Pictures:
         )  # fmt: skip
 
     def notes(self, index: int) -> dict[str, Any]:
-        """Return the manifest's notes of a picture."""
+        """Return the journal's notes of a picture."""
         name, kind, level = self.parts[index]
         record = self._record(index)
         return {"source": name, "weather": kind, "severity": level, "record": record}

@@ -134,10 +134,7 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
         return result
 
     def _painted(self, planes: Array, wanted: list[int], depth: Any) -> tuple[Array, Array]:
-        """Return pictures in their weathers, and the layers; frames of a clip one after another.
-
-        Frames that `VideoSequential` gives have one index for each clip.
-        """
+        """Return pictures in their weathers, and the layers; frames of a clip one after another."""
         if self.same or self.same_on_batch or len(set(wanted)) == len(wanted):
             found: tuple[Array, Array] = self.weather.batch(
                 planes, index=wanted, depth=depth, return_layer=True

@@ -1,4 +1,4 @@
-"""`flurries check`: compare frames with their folder's manifest."""
+"""`flurries check`: compare frames with their folder's journal."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ DIFFERENT = 3
 @click.argument("folder", metavar="FOLDER", type=FILE)
 @voice
 def check(words: Words, folder: str) -> int:
-    """Compare the frames of a folder, or behind a url, with their flurries.json."""
+    """Compare the frames of a folder, or behind a url, with their journal, flurries.jsonl."""
     files, wrong = check_all(folder)
     for sentence in wrong:
         say(sentence)
     if wrong:
         return DIFFERENT
-    words.say(f"{count(files, 'file')} {'is' if files == 1 else 'are'} what the manifest says")
+    words.say(f"{count(files, 'file')} {'is' if files == 1 else 'are'} what the journal says")
     return 0

@@ -50,5 +50,5 @@ def corrupt(
         words.say(f"{count(number, 'file')} skipped: {why}")
     for name, why in made.failed.items():
         say(f"{name}: {why}")
-    print(made.manifest)
+    print(made.journal)
     return FAILED if made.failed else 0

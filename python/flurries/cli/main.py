@@ -28,7 +28,7 @@ COMMANDS = {
     "demo": "snow on a photograph: films, stills, an EXR",
     "texture": "snow that repeats in x, y and time, for a game engine",
     "corrupt": "a folder of pictures in weather, for a data set",
-    "check": "compare frames with their folder's flurries.json",
+    "check": "compare frames with their folder's flurries.jsonl",
     "completion": "the shell's completion: bash, zsh or fish",
 }
 
@@ -70,7 +70,7 @@ class Commands(click.Group):
     subcommand_metavar="COMMAND [OPTIONS]",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog="`flurries COMMAND --help` has examples. Exit codes: 0; 2 for a mistake or a file that "
-    "cannot be used; 3 where frames were skipped or differ from their manifest; 130 after Ctrl-C; "
+    "cannot be used; 3 where frames were skipped or differ from their journal; 130 after Ctrl-C; "
     "1 for a defect of flurries.",
 )
 @click.version_option(__version__, "-V", "--version", message="flurries %(version)s")

@@ -65,7 +65,6 @@ NAMED = 10
         help="where the background's frame is missing or damaged: stop, leave the frame out and "
         "exit with 3, or hold the last good one")  # fmt: skip
 @option("--no-sound", is_flag=True, help="a video without the film's sound")
-@option("--no-manifest", is_flag=True, help="no flurries.json beside a sequence")
 @dask("the threads of this machine")
 @option("--dask-patience", type=float, default=60.0, metavar="SECONDS", example="600",
         help="how long to wait while the cluster has no worker")  # fmt: skip
@@ -75,7 +74,7 @@ def render(
     words: Words, output: str, frames: str | None, overwrite: bool, bits: str | None,
     full: bool, output_colorspace: str | None, compression: Any, codec: str | None,
     motion: Any, layers: bool | None, alone: bool | None, deep: bool | None, quality: Any,
-    damaged: Any, no_sound: bool, no_manifest: bool,
+    damaged: Any, no_sound: bool,
     dask: str | None, dask_patience: float, **given: Any,
 ) -> int:  # fmt: skip
     """Render weather over a picture, a film, a sequence, a color such as #203040, or a scene.toml.
@@ -97,7 +96,7 @@ def render(
             output, frames, bits=kind, codec=codec, motion=motion, compression=compression,
             layers=layers, alone=alone, deep=deep, colorspace=output_colorspace,
             overwrite=overwrite, damaged=damaged, sound=False if no_sound else None,
-            manifest=False if no_manifest else None, quality=quality,
+            quality=quality,
             dask=None if dask is None else dask or True, dask_patience=dask_patience,
             progress=words.progress("frame"),
         )  # fmt: skip

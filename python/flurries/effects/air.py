@@ -98,11 +98,7 @@ class Air(NamedTuple):
 def air_of(
     weather: Weather | Flakes, frame: Frame, amount: float, *, steps: tuple[float, ...] = ()
 ) -> Air:
-    """Return the flakes that are drawn before a frame's camera.
-
-    `amount` is a share of the population, 0 to 1; `steps` are frames after this one at which places
-    are asked for, besides those of the exposure.
-    """
+    """Return the flakes that are drawn before a frame's camera."""
     exposure, path, fps = value_at(weather.motion.shutter, frame.t), frame.path, frame.fps
     after = (0.0, -0.5 * exposure, 0.5 * exposure, *steps)
     eyes = [_eye(frame.camera, frame)] * len(after)

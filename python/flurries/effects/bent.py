@@ -283,10 +283,7 @@ def _axes(yaw: float, pitch: float, roll: float) -> Float64:
 def _places(
     eyes: Eyes, blown: Float64 | None, one: Plane, scale: Float64, focal: float
 ) -> tuple[Float64, float]:
-    """Return what the nodes see of a plane, less their own places, (2, R, C, 2) px (x, y).
-
-    And the pixels of the sheet for each of the picture's.
-    """
+    """Return what the nodes see of a plane, less their own places, (2, R, C, 2) px (x, y)."""
     ray = eyes.rays @ one.axes.T
     eye = eyes.eye[:, one.layer] @ one.axes.T
     ahead = (one.at - eye[:, 2])[:, None, None, None]
@@ -332,10 +329,7 @@ def _blown(
 
 
 def moved_by_wind(weather: Weather, weights: Float64, frame: Frame, other: Frame) -> Array:
-    """Return how uneven wind moves the window's pixels to another frame, (h, w, 2) float32.
-
-    The mean over layers, which have weights.
-    """
+    """Return how uneven wind moves the window's pixels to another frame, (h, w, 2) float32."""
     film, half = weather.film(frame), 0.5 * value_at(weather.motion.shutter, frame.t)
     eyes = _eyes_of(frame, film, (frame.t - half, frame.t + half))
     found = _blown(weather, frame, film, eyes, (frame.t, other.t))

@@ -107,13 +107,7 @@ def part_of(kind: type[_Part], effect: Any, **own: Any) -> _Part:
 
 
 def settle(effect: Any, checks: Mapping[str, Check]) -> None:
-    """Check the fields of an effect, and keep them in one form.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For a field outside its range; the message names it.
-    """
+    """Check the fields of an effect, and keep them in one form."""
     for name, check in checks.items():
         object.__setattr__(effect, name, check(name, getattr(effect, name)))
     tile, overlap = getattr(effect, "tile", None), getattr(effect, "overlap", None)

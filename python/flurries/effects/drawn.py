@@ -86,10 +86,7 @@ class DrawnFlakes:
         )
 
     def seen(self, frame: Frame, amount: float) -> tuple[Array, npt.NDArray[np.int32], Rows]:
-        """Return what the window's pixels show: opacity, and the row of the flake that shows most.
-
-        -1 stands for none.
-        """
+        """Return the window's opacity, and the row of the flake that shows most or -1."""
 
         def make() -> tuple[Array, npt.NDArray[np.int32], Rows]:
             flakes, size = self._sorted(frame, amount), _size(frame)
@@ -123,10 +120,7 @@ def _size(frame: Frame) -> tuple[int, int]:
 
 
 def drawn_of(effect: Any, frame: Frame) -> npt.NDArray[Any] | None:
-    """Return the flakes of an effect that are drawn one by one, of `FLAKE`; None if it draws none.
-
-    Of a film that repeats, the effect may show an earlier round.
-    """
+    """Return the flakes of an effect that are drawn one by one, of `FLAKE`; None if none are."""
     if hasattr(effect, "then"):
         effect, frame = effect.effect, effect.then(frame)
     parts, found = getattr(effect, "parts", None), []

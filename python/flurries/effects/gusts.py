@@ -30,10 +30,7 @@ _TOGETHER = 4096
 
 
 def wind_at(motion: Motion, frame: Frame, ahead: Float64) -> tuple[Float64, Float64]:
-    """Return the air's way and velocity beyond the mean wind, at places (..., 3) in the eye's axes.
-
-    Both are (..., 3).
-    """
+    """Return the air's way and velocity beyond the mean wind at places (..., 3), eye's axes."""
     wind = _varied(motion)
     points = np.ascontiguousarray(ahead.reshape(-1, 3))
     moved, rate = _profile_at(wind, frame, points[:, 2])
@@ -123,11 +120,7 @@ def _phasor(waves: Waves, time: float, fps: float) -> Any:
 
 
 def _ahead_while_turning(waves: Waves, frame: Frame, depths: Float64) -> Float64:
-    """Return the displacement of the air straight ahead of a camera that turns, (n, 3).
-
-    In the eye's turning axes, summed over the frames: what tiles aside see differs from it by what
-    the wind differs between there and the middle.
-    """
+    """Return the displacement of the air straight ahead of a camera that turns, (n, 3)."""
     mount = frame.path.rig(frame.t).T @ frame.camera.matrix()
     # Turned back by a frame's own orientation it has lost some bits: the mount is one for a film.
     view = waves, frame.path, frame.fps, np.round(mount, 12).tobytes(), depths.tobytes()
@@ -180,10 +173,7 @@ def _profile_at(wind: Wind, frame: Frame, depth: Float64) -> tuple[Float64, Floa
 
 
 def _middles(t: float) -> Iterator[tuple[Float64, Float64]]:
-    """Yield the middles of the frames from 0 to `t`, the last a part of one, and their lengths.
-
-    So many at a time as take little memory, however long the film is.
-    """
+    """Yield the middles of the frames from 0 to `t`, the last a part of one, and their lengths."""
     whole = math.trunc(t)
     sign = -1.0 if t < 0.0 else 1.0
     for first in range(0, abs(whole), _TOGETHER):

@@ -19,17 +19,7 @@ Law = Callable[[Any, Mapping[str, Any]], dict[str, Any]]
 
 
 def knobs(**laws: Law) -> Callable[[type[_Kind]], type[_Kind]]:
-    """Give a dataclass arguments that set several of its fields, those that are not given.
-
-    Such an argument stands in the class as an ``InitVar`` and is no field: it is used up, and what
-    it made is written out.
-
-    Parameters
-    ----------
-    **laws : callable
-        By the knob's name: ``law(value, given)`` returns the fields that it sets. Among them may be
-        fields that say the same as others, with the value None: those must not be given.
-    """
+    """Give a dataclass arguments that set several of its fields, those that are not given."""
 
     def turnable(kind: type[_Kind]) -> type[_Kind]:
         plain = kind.__init__
@@ -51,14 +41,7 @@ def knobs(**laws: Law) -> Callable[[type[_Kind]], type[_Kind]]:
 def _with_look(
     kind: type[Any], turned: list[str], laws: Mapping[str, Law], given: dict[str, Any]
 ) -> dict[str, Any]:
-    """Return the arguments with what a knob makes of them.
-
-    Raises
-    ------
-    TypeError
-        If two knobs are given, one beside a field that says the same, or all fields, as
-        `dataclasses.replace` does.
-    """
+    """Return the arguments with what a knob makes of them."""
     if len(turned) > 1:
         raise TypeError(f"{turned[0]} and {turned[1]} set the same fields: give one of them")
     knob = turned[0]
@@ -76,10 +59,7 @@ def _with_look(
 
 
 def looks(kind: type[_Kind]) -> type[_Kind]:
-    """Let a class with ``PRESETS`` take the name of one, first or as `preset`.
-
-    Fields that are given replace those of the preset.
-    """
+    """Let a class with ``PRESETS`` take the name of one, first or as `preset`."""
     plain = kind.__init__
 
     @functools.wraps(plain)

@@ -74,11 +74,7 @@ class Layout(NamedTuple):
 
 
 def streaks_tile(cycles: float, band: tuple[float, float]) -> float:
-    """Return the tile in pixels from which on less than a tenth of the streaks stands still.
-
-    `cycles` are those of the longest wave in a frame, at the film's fastest; 0 where no wave is too
-    fast for the frame rate.
-    """
+    """Return the tile in pixels from which on less than a tenth of the streaks stands still."""
     shortest, longest = band
     if cycles <= 0.5:
         return 0.0

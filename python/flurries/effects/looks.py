@@ -170,10 +170,7 @@ def rain_of_rate(rate: float) -> dict[str, Any]:
 
 
 def mist_density(severity: int, thickness: float) -> float:
-    """Return the density of particles so that what they take is what a severity takes.
-
-    `thickness` is the optical depth of particles of density 1.
-    """
+    """Return the density of particles so that what they take is what a severity takes."""
     wanted = -math.log1p(-LOSS[severity - 1])
     if wanted > thickness:
         more = f"{math.ceil(wanted / thickness)} times as many" if thickness > 0.0 else "some"

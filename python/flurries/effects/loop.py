@@ -99,10 +99,7 @@ def one_place(effect: Any) -> bool:
 
 
 def closed(value: Any, lap: Lap) -> tuple[Any, float | None]:
-    """Return a keyed value for two rounds, and the frame from which it goes back to its first one.
-
-    None for one that ends where it began, or is the same at all times.
-    """
+    """Return a keyed value for two rounds, and the frame from which it goes back to the first."""
     if not isinstance(value, Keys):
         return value, None
     first, end = float(lap.first), float(lap.end)

@@ -81,10 +81,7 @@ class Motion:
         return comes_nearer(path, axis, self.fall, self.mean_wind)
 
     def fastest(self, path: CameraPath, fps: float) -> float:
-        """Return the largest speed of the camera through the air, metres per frame.
-
-        In the mean wind, at the keys of a film; a bound where keys of several things interleave.
-        """
+        """Return the largest speed of the camera through the air, metres per frame."""
         course = relative_course(path, fps, self.fall, self.mean_wind)
         times = np.concatenate([course.knots, [0.0]])
         before = course.line(times, times - 1e-6)[0]

@@ -35,11 +35,7 @@ _FEW = 32
 
 
 def before_scene(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool, mode: str) -> Array:
-    """Return the opacity of a field over the window, as far as the scene's depth leaves it.
-
-    `keep` says whether the mean opacity that blur takes is added again. In the mode "tile" the band
-    ends with each tile's farthest depth, in the mode "pixel" with each pixel's.
-    """
+    """Return the opacity of a field over the window, as far as the scene's depth leaves it."""
     depth = frame.depth
     assert depth is not None
     if frame.once(field, "nearest", lambda: float(depth.min())) >= field.far_depth:

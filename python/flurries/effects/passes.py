@@ -25,11 +25,7 @@ def passes_of(
     texture: Any, flakes: Any, frame: Frame, amount: float,
     planes: tuple[Array | None, Array | None], alpha: Array,
 ) -> dict[str, Any]:  # fmt: skip
-    """Return motion to both sides, depth, coverage and ids of the window; see `Layer`.
-
-    `planes` are the opacities (h, w) of texture and flakes, as far as there are any; flakes are in
-    front. Where that of the whole layer, `alpha`, is 0 nothing moves, and the depth is infinite.
-    """
+    """Return motion to both sides, depth, coverage and ids of the window; see `Layer`."""
     behind, front = planes
     with current.get().stage("passes"):
         others = [frame.later(step) for step in STEPS]

@@ -95,11 +95,7 @@ def parts_of(
     effect: Any, *, sizes: Any, speed: Callable[[Float64], Float64], shape: str,
     sway: tuple[float, float] = (0.0, 0.0), gain: Number = 1.0, optics: Optics = FLAKES,
 ) -> Precipitation[FlakeTexture] | Mixture:  # fmt: skip
-    """Return the parts of snow or rain; of keyed sizes, a population for each.
-
-    `sizes` are diameters (smallest, mean, largest) in metres, from which `speed` makes speeds of
-    fall; `shape` is what is near the camera. What both effects have is read from the effect.
-    """
+    """Return the parts of snow or rain; of keyed sizes, a population for each."""
     wind, most, density = effect.wind, effect.density, effect.density
     if isinstance(density, Keys):
         most = max(value for _, value in density.keys)

@@ -26,19 +26,8 @@ _STEPS = 40
 
 @kept(64)
 def power_share(wavelengths: tuple[float, float], exponent: float, width: int) -> float:
-    """Return the power that a picture shows of a band, in terms of what one 1024 px wide shows.
+    """Return the power that a picture shows of a band, against that of one 1024 px wide.
 
-    Parameters
-    ----------
-    wavelengths : (shortest, longest)
-        Pixels on a picture 1024 px wide.
-    exponent : float
-        Amplitudes go with the wavenumber to minus this.
-    width : int
-        Of the picture, pixels.
-
-    Notes
-    -----
     A pixel is a box: of a wave of k cycles a pixel it leaves sinc(kx) sinc(ky), here as a mean over
     directions.
     """
@@ -63,20 +52,7 @@ def _shown(wavelengths: tuple[float, float], exponent: float, scale: float) -> f
 
 @kept(256)
 def map_at(mean: float, spread: float, power: float, share: float) -> tuple[float, float]:
-    """Return mean and spread of a map for a picture that shows a share of the tuned one's power.
-
-    Parameters
-    ----------
-    mean, spread, power : float
-        Of the tuned map, see :func:`flurries.spectral.opacity`.
-    share : float
-        See `power_share`; more than 1 for a larger picture.
-
-    Returns
-    -------
-    mean, spread
-        For a field of variance 1 at that size.
-    """
+    """Return mean and spread of a map for a picture that shows a share of the tuned one's power."""
     if share == 1.0:
         return mean, spread
     deviation = 0.5 / spread
@@ -134,11 +110,7 @@ def _moments(mean: float, deviation: float, power: float, share: float) -> tuple
 
 
 def variances(mean: float, deviation: float, power: float, shares: Float64) -> Float64:
-    """Return the variances of a map's mean given shares (n,) of the field's power.
-
-    As `_moments`; what the series leaves out counts with the power of its end, so that all of the
-    field shows all of the variance.
-    """
+    """Return the variances of a map's mean given shares (n,) of the field's power."""
     z, weights = _hermite()
     value = np.clip(mean + deviation * z, 0.0, 1.0) ** power
     squares = (weights[1:] @ value) ** 2

@@ -123,10 +123,7 @@ def _largest(mean: Float64) -> Float64:
 
 
 def _solve(guess: Float64, power: float, wanted: Float64) -> Float64:
-    """Return means and logarithms of deviations (2, n) of maps.
-
-    `wanted` (2, n) are logarithms of the mean opacity and of the contrast.
-    """
+    """Return means and logarithms of deviations (2, n) of maps."""
 
     def errors(at: Float64) -> Float64:
         mean, common, spread = _moments(at[0], np.exp(at[1]), power)

@@ -148,11 +148,7 @@ class Weather:
 
 
 def amounts_at(weather: Weather, frame: Frame, share: Share, heights: Float64) -> Float64:
-    """Return the part of a class's flakes that is there, at heights below the eye, metres.
-
-    A flake at height h left the cloud (cloud + h) / fall seconds ago, and is there if it began to
-    fall.
-    """
+    """Return the part of a class's flakes that is there, at heights below the eye, metres."""
     assert isinstance(weather.emission, Keys)
     fall = max(float(value_at(share.motion.fall, frame.t)), 1e-3)
     left = frame.t - frame.fps * np.maximum(weather.cloud + heights, 0.0) / fall

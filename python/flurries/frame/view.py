@@ -169,11 +169,7 @@ class Frame:
         return Run({step.name: step for step in needs_of(effect, self).steps})
 
     def once(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made:
-        """Return what `make` returns; for a second eye or band what it returned for the first.
-
-        Only for what depends neither on the eye's place and principal point nor on the window, and
-        for nothing that is written to afterwards.
-        """
+        """Return what `make` returns; for a second eye or band what it returned for the first."""
         if self.shared is None:
             return make()
         return self.shared.once((id(owner), self.seed, name), owner, make)

@@ -17,9 +17,9 @@ import os
 import socket
 import stat
 import sys
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 
 from flurries.io.files import path_text
@@ -35,6 +35,9 @@ HOUR = 3600.0
 # The temporary files of this process, and which process that is. Ctrl-C can fall between the making
 # of a file and the block that guards it, so the end of the process looks once more.
 _unfinished: dict[Path, int] = {}
+
+# What is done with a file of `replacing` that is whole and on the disk, before it takes its name.
+before_renaming: ContextVar[Callable[[Path], None] | None] = ContextVar("renaming", default=None)
 
 
 @contextmanager
@@ -64,7 +67,10 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         yield temporary
         if temporary.stat().st_size == 0:
             raise OSError(f"{target}: nothing was written")
-        _flush(temporary)
+        flush(temporary)
+        note = before_renaming.get()
+        if note is not None:
+            note(temporary)
         temporary.replace(target)
         _unfinished.pop(temporary, None)
     except OSError as error:
@@ -80,10 +86,9 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     except BaseException:
         _remove(temporary, owner)
         raise
-    # The rename itself shall last; some file systems cannot, and the file is whole anyway.
-    if sys.platform != "win32":
-        with suppress(OSError):
-            _flush(target.parent, os.O_RDONLY)
+    # The rename itself shall last. Whoever notes files flushes the folder once, for all of them.
+    if note is None:
+        flush_folder(target.parent)
 
 
 def checked_target(path: str | os.PathLike[str]) -> Path:
@@ -125,7 +130,7 @@ def remove_leftovers(folder: str | os.PathLike[str]) -> list[Path]:
     """
     removed = []
     for found in sorted(Path(folder).glob(f"{PREFIX}{'?' * _OWNER}*")):
-        if _is_left(found):
+        if is_left(found, found.name[len(PREFIX) :][:_OWNER]):
             # Another process may be tidying up too.
             with suppress(OSError):
                 found.unlink()
@@ -145,15 +150,27 @@ def owner_of_new_files() -> str:
     return machine[: _OWNER - len(pid)] + pid
 
 
-def _is_left(file: Path) -> bool:
-    """Whether whoever was at a hidden file is gone."""
+def is_left(file: Path, owner: str) -> bool:
+    """Whether the owner of a file is gone."""
     try:
         found = file.lstat()
     except OSError:
         return False
-    ended = has_ended(file.name)
-    old = time.time() - found.st_mtime > HOUR if ended is None else ended
+    ended = has_ended(owner)
+    # By the folder's own clock: that of this machine may have jumped.
+    old = _now_of(file.parent) - found.st_mtime > HOUR if ended is None else ended
     return old and stat.S_ISREG(found.st_mode)
+
+
+def _now_of(folder: Path) -> float:
+    try:
+        probe = _reserve(folder / "now")
+    except OSError:
+        return 0.0
+    try:
+        return probe.stat().st_mtime
+    finally:
+        _remove(probe, os.getpid())
 
 
 def hidden_name(suffix: str) -> str:
@@ -161,9 +178,9 @@ def hidden_name(suffix: str) -> str:
     return f"{PREFIX}{owner_of_new_files()}{os.urandom(4).hex()}{suffix}"
 
 
-def has_ended(name: str) -> bool | None:
-    """Return whether the owner of a hidden file has ended, or None of another machine's."""
-    own, owner = owner_of_new_files(), name[len(PREFIX) :][:_OWNER]
+def has_ended(owner: str) -> bool | None:
+    """Return whether a process of `owner_of_new_files` has ended, or None of another machine's."""
+    own = owner_of_new_files()
     if sys.platform != "win32" and len(owner) == _OWNER and owner[:-6] == own[:-6]:
         with suppress(ValueError):
             return not _is_alive(int(owner[-6:], 16))
@@ -208,7 +225,14 @@ def _reserve(target: Path) -> Path:
                 raise OSError(error.errno, error.strerror, str(target)) from error
 
 
-def _flush(path: Path, flags: int = os.O_RDWR) -> None:
+def flush_folder(folder: Path) -> None:
+    """Wait until names are on the disk, where the file system can."""
+    if sys.platform != "win32":
+        with suppress(OSError):
+            flush(folder, os.O_RDONLY)
+
+
+def flush(path: Path, flags: int = os.O_RDWR) -> None:
     """Wait until the bytes are on the disk, so that the new name never shows less."""
     descriptor = os.open(path, flags)
     try:

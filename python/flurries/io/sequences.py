@@ -155,10 +155,7 @@ class Pattern:
         return path
 
     def existing(self, start: str = "") -> list[int]:
-        """Return the frames that are there as files, in ascending order; none for a video.
-
-        A relative pattern is looked for from the folder `start`, by default the current one.
-        """
+        """Return the frames that are there as files, in ascending order; none for a video."""
         if self.is_video:
             return []
         folder, name = os.path.split(os.path.join(start, self.text))  # noqa: PTH118

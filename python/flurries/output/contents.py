@@ -21,8 +21,8 @@ from flurries.io.layers.deep import write_deep
 from flurries.io.pictures.slate import Slate
 from flurries.io.pictures.writer import Format, format_of
 from flurries.output.deep import deep_of
-from flurries.output.manifest import Mark
-from flurries.output.store import Store
+from flurries.output.folder import Store
+from flurries.output.journal import Mark
 from flurries.scene.fingerprint import Inputs, settings
 from flurries.scene.output import MOTION
 from flurries.scene.scene import Scene
@@ -211,7 +211,6 @@ class Frames:
     pattern: str  # The files' names; without a token the name of one still.
     store: Store = field(default_factory=Store)  # Where the files are kept.
     overwrite: bool = False
-    listed: bool = True  # See `flurries.output.sequence.Job`.
     skip: bool = False  # Whether frames whose background cannot be read are left out.
     tolerant: bool = False
     folder: Path = field(init=False)
@@ -231,7 +230,7 @@ class Frames:
         return Path(self.pattern) if still else Pattern(self.pattern).path(index)
 
     def mark_of(self, index: int) -> Mark:
-        return Mark(self._mark, index, self.inputs.of(index), self.inputs.names)
+        return Mark(self._mark, index, self.inputs.of(index))
 
     def make(self, index: int) -> Any:
         if self.skip and not is_readable(self.scene, index):

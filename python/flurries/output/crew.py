@@ -19,7 +19,8 @@ from typing import Any
 
 from flurries._threads import reproducible, scope
 from flurries.output import sequence
-from flurries.output.sequence import Done, Entries, Job, Progress, name_of
+from flurries.output.journal import Entry, Journal
+from flurries.output.sequence import Done, Job, Progress
 
 # Tasks that are under way for each thread, so that none waits and memory stays flat.
 _AHEAD = 4
@@ -44,58 +45,51 @@ def make(
     groups: list[list[int]],
     job: Job,
     indices: list[int],
-    known: Entries,
+    journal: Journal,
     progress: Progress,
     done: Done,
 ) -> None:
     """Make the files that are missing, as `flurries.output.sequence.make` does, by a crew."""
-    arrived: list[Done] = []
 
     class Arriving:
-        """The indices, each when its file is there."""
+        """The indices, each when its file is made."""
 
         def __len__(self) -> int:
             return len(indices)
 
         def __iter__(self) -> Iterator[int]:
             def task(numbers: list[int]) -> Any:
-                named = [name_of(job, number) for number in numbers]
-                said = {name: known[name] for name in named if name in known}
-                return crew.submit(_make, reproducible(), numbers, said)
+                names = [journal.name_of(job.path_of(number)) for number in numbers]
+                known = [line for name in names for line in journal.lines(name)]
+                return crew.submit(_make, reproducible(), numbers, journal.run, known)
 
             for numbers, result in results(crew, task, groups):
-                if crew.remote:
-                    _require_here(job, result)
-                arrived.append(result)
+                done.add(result)
                 yield from numbers
 
-    try:
-        for _ in progress(Arriving()):
-            pass
-    finally:
-        for part in arrived:
-            done.add(part)
+    for _ in progress(Arriving()):
+        pass
+    if crew.remote:
+        _require_here(job, [*done.written, *done.kept])
 
 
-def _make(job: Job, plain: bool, numbers: list[int], known: Entries) -> Done:
-    done = Done()
+def _make(job: Job, plain: bool, numbers: list[int], run: str, known: list[Entry]) -> Done:
+    done, journal = Done(), Journal(job.store, job.folder, run=run, known=known)
     with on_one_core(plain):
-        sequence.make(job, numbers, known, lambda frames: frames, done)
+        sequence.make(job, numbers, journal, lambda frames: frames, done)
     return done
 
 
-def _require_here(job: Job, done: Done) -> None:
-    """Refuse to count files that a worker has written but that are not here."""
+def _require_here(job: Job, indices: list[int]) -> None:
+    """Refuse to count files that workers have written but that are not here."""
     last = time.monotonic() + _LATE
-    for index in [*done.written, *done.kept]:
-        path = job.path_of(index)
-        while job.store.hash_of(path) != done.entries[index]["sha256"]:
-            if time.monotonic() > last:
-                raise OSError(
-                    f"{job.store.name_of(path)}: a worker has written it, but here it is not: "
-                    "the folder must be one that all machines see"
-                )
-            time.sleep(0.05)
+    while missing := job.store.missing([job.path_of(index) for index in indices]):
+        if time.monotonic() > last:
+            raise OSError(
+                f"{job.store.name_of(missing[0])}: a worker has written it, but here it is not: "
+                "the folder must be one that all machines see"
+            )
+        time.sleep(0.05)
 
 
 def results(

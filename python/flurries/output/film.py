@@ -21,7 +21,7 @@ from flurries.io.films.sound import Sound, has_sound
 from flurries.io.films.writer import comment_of
 from flurries.output.contents import Frames, is_readable
 from flurries.output.groups import images
-from flurries.output.manifest import Refused
+from flurries.output.journal import Refused
 from flurries.output.sequence import Done, Progress
 from flurries.scene.fingerprint import short_hash
 from flurries.scene.scene import Scene

@@ -14,7 +14,8 @@ from flurries.camera.importers.usd import require_usd
 from flurries.effects.drawn import STEP, drawn_of, velocities
 from flurries.frame.mixing import free_name
 from flurries.io.atomic import replacing
-from flurries.output.manifest import Refused
+from flurries.output.folder import Store
+from flurries.output.journal import Journal, Mark
 from flurries.output.sequence import Done, Progress
 from flurries.scene.fingerprint import fingerprint, short_hash
 from flurries.scene.scene import Scene
@@ -35,16 +36,16 @@ def write_points(
     scene: Scene, path: Path, frames: Sequence[int], progress: Progress, *, overwrite: bool
 ) -> Done:
     """Write the flakes that are in view, and the camera, to a USD stage."""
-    Gf, Sdf, Usd, UsdGeom, Vt = require_usd()
+    Gf, _, Usd, UsdGeom, Vt = require_usd()
     names: dict[str, Any] = {}
     for effect in scene.effects:
         names[free_name(getattr(effect, "NAME", "effect"), names)] = effect
-    mark = short_hash((fingerprint(scene), list(frames)))
-    if not overwrite and path.exists():
-        _require_ours(Sdf, path, mark)
+    mark = Mark(short_hash((fingerprint(scene), list(frames))), frames[0])
+    journal = Journal(Store(), path.parent)
+    if not overwrite and journal.settled(path, mark) is not None:
         return Done(kept=list(frames))
     stage = Usd.Stage.CreateInMemory()
-    stage.GetRootLayer().customLayerData = {"flurries": mark}
+    stage.GetRootLayer().customLayerData = {"flurries": mark.scene}
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     stage.SetTimeCodesPerSecond(scene.fps)
@@ -73,11 +74,12 @@ def write_points(
             f"{path}: points are flakes of Snow and Rain; the scene has none that are drawn one by "
             "one"
         )
-    with replacing(path) as temporary:
+    with journal.recording(path, mark.facts), replacing(path) as temporary:
         try:
             stage.GetRootLayer().Export(str(temporary))
         except RuntimeError as error:
             raise OSError(f"{path}: {str(error).splitlines()[0]}") from error
+    journal.join()
     return Done(written=list(frames))
 
 
@@ -136,16 +138,3 @@ def _set_camera(camera: Any, pose: Any, scene: Scene, number: int, Gf: Any) -> N
     camera.GetHorizontalApertureOffsetAttr().Set(_FILM * (0.5 - x / width), float(number))
     camera.GetVerticalApertureOffsetAttr().Set(down * (y / height - 0.5), float(number))
     camera.GetClippingRangeAttr().Set(Gf.Vec2f(0.01, 1e5))
-
-
-def _require_ours(Sdf: Any, path: Path, mark: str) -> None:
-    """Refuse a file that is not the very same stage."""
-    try:
-        layer = Sdf.Layer.FindOrOpen(str(path))
-    except Exception as error:
-        raise Refused(path, "is no USD stage") from error
-    said = None if layer is None else layer.customLayerData.get("flurries")
-    if said is None:
-        raise Refused(path, "is not a stage of this scene")
-    if said != mark:
-        raise Refused(path, "is a stage of another scene or of other frames")

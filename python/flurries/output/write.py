@@ -28,7 +28,7 @@ from flurries.output.groups import grouped
 from flurries.output.points import EXTENSIONS as USD
 from flurries.output.points import write_points
 from flurries.output.sequence import Progress, run
-from flurries.output.store import Bucket, store_of
+from flurries.output.store import store_of
 from flurries.scene.files import Frames as Numbers
 from flurries.scene.files import frames_of
 from flurries.scene.rendering import Rendering
@@ -134,12 +134,12 @@ def write(
     job = Frames(
         scene.holding() if asked.damaged == "hold" else scene, content,
         # Workers stand in folders of their own.
-        text if dask is None or isinstance(store, Bucket) else str(Path(text).absolute()), store,
-        overwrite=overwrite, listed=asked.manifest and not still, skip=asked.damaged == "skip",
+        text if dask is None or not store.local else str(Path(text).absolute()), store,
+        overwrite=overwrite, skip=asked.damaged == "skip",
     )  # fmt: skip
     heard = "none"
     if target.is_video:
-        if isinstance(store, Bucket):
+        if not store.local:
             raise ValueError(f"{pattern}: a video is written to this machine; copy it from there")
         done, heard = write_film(
             job, wanted, asked.quality, bar, sound=asked.sound, dask=dask, patience=dask_patience
@@ -166,7 +166,7 @@ def _points_of(
     given = [name for name in names if options.get(name) not in (None, False)]
     if given:
         raise ValueError(f"{text}: a USD stage holds points; it takes no {' and no '.join(given)}")
-    if isinstance(store, Bucket) or "%" in text:
+    if not store.local or "%" in text:
         raise ValueError(f"{text}: a USD stage is one file on this machine")
     wanted = frames_of(scene, frames)
     scene.require(wanted, gaps=False)
@@ -214,8 +214,6 @@ def _require_room(text: str, content: Content, *, is_video: bool) -> None:
         (content.kind in ("layers", "deep") and not exr,
          f"{content.kind} needs an EXR, got {text!r}"),
         (content.eyes is not None and not exr, f"eyes need an EXR, got {text!r}"),
-        (text.lower().endswith(".hdr"),
-         f"{text}: a .hdr picture cannot say which frame it is; take .exr"),
     ]  # fmt: skip
     for refused, why in rules:
         if refused:

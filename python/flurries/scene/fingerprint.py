@@ -117,15 +117,15 @@ class Inputs:
                 self._stills.update((file, self._told(file)) for file in _files(spec))
             else:
                 self._sequences.append(files)
-        # Not their folders, which would tell of the machine and change when a project is moved.
-        names = "\n".join(Path(spec).name for spec in specs.values())
-        self.names = hashlib.sha256(names.encode()).hexdigest()[:8]
 
     def of(self, number: int) -> str:
         """Return a hash of a frame's inputs; OSError if a file that serves all has changed."""
         for file, before in self._stills.items():
             if self._told(file) != before:
-                raise OSError(f"{file} changed while frames were made of it; run again")
+                raise OSError(
+                    f"{file} changed while frames were made of it; run again with overwrite=True "
+                    "(--overwrite)"
+                )
         told = [*self._stills.values()]
         told += [self._told(source.file(number)) for source in self._sequences]
         return short_hash(told) if told else ""

@@ -46,7 +46,6 @@ class OutputFields(TypedDict, total=False):
     deep: bool | None
     damaged: Damaged | None
     sound: bool | None
-    manifest: bool | None
 
 
 @suggesting
@@ -93,9 +92,6 @@ class Output:
     sound : bool
         Keep the sound of a film that is the background in a film, where the frames follow each
         other at its own rate.
-    manifest : bool
-        Write ``flurries.json`` beside a sequence: the frame, the scene, the size and the SHA-256 of
-        each file, see `flurries.output.manifest`.
 
     Examples
     --------
@@ -116,10 +112,9 @@ class Output:
     deep: bool = False
     damaged: Damaged = "stop"
     sound: bool = True
-    manifest: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("layers", "alone", "deep", "sound", "manifest"):
+        for name in ("layers", "alone", "deep", "sound"):
             flag(name, getattr(self, name))
         choice("damaged", self.damaged, DAMAGED)
         choice("compression", self.compression, tuple(COMPRESSIONS))

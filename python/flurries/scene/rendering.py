@@ -269,9 +269,9 @@ class Rendering(Sources):
     ) -> Summary:
         """Render frames to files: a sequence, a film or a still.
 
-        Several processes, on one machine or many, may write one sequence: each returns when all is
-        there. What a killed one was at the others or the next run make again; no file is ever
-        half-written. Fields of :class:`Output` that are not given are those of the scene's own.
+        Each file has a line in ``flurries.jsonl`` beside it, with its hash and all that it depends
+        on; no file is ever half-written, and a run that was killed goes on. Fields of
+        :class:`Output` that are not given are those of the scene's own.
 
         Parameters
         ----------
@@ -279,10 +279,9 @@ class Rendering(Sources):
             ``frames/%04d.png`` (also ``####`` and ``$F4``) or ``.exr``, ``.tif``, ``.jpg``: one
             file a frame. A name that ends in .mp4, .mov, .webm or .mkv is a video; one that ends in
             .usd, .usda or .usdc a USD stage with the flakes as points; a picture's name without a
-            token a still. What is there already and is of this very scene stays, and is made again
-            if it is damaged or if the background's file has changed since; anything else is
-            refused. Pictures also go to a url, such as ``s3://bucket/frames/%04d.png``, through
-            fsspec (``flurries[stores]`` and the store's own driver).
+            token a still. A file of this very scene stays; what somebody has changed, another
+            scene's or another background's is refused. Pictures also go to a url, such as
+            ``s3://bucket/frames/%04d.png`` (``flurries[stores]`` and the store's own driver).
         frames : str, int or iterable of int, optional
             "1-60", "1-100x2", "7", or numbers; not negative: those of the background's files. For a
             still one number will do. If not given, all that the background has, else the camera or
@@ -304,7 +303,6 @@ class Rendering(Sources):
         Returns
         -------
         Summary
-            What was written, what was there, and the files.
 
         Raises
         ------
@@ -312,8 +310,7 @@ class Rendering(Sources):
             For an unusable pattern or range, a frame number that a file or the camera does not
             have, or where something else is in the way.
         OSError
-            If something cannot be read or written; no half-written file stays. If files that serve
-            all frames change meanwhile; if files that workers have written are not here.
+            If something cannot be read or written, or files that serve all frames change meanwhile.
         TimeoutError
             If a cluster has no worker for longer than `dask_patience`.
         """

@@ -20,7 +20,7 @@ from flurries.io.pictures import metadata as header
 from flurries.io.pictures.header import reader_of
 from flurries.io.pictures.slate import Slate
 
-__all__ = ["Deep", "read_deep", "read_deep_header", "write_deep"]
+__all__ = ["Deep", "read_deep", "write_deep"]
 
 CHANNELS = ("R", "G", "B", "A", "Z", "ZBack")
 
@@ -131,15 +131,6 @@ def read_deep(path: str | os.PathLike[str]) -> Deep:
         for sample in range(count)
     ]
     return Deep(counts, np.array(values, np.float32).reshape(-1, len(CHANNELS)))
-
-
-def read_deep_header(path: str | os.PathLike[str]) -> dict[str, str]:
-    """Return the values under ``flurries:`` in the header of a deep EXR."""
-    reader = reader_of(plain_file(path), Budget())
-    try:
-        return header.get(reader.spec())
-    finally:
-        reader.close()
 
 
 def _read(path: Path) -> tuple[Any, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,6 @@ from flurries._contract import flag
 from flurries.io.color import Array, Encoding
 from flurries.io.files import Budget, plain_file, require_whole_png
 from flurries.io.oiio import last_error, let_open, openimageio
-from flurries.io.pictures import metadata
 
 # Pixels that are decoded at a time, in whole blocks of compression of so many rows.
 _CHUNK, _ROWS = 1 << 20, 256
@@ -39,8 +38,6 @@ class Header:
         The names of all channels, in file order.
     encoding : str
         ``"linear"`` for float pixels, ``"display"`` for integers.
-    metadata : dict
-        Metadata that flurries wrote, keys without ``flurries:``; empty for other pictures.
     display : (left, top, width, height) or None
         Where the display window lies in what `size` says, px; None where it is all of it.
     aspect : float
@@ -55,7 +52,6 @@ class Header:
     size: tuple[int, int]
     channels: tuple[str, ...]
     encoding: Encoding
-    metadata: dict[str, str] = field(default_factory=dict)
     display: tuple[int, int, int, int] | None = None
     aspect: float = 1.0
     rate: Fraction | None = None
@@ -231,7 +227,6 @@ def read_header(path: str | os.PathLike[str], *, overscan: bool = False) -> Head
             size=opened.size,
             channels=tuple(opened.specification.channelnames),
             encoding=opened.encoding,
-            metadata=metadata.get(opened.specification),
             display=opened.display,
             aspect=opened.aspect,
             rate=rate_of(opened.specification),

@@ -6,13 +6,10 @@ JSON. Radiance HDR holds none.
 
 from __future__ import annotations
 
-import hashlib
 import json
-import mmap
 import re
 from collections.abc import Mapping
 from numbers import Integral, Real
-from pathlib import Path
 from typing import Any
 
 from flurries._contract import mapping
@@ -25,17 +22,6 @@ FIXED_MOMENT = "2000:01:01 00:00:00"
 
 _KEY = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,59}")
 _MOMENT = re.compile(r"[0-9]{4}:[0-9]{2}:[0-9]{2} [0-9]{2}:[0-9]{2}:[0-9]{2}")
-
-
-# JPEG and TIFF have no checksums: a flipped bit there gives other pixels and no error. So a file
-# has a hash of all its bytes, with zeros in its own place. The metadata that holds it, and what
-# stands there while the file is written:
-KEY = "sha256"
-PLACE = "0" * 64
-
-_BEFORE = f'"{PREFIX}{KEY}": "'.encode()
-# A header stands at the beginning of a JPEG, and wherever it likes in a TIFF.
-_LENGTH = len(PLACE)
 
 
 def checked(metadata: Mapping[str, object] | None) -> dict[str, str]:
@@ -86,64 +72,3 @@ def put(specification: Any, strings: Mapping[str, str], format_name: str) -> Non
                 specification.attribute(PREFIX + key, text)
     elif text := description(strings):
         specification.attribute("ImageDescription", text)
-
-
-def get(specification: Any) -> dict[str, str]:
-    """Return the metadata in a picture's header, keys without the prefix; none if damaged."""
-    try:
-        return _found(specification)
-    except UnicodeDecodeError:
-        return {}
-
-
-def _found(specification: Any) -> dict[str, str]:
-    found: dict[str, str] = {}
-    said = specification.get_string_attribute("ImageDescription")
-    if said.startswith("{"):
-        try:
-            parsed = json.loads(said)
-        except (ValueError, RecursionError):
-            parsed = {}
-        found.update(
-            (key.removeprefix(PREFIX), text)
-            for key, text in parsed.items()
-            if key.startswith(PREFIX) and isinstance(text, str)
-        )
-    for attribute in specification.extra_attribs:
-        if attribute.name.startswith(PREFIX) and isinstance(attribute.value, str):
-            found[attribute.name.removeprefix(PREFIX)] = attribute.value
-    found.pop(KEY, None)
-    moment = specification.get_string_attribute("DateTime")
-    if found and moment:
-        found["DateTime"] = moment
-    return found
-
-
-def seal(path: Path) -> None:
-    """Write the hash into a file that has a place for it."""
-    with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as data:
-        at = data.find(_BEFORE)
-        if at >= 0:
-            at += len(_BEFORE)
-            data[at : at + _LENGTH] = _hash_without(data, at)
-
-
-def is_broken(path: Path) -> bool:
-    """Whether a file has a hash of itself that is not its own."""
-    if path.stat().st_size == 0:
-        return False
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        at = data.find(_BEFORE)
-        if at < 0:
-            return False
-        at += len(_BEFORE)
-        return data[at : at + _LENGTH] != _hash_without(data, at)
-
-
-def _hash_without(data: mmap.mmap, at: int) -> bytes:
-    digest = hashlib.sha256()
-    with memoryview(data) as view, view[:at] as head, view[at + _LENGTH :] as tail:
-        digest.update(head)
-        digest.update(PLACE.encode())
-        digest.update(tail)
-    return digest.hexdigest().encode()

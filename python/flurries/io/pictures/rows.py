@@ -22,7 +22,6 @@ from flurries.io.atomic import replacing
 from flurries.io.color import Array
 from flurries.io.files import require_whole_png
 from flurries.io.oiio import last_error, let_open, openimageio, packing_threads
-from flurries.io.pictures.metadata import seal
 
 # A whole number of the strips and blocks in which EXR and TIFF compress; of wide pictures, whose
 # rows take much memory, fewer.
@@ -51,8 +50,6 @@ def write_parts(
     plain = [(as_floats(specification), band) for specification, band in parts]
     with replacing(path) as temporary:
         checksums = _write(target, temporary, plain)
-        if temporary.suffix.lower() in (".tif", ".tiff"):
-            seal(temporary)
         for number, ((specification, _), sums) in enumerate(zip(plain, checksums, strict=True)):
             _verify(target, temporary, specification, sums, lossless=lossless, part=number)
         declare_integers(temporary, [specification for specification, _ in parts])
@@ -63,7 +60,6 @@ def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -
     unknown = [(np.dtype(np.uint8), 0)] * -(-specification.height // _rows(specification))
     with replacing(path) as temporary:
         temporary.write_bytes(data)
-        seal(temporary)
         _verify(os.fspath(path), temporary, specification, unknown, lossless=False)
 
 

@@ -149,10 +149,6 @@ def write_picture(
     if form.name in ("hdr", "dpx") and color.shape[2] == 1:
         color = np.broadcast_to(color, (*color.shape[:2], 3))
 
-    # Whoever says how a picture was made wants to know whether it is still that.
-    if form.name in ("jpeg", "tiff") and len(strings) > 1:
-        strings[header.KEY] = header.PLACE
-
     def band(first: int, last: int) -> Array:
         rows = None if opacity is None else opacity[first:last]
         made = _converted(color[first:last], rows, encoding, premultiplied, stored)

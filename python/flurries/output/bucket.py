@@ -1,0 +1,187 @@
+"""A bucket behind a url, or any other store that fsspec knows.
+
+A file is written on this machine, checked there and sent whole, in batches: a journal's lines about
+all files of a batch, then the files.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from flurries.io.atomic import PREFIX, has_ended, hidden_name
+from flurries.output.folder import Lines, Save, Store
+from flurries.output.journal import Entry, Journal, is_journal, part_name
+
+# Stores in which an object appears whole or not at all, whatever becomes of the sender; elsewhere
+# it is sent under a hidden name and renamed.
+_WHOLE = {"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az"}
+
+# Files that are sent together: a kill loses no more, and a journal's object a file would be dear.
+BATCH = 8
+
+# What S3 takes in parts, without a hash of the whole, bytes.
+_LARGE = 1 << 26
+
+Objects = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Bucket(Store):
+    """A store behind fsspec."""
+
+    system: Any  # fsspec's driver.
+    protocol: str  # "s3", "memory", ...
+    local = False
+    _listed: dict[str, Objects] = field(default_factory=dict, compare=False)
+
+    def __reduce__(self) -> Any:
+        return Bucket, (self.system, self.protocol)
+
+    def name_of(self, path: Path) -> str:
+        return str(self.system.unstrip_protocol(path.as_posix()))
+
+    @contextmanager
+    def _named(self, path: Path) -> Iterator[None]:
+        """Let an error of the store name the file; drivers raise errors of all kinds."""
+        try:
+            yield
+        except Exception as error:
+            reason = (isinstance(error, OSError) and error.strerror) or str(error)
+            said = f"{self.name_of(path)}: {reason or type(error).__name__}"
+            if isinstance(error, PermissionError):
+                raise PermissionError(said) from error
+            raise OSError(said) from error
+
+    def require_usable(self, path: Path) -> None:
+        with self._named(path):
+            if self.protocol not in _WHOLE:
+                self.system.makedirs(path.parent.as_posix(), exist_ok=True)
+
+    def _objects(self, folder: Path, *, anew: bool = False) -> Objects:
+        """Return what is known of the objects of a folder, by their names."""
+        key, found = folder.as_posix(), []
+        if anew or key not in self._listed:
+            with self._named(folder), suppress(FileNotFoundError):
+                found = self.system.ls(key, detail=True)
+            self._listed[key] = {Path(one["name"]).name: one for one in found}
+        return self._listed[key]
+
+    def exists(self, path: Path) -> bool:
+        return path.name in self._objects(path.parent)
+
+    def missing(self, paths: list[Path]) -> list[Path]:
+        self._listed.clear()
+        return super().missing(paths)
+
+    def holds(self, path: Path, line: Entry) -> bool:
+        found = self._objects(path.parent).get(path.name, {})
+        if found.get("size") != line["bytes"]:
+            return False
+        # What the store says of an object need not be read in it.
+        if "md5" in line and _md5_of(found) == line["md5"]:
+            return True
+        return bool(hashlib.sha256(self.read(path) or b"").hexdigest() == line["sha256"])
+
+    def read(self, path: Path, most: int | None = None) -> bytes | None:
+        with self._named(path), suppress(FileNotFoundError):
+            if most is not None and self._objects(path.parent)[path.name]["size"] > most:
+                raise OSError(f"a journal has at most {most} bytes")
+            return bytes(self.system.cat_file(path.as_posix()))
+        return None
+
+    def _put(self, data: bytes, path: Path) -> None:
+        """Send a file, whole, and see that it is there."""
+        # S3 itself refuses what is not these bytes.
+        checked = self.protocol in ("s3", "s3a") and len(data) < _LARGE
+        more = {"ContentMD5": base64.b64encode(_md5(data)).decode()} if checked else {}
+        with self._named(path), ExitStack() as stack:
+            room = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="flurries-")))
+            (room / path.name).write_bytes(data)
+            target = path if self.protocol in _WHOLE else path.with_name(hidden_name(path.suffix))
+            stack.callback(self._drop, target, path)
+            self.system.put_file(str(room / path.name), target.as_posix(), **more)
+            if target != path:
+                self.system.mv(target.as_posix(), path.as_posix())
+            if not checked and self.read(path) != data:
+                raise OSError("does not read back as what was written")
+
+    def _drop(self, target: Path, path: Path) -> None:
+        if target != path:
+            with suppress(Exception):
+                self.system.rm_file(target.as_posix())
+
+    def send(
+        self, journal: Journal, path: Path, facts: Mapping[str, Any], save: Save
+    ) -> list[Entry]:
+        with tempfile.TemporaryDirectory(prefix="flurries-") as room:
+            local = Path(room) / path.name
+            try:
+                save(local)
+            except OSError as error:
+                if error.filename is None:
+                    raise
+                # The name on this machine helps nobody.
+                raise OSError(error.errno, error.strerror, self.name_of(path)) from error
+            data = local.read_bytes()
+            entry = journal.entry(path, local, {**facts, "md5": _md5(data).hex()})
+        journal.waiting.append((path, data, entry))
+        return self.finish(journal, BATCH)
+
+    def finish(self, journal: Journal, least: int = 1) -> list[Entry]:
+        with journal.lock:
+            if len(journal.waiting) < least:
+                return []
+            batch, journal.waiting = journal.waiting, []
+        journal.append(*(entry for _, _, entry in batch))
+        for path, data, entry in batch:
+            self._put(data, path)
+            journal.placed(entry)
+        return [entry for _, _, entry in batch]
+
+    def tidy(self, folder: Path) -> None:
+        left = [name for name in self._objects(folder) if name.startswith(PREFIX)]
+        self._remove(folder, [name for name in left if has_ended(name[len(PREFIX) :][:16])])
+
+    def _remove(self, folder: Path, names: list[str]) -> None:
+        with self._named(folder), suppress(FileNotFoundError):
+            if names:
+                self.system.rm([(folder / name).as_posix() for name in names])
+
+    def journals(self, folder: Path) -> dict[str, Any]:
+        found = self._objects(folder, anew=True)
+        return {name: one["size"] for name, one in found.items() if is_journal(name)}
+
+    def append(self, folder: Path, run: str, data: bytes) -> str:
+        # Objects do not grow: each batch has its own.
+        unique = part_name(run, unique=True)
+        self._put(data, folder / unique)
+        return unique
+
+    def is_left(self, folder: Path, name: str) -> bool:
+        return True
+
+    def join(self, folder: Path, names: Iterable[str], run: str, lines: Lines) -> bool:
+        joined = list(names)
+        if len(joined) < 2:
+            return False
+        self.append(folder, run, lines(joined) or b"\n")
+        self._remove(folder, joined)
+        return True
+
+
+def _md5(data: bytes) -> bytes:
+    return hashlib.md5(data, usedforsecurity=False).digest()
+
+
+def _md5_of(found: Mapping[str, Any]) -> str:
+    """Return the MD5 of an object, in hexadecimal, where its store says it."""
+    if "md5Hash" in found:
+        return base64.b64decode(found["md5Hash"]).hex()
+    return str(found.get("ETag", "")).strip('"')
