@@ -67,7 +67,8 @@ HALF_TURN = np.arctan2(Long(0), Long(-1))
 
 SIZE, BAND = 256, (4.0, 32.0)
 DRIFT = np.array([37.25, 411.5])
-frame: Callable[..., Array] = partial(spectral.field, (SIZE, SIZE), seed=7, tile=SIZE, overlap=0)
+TORUS = spectral.Texture(tile=SIZE, overlap=0)
+frame: Callable[..., Array] = partial(spectral.field, (SIZE, SIZE), seed=7, texture=TORUS)
 
 
 def amplitude(size: int, band: tuple[float, float]) -> tuple[Array, Array, Array]:
@@ -141,7 +142,8 @@ def shutter() -> Iterator[Way]:
             total += frame(drift=DRIFT + velocity * at)
         return np.asarray(total / np.float32(count))
 
-    yield from both("sinc", partial(frame, drift=DRIFT, velocity=velocity, shutter=1.0), off)
+    blurred = spectral.Texture(tile=SIZE, overlap=0, shutter=1.0)
+    yield from both("sinc", partial(frame, drift=DRIFT, velocity=velocity, texture=blurred), off)
     for count in (1, 2, 4, 8, 16, 64):
         yield Way(f"{count} sub-frames", partial(parts, count), off)
 
@@ -152,13 +154,13 @@ SHAPE = (512, 512)
 LAGS = np.arange(1, 33)
 
 
-def _way(setting: str, error: float, **options: Any) -> Way:
+def _way(setting: str, error: float, texture: spectral.Texture) -> Way:
     """Return a frame whose error does not depend on its pixels."""
 
     def make() -> Array:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
-            return spectral.field(SHAPE, drift=(3.0, 11.0), seed=3, **options)
+            return spectral.field(SHAPE, drift=(3.0, 11.0), seed=3, texture=texture)
 
     return Way(setting, make, lambda _: error)
 
@@ -185,8 +187,8 @@ def octaves() -> Iterator[Way]:
     off = rms(continuum(2.0, 32.0))
     for count in (0.5, 1.0, 2.0, 3.0, 4.0):
         band = (32.0 / 2.0**count, 32.0)
-        how: dict[str, Any] = {"tile": 128, "overlap": 20, "wavelengths": band}
-        yield _way(f"{count:g} octaves, tile 128", off(lattice(128, band)), **how)
+        texture = spectral.Texture(tile=128, overlap=20, wavelengths=band)
+        yield _way(f"{count:g} octaves, tile 128", off(lattice(128, band)), texture)
 
 
 @axis("of opacity, rms", "each flake's Gaussian integrated over the pixels, float64")

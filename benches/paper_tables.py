@@ -84,15 +84,15 @@ class Scenery:
 
     def alpha(self, t: float) -> np.ndarray:
         """Make the texture of a frame."""
-        size, band = (self.row.texture, self.row.texture), self.band
+        size = (self.row.texture, self.row.texture)
+        torus = {"tile": size, "overlap": 0} if self.row.rain and not self.row.flying else {}
+        how = {"seed": 1, "texture": fl.spectral.Texture(**torus, **self.band)}
         if self.row.flying:
             drift = fl.camera.tile_drift(size, -self.motion * t, self.camera, near_depth=20.0)
-            return fl.spectral.alpha(size, drift=drift, seed=1, **band, **SNOW)
-        drift = t * self.velocity
-        if not self.row.rain:
-            return fl.spectral.alpha(WINDOW, drift=drift, seed=1, **band, **SNOW)
-        torus = {"velocity": self.velocity, "tile": size, "overlap": 0}
-        return fl.spectral.alpha(size, drift=drift, seed=1, **torus, **band, **RAIN)
+            return fl.spectral.alpha(size, drift=drift, **how, **SNOW)
+        how |= {"drift": t * self.velocity, "velocity": self.velocity}
+        shape, look = (size, RAIN) if self.row.rain else (WINDOW, SNOW)
+        return fl.spectral.alpha(shape, **how, **look)
 
     def windowed(self, texture: np.ndarray) -> np.ndarray:
         """Repeat a torus over the window, or show the middle of one that is larger."""

@@ -64,8 +64,8 @@ def variants() -> Calls:
     target = np.empty_like(source)
     points, radius = rivals.cloud(150_000, SIZE, 1000.0)
     camera, discs = fl.Camera(1000.0), np.empty(SHAPE, np.float32)
-    torus = np.empty((512, 512), np.float32)
-    wheel = {"tile": 512, "overlap": 0, "drift": (3.0, 9.0), "seed": 1, "out": torus}
+    wheel = {"drift": (3.0, 9.0), "seed": 1, "out": np.empty((512, 512), np.float32)}
+    wheel["texture"] = fl.spectral.Texture(tile=512, overlap=0)
     return {
         COPY: lambda: np.copyto(target, source),
         TEXTURE: texture(SHAPE),

@@ -238,7 +238,7 @@ def pictures() -> None:
 
     cloud = fl.Mist("cumulus", center=(4, -7, 34), box=(24, 9, 16), visibility=8, color=0.98)
     lit = []
-    for sun in (None, fl.Sun((0.5, 1.0, 0.2), (1.0, 0.97, 0.9), 0.18)):
+    for sun in (None, fl.scene.Sun((0.5, 1.0, 0.2), (1.0, 0.97, 0.9), 0.18)):
         scene = fl.Scene(
             picture, camera=fl.Camera(f), depth=far, sun=sun, effects=[cloud], seed=9,
         )  # fmt: skip

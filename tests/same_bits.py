@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 import flurries as fl
+import textured
 from flurries.effects import ConeRain, ConeSnow, TentRain, TentSnow
 
 RNG = np.random.default_rng
@@ -60,18 +61,18 @@ def _kernels(dtype: Any) -> dict[str, Callable[[], Any]]:
     tile = fl.cone.snow_tile(64, seed=1)
     axis = (0.1, 0.9, 0.3)
     return {
-        "alpha": lambda: fl.spectral.alpha((200, 150), preserve_mean=True, dtype=dtype, **MOVING),
-        "alpha, power 1.7": lambda: fl.spectral.alpha(
+        "alpha": lambda: textured.alpha((200, 150), preserve_mean=True, dtype=dtype, **MOVING),
+        "alpha, power 1.7": lambda: textured.alpha(
             (70, 64), power=1.7, spread=0.4, dtype=dtype, **MOVING
         ),
-        "alpha, small tiles": lambda: fl.spectral.alpha(
+        "alpha, small tiles": lambda: textured.alpha(
             (99, 97), tile=24, overlap=5, wavelengths=(2.0, 12.0), blend="linear", dtype=dtype,
             **MOVING,
         ),
-        "field, prime tile": lambda: fl.spectral.field(
+        "field, prime tile": lambda: textured.field(
             (90, 70), tile=33, overlap=7, jitter=True, dtype=dtype, **MOVING
         ),
-        "field, large tile": lambda: fl.spectral.field(
+        "field, large tile": lambda: textured.field(
             (300, 280), tile=(256, 270), wavelengths=(2.0, 90.0), dtype=dtype, **MOVING
         ),
         "volume": lambda: fl.spectral.volume(32, 32, (1.0, 5.0), seed=1, dtype=dtype),
@@ -155,7 +156,7 @@ SCENES: dict[str, fl.Scene] = {
         effects=[TentSnow(flakes=200, wind=fl.Wind((1.0, 0.0, 0.3), gusts=0.6, swirl=0.3))],
     ),
     "mist": fl.Scene(
-        PLATE, sun=fl.Sun(),
+        PLATE, sun=fl.scene.Sun(),
         effects=[fl.Mist(count=300, color=0.7, wind=(0.5, 0.0, 0.0))],
     ),
     "cone": fl.Scene(PLATE, effects=[ConeSnow(tile=128), ConeRain(tile=128)]),

@@ -18,6 +18,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "benches"))
 import accuracy
 from accuracy_axes import continuum, lattice, torus
 
+import textured
+
 PAGE = Path(__file__).parents[1] / "docs" / "internals" / "accuracy.md"
 
 
@@ -39,7 +41,7 @@ def test_the_continuum_is_the_mean_of_bessel_functions():
 
 
 def test_the_lattice_is_the_autocorrelation_of_a_tile():
-    z = fl.spectral.field((64, 64), drift=(0, 0), seed=3, overlap=0, dtype=np.float64)
+    z = textured.field((64, 64), drift=(0, 0), seed=3, overlap=0, dtype=np.float64)
     power = np.abs(np.fft.fft2(z)) ** 2
     found = np.fft.ifft2(power).real[0, 1:33] / 64**2
     assert np.abs(found - lattice(64, (4.0, 32.0))).max() < 1e-12

@@ -121,7 +121,7 @@ def test_a_ground_comes_from_files():
 
 def test_relative_depths_become_metres():
     greys = np.random.default_rng(5).integers(0, 256, (48, 64), dtype=np.uint8)
-    painted = fl.DepthMap(greys, near=2.0, far=80.0, law="inverse")
+    painted = fl.scene.DepthMap(greys, near=2.0, far=80.0, law="inverse")
     fog = Fog(visibility=50.0, seed=1)
     metres = painted.depth_of(greys / 255.0)
     assert np.allclose(

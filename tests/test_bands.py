@@ -52,7 +52,7 @@ FORWARD = fl.CameraPath(
 TURNING = fl.CameraPath(
     fl.Camera(300.0), orientation=fl.Keys([(0, (0.0, 0.0, 0.0)), (40, (0.0, 0.5, 0.2))])
 )
-SUN = fl.Sun((0.2, 1.0, 0.3))
+SUN = fl.scene.Sun((0.2, 1.0, 0.3))
 SCENES: dict[str, dict[str, Any]] = {
     "bytes": {"background": BYTES},
     "light": {"background": LIGHT, "sun": SUN},
@@ -134,12 +134,12 @@ class Own:
     honest: bool = True
     calls: Any = None
 
-    def needs(self, frame: fl.Frame) -> Any:
+    def needs(self, frame: fl.effects.Frame) -> Any:
         from flurries.frame.needs import Needs, Step
 
         return Needs((Step("own"),), by_rows=self.by_rows)
 
-    def render(self, frame: fl.Frame) -> fl.Layer:
+    def render(self, frame: fl.effects.Frame) -> fl.effects.Layer:
         if self.calls is not None:
             self.calls.append(frame.window)
         top, bottom, left, right = frame.window
@@ -147,7 +147,7 @@ class Own:
         if not self.honest:
             # Of its window, not of the frame.
             rows = rows / rows.max()
-        return fl.Layer("own", np.repeat(rows[:, None], right - left, axis=1))
+        return fl.effects.Layer("own", np.repeat(rows[:, None], right - left, axis=1))
 
 
 def test_a_window_that_is_not_the_wholes_part_would_be_seen(low: Callable[[], None]):

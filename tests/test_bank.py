@@ -108,7 +108,7 @@ def test_the_side_to_the_sun_is_bright_by_the_gas_before_it():
         color=1.0, depths=(59.99, 60.01),
     )  # fmt: skip
     way = np.array([0.48, 0.6, 0.64])
-    about = {"camera": fl.Camera(FOCAL), "sun": fl.Sun(tuple(way), ambient=0.0)}
+    about = {"camera": fl.Camera(FOCAL), "sun": fl.scene.Sun(tuple(way), ambient=0.0)}
     black = np.zeros((160, 200, 3), np.float32)
     found = fl.Scene(black, effects=[cloud], **about).layers(0.0)
     at = np.mgrid[:160, :200][::-1].T.swapaxes(0, 1) + 0.5 - [100, 80]

@@ -108,15 +108,15 @@ def test_aggregates_are_no_discs_and_differ():
 
 
 def test_a_circle_of_confusion_is_as_wide_as_a_thin_lens_makes_it():
-    lens = fl.Lens(focus=2.0, f_stop=1.4)
+    lens = fl.camera.Lens(focus=2.0, f_stop=1.4)
     long = 1000.0 * 0.036 / 1000.0
     for depth in (0.4, 1.0, 2.0, 9.0, 1e6):
         wanted = long**2 / 1.4 * abs(depth - 2.0) / (depth * (2.0 - long)) * 1000.0 / 0.036
         assert abs(lens.circle(depth, focal=1000.0, width=1000) - wanted) < 1e-9
-    far = fl.Lens(focus=math.inf, f_stop=2.0).circle(3.0, focal=1000.0, width=1000)
+    far = fl.camera.Lens(focus=math.inf, f_stop=2.0).circle(3.0, focal=1000.0, width=1000)
     assert abs(far - long**2 / 2.0 / 3.0 * 1000.0 / 0.036) < 1e-9
     with pytest.raises(ValueError, match="focus must be farther than the lens is long"):
-        fl.Lens(focus=0.02).circle(1.0, focal=1000.0, width=1000)
+        fl.camera.Lens(focus=0.02).circle(1.0, focal=1000.0, width=1000)
 
 
 @pytest.mark.parametrize("blades", [0, 6])
@@ -140,14 +140,16 @@ def test_a_lens_keeps_what_snow_covers():
     sharp = flakes()
     sums = [0.0, 0.0]
     for frame in range(0, 80, 20):
-        for index, film in enumerate((sharp, sharp.replace(lens=fl.Lens(focus=3.0, f_stop=2.0)))):
+        for index, film in enumerate(
+            (sharp, sharp.replace(lens=fl.camera.Lens(focus=3.0, f_stop=2.0)))
+        ):
             alpha = cover(film, frame)
             sums[index] += float(-np.log1p(-np.minimum(alpha, 0.999)).mean())
     assert abs(sums[1] / sums[0] - 1.0) < 0.05
 
 
 def test_a_focus_that_is_pulled_and_a_second_eye():
-    film = flakes(lens=fl.Lens(focus=fl.Keys([(0, 1.0), (40, 10.0)]), f_stop=1.8))
+    film = flakes(lens=fl.camera.Lens(focus=fl.Keys([(0, 1.0), (40, 10.0)]), f_stop=1.8))
     assert np.abs(film.render(0) - film.render(20)).max() > 0.05
     left, right = film.stereo(5, distance=0.06)
     assert np.array_equal(left, film.stereo(5, distance=0.06)[0])
@@ -157,7 +159,7 @@ def test_a_focus_that_is_pulled_and_a_second_eye():
 
 
 def test_nothing_of_shapes_and_lens_where_they_are_not_asked_for():
-    def asked(lens: fl.Lens | None, **fields: Any) -> tuple[bool, bool]:
+    def asked(lens: fl.camera.Lens | None, **fields: Any) -> tuple[bool, bool]:
         shown = fl.Scene(size=(96, 64), effects=[fl.Snow(**fields)], lens=lens)
         frame = shown.program.views(3.0)[0][1]
         near = air_of(shown.effects[0].parts.flakes.weather, frame, 1.0).closeup
@@ -165,4 +167,4 @@ def test_nothing_of_shapes_and_lens_where_they_are_not_asked_for():
 
     assert asked(None, shape="round") == (False, False)
     assert asked(None) == (True, False)
-    assert asked(fl.Lens(focus=2.0), shape="round") == (True, True)
+    assert asked(fl.camera.Lens(focus=2.0), shape="round") == (True, True)

@@ -33,11 +33,11 @@ class Slow:
     ends: bool = False
     seed: int | None = None
 
-    def render(self, frame: fl.Frame) -> fl.Layer:
+    def render(self, frame: fl.effects.Frame) -> fl.effects.Layer:
         time.sleep(self.seconds)
         if self.ends:
             os._exit(3)
-        return fl.Layer("slow", np.zeros((64, 96), np.float32))
+        return fl.effects.Layer("slow", np.zeros((64, 96), np.float32))
 
 
 SLOW = SCENE.replace(effects=[fl.effects.TentSnow("heavy", flakes=100), Slow()])
@@ -72,7 +72,7 @@ def test_an_array_has_the_frames(client: Any):
 
 
 class Never(Slow):
-    def render(self, frame: fl.Frame) -> fl.Layer:
+    def render(self, frame: fl.effects.Frame) -> fl.effects.Layer:
         raise AssertionError("rendered before anybody asked")
 
 

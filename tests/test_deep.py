@@ -39,7 +39,7 @@ SCENES = {
     "snow": scene(SNOW),
     "fog before a floor": scene(FOG, depth=FLOOR),
     "snow before a floor, behind and before a disc": scene(
-        SNOW, depth=FLOOR, foreground=fl.Foreground(DISC, depth=8.0)
+        SNOW, depth=FLOOR, foreground=fl.scene.Foreground(DISC, depth=8.0)
     ),
     "rain and the tent's snow": scene(fl.effects.TentSnow("heavy"), depth=20.0),
 }

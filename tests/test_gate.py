@@ -44,8 +44,8 @@ def python(code: str, **environment: str) -> list[str]:
 def test_a_defect_of_ours_is_an_error_of_ours():
     # What a kernel finds amiss in the arguments of the Python layer; a panic ends the same way
     # (`base::pool`).
-    assert issubclass(fl.InternalError, RuntimeError)
-    with pytest.raises(fl.InternalError, match="levels must be square"):
+    assert issubclass(fl._core.InternalError, RuntimeError)
+    with pytest.raises(fl._core.InternalError, match="levels must be square"):
         _core.cone_needed(np.zeros((2, 3), np.uint8), np.zeros((1, 1, 2), np.float32), [])
 
 
@@ -143,7 +143,7 @@ def rate(call):
     first, start = count, time.perf_counter()
     call()
     return (count - first) / (time.perf_counter() - start)
-frame = lambda: fl.spectral.alpha((600, 600), drift=(1.0, 9.0), seed=1, overlap=60)
+frame = lambda: fl.spectral.alpha((600, 600), drift=(1.0, 9.0), seed=1)
 frame()
 thread = threading.Thread(target=work); thread.start()
 print(rate(lambda: time.sleep(0.3)), rate(frame), rate(lambda: sum(range(12_000_000))))
@@ -281,7 +281,7 @@ HUGE = {
     "frame": "fl.Scene(size=(100_000, 100_000))",
     "flakes": "fl.Scene(size=(64, 64), effects=[fl.effects.TentSnow(flakes=2 * 10**7)]).render(0)",
     "field": "fl.spectral.field((2**16, 2**16), drift=(0, 0), seed=1)",
-    "tile": "fl.spectral.field((64, 64), drift=(0, 0), seed=1, tile=2**15, overlap=0)",
+    "tile": "fl.spectral.field((8, 8), seed=1, texture=fl.spectral.Texture(tile=2**15, overlap=0))",
     "tile of the scene":
         "fl.Scene(size=(64, 64), effects=[fl.effects.TentSnow(tile=2**15, flakes=0)]).render(0)",
     "tables": "fl.spectral.random_phase((2**15, 2**15), seed=1)",

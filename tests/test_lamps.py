@@ -17,7 +17,7 @@ EYE = np.zeros(3)
 SHAPE = (120, 160)
 
 
-def rows(*lamps: fl.Lamp) -> Array:
+def rows(*lamps: fl.scene.Lamp) -> Array:
     return np.array([lamp.row(0.0, np.eye(3), EYE) for lamp in lamps])
 
 
@@ -33,7 +33,7 @@ def by_hand(point: Array, lamp: Array, power: float, optics: Optics) -> float:
 
 @pytest.mark.parametrize("optics", [FLAKES, DROPS])
 def test_radiance_at_three_places(optics: Optics):
-    lamp = fl.Lamp((1.0, -2.0, 6.0), color=(1.0, 0.5, 0.25), power=20.0)
+    lamp = fl.scene.Lamp((1.0, -2.0, 6.0), color=(1.0, 0.5, 0.25), power=20.0)
     points = np.array([[0.0, 0.0, 3.0], [1.0, 0.5, 9.0], [-2.0, -1.0, 5.0]])
     found = radiance(points, rows(lamp), optics, EYE)
     for point, row in zip(points, found, strict=True):
@@ -42,7 +42,7 @@ def test_radiance_at_three_places(optics: Optics):
 
 
 def test_drawn_flakes_have_that_radiance():
-    lamp = fl.Lamp((0.7, -1.0, 5.0), power=9.0)
+    lamp = fl.scene.Lamp((0.7, -1.0, 5.0), power=9.0)
     snow = fl.Snow(
         density=1.5, flake_size=(0.08, 0.08, 0.08), color=0.0, wind=(0.0, 0.0, 0.0), fall=0.0,
         near=1.0, far=5.0, shape="round", method="simulated",
@@ -67,14 +67,14 @@ def test_drawn_flakes_have_that_radiance():
 
 
 def test_a_spot_ends_at_its_cone_and_a_sun_does_not_fade():
-    spot = fl.Lamp((0, 0, 0), direction=(0, 0, 1), angle=0.8, soft=0.25, power=5.0)
-    point = fl.Lamp((0, 0, 0), power=5.0)
+    spot = fl.scene.Lamp((0, 0, 0), direction=(0, 0, 1), angle=0.8, soft=0.25, power=5.0)
+    point = fl.scene.Lamp((0, 0, 0), power=5.0)
     inside, outside = np.array([[0.4, 0.0, 4.0]]), np.array([[2.0, 0.0, 4.0]])
     for place, whole in ((inside, True), (outside, False)):
         got = radiance(place, rows(spot), FLAKES, EYE)
         wanted = radiance(place, rows(point), FLAKES, EYE)
         assert np.allclose(got, wanted if whole else 0.0)
-    sun = rows(fl.Lamp(direction=(0, 1, 0), power=2.0))
+    sun = rows(fl.scene.Lamp(direction=(0, 1, 0), power=2.0))
     near, far = (radiance(np.array([[0.0, 0.0, z]]), sun, FLAKES, EYE) for z in (1.0, 900.0))
     assert np.allclose(near, far)
 
@@ -85,7 +85,7 @@ def test_a_carried_lamp_goes_with_the_camera():
 
     def later(**lamp: Any) -> float:
         """The light after two seconds over that of the beginning."""
-        lights = [fl.Lamp((0.5, 0.5, 0.0), power=30.0, **lamp)]
+        lights = [fl.scene.Lamp((0.5, 0.5, 0.0), power=30.0, **lamp)]
         plate = np.zeros((96, 128, 3), np.float32)
         scene = fl.Scene(plate, camera=way, effects=[snow], seed=1, lights=lights)
         first, then = (sum(scene.render(t + k).mean() for k in range(0, 25, 4)) for t in (0, 60))
@@ -98,7 +98,7 @@ def test_lamps_light_snow_and_leave_opacity():
     plate = np.full((96, 128, 3), 10, np.uint8)
     snow = fl.Snow("heavy", color="local")
     dark = fl.Scene(plate, effects=[snow], seed=1)
-    lamp = fl.Lamp((1.0, -1.0, 6.0), color=(1.0, 0.6, 0.3), power=40.0)
+    lamp = fl.scene.Lamp((1.0, -1.0, 6.0), color=(1.0, 0.6, 0.3), power=40.0)
     lit = dark.replace(lights=(lamp,))
     pair = [scene.layers(4) for scene in (dark, lit)]
     assert np.abs(pair[0].alpha - pair[1].alpha).max() < 1e-6
@@ -109,7 +109,7 @@ def test_lamps_light_snow_and_leave_opacity():
     assert np.array_equal(lit.render(4)[30:70, 20:90], lit.render(4, region=np.s_[30:70, 20:90]))
     names = {step.name for step in lit.plan(3, probe=False).steps}
     assert "snow: lamps" in names
-    off = lit.replace(lights=(fl.Lamp((1.0, -1.0, 6.0), power=0.0),))
+    off = lit.replace(lights=(fl.scene.Lamp((1.0, -1.0, 6.0), power=0.0),))
     assert np.abs(off.render(4).astype(int) - dark.render(4)).max() <= 1
 
 
@@ -117,10 +117,10 @@ def test_scene_files_have_lamps_and_a_lens(tmp_path: Any):
     scene = fl.Scene(
         "#101820", size=(64, 48), effects=[fl.Snow(color="local")],
         lights=[
-            fl.Lamp((1, 2, 3), color=(1, 0.5, 0.2), power=fl.Keys([(0, 1.0), (9, 2.0)])),
-            fl.Lamp((0, 0, 0), direction=(0, 0, 1), angle=0.5, carried=True),
+            fl.scene.Lamp((1, 2, 3), color=(1, 0.5, 0.2), power=fl.Keys([(0, 1.0), (9, 2.0)])),
+            fl.scene.Lamp((0, 0, 0), direction=(0, 0, 1), angle=0.5, carried=True),
         ],
-        lens=fl.Lens(focus=fl.Keys([(0, 1.0), (9, 4.0)]), blades=7),
+        lens=fl.camera.Lens(focus=fl.Keys([(0, 1.0), (9, 4.0)]), blades=7),
     )  # fmt: skip
     scene.save(tmp_path / "lit.toml")
     again = fl.open(tmp_path / "lit.toml")
@@ -131,9 +131,9 @@ def test_scene_files_have_lamps_and_a_lens(tmp_path: Any):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: fl.Lamp(), "needs a place, a direction"),
-        (lambda: fl.Lamp(place=(0, 0, 1), direction=(0, 0, 1)), "a spot has a place"),
-        (lambda: fl.Lamp(direction=(0, 0, 0)), "direction must not be"),
+        (lambda: fl.scene.Lamp(), "needs a place, a direction"),
+        (lambda: fl.scene.Lamp(place=(0, 0, 1), direction=(0, 0, 1)), "a spot has a place"),
+        (lambda: fl.scene.Lamp(direction=(0, 0, 0)), "direction must not be"),
         (lambda: fl.Scene(size=(8, 8), lights=[3]), "lights must be"),
         (lambda: fl.Scene(size=(8, 8), lens=2.8), "lens must be"),
     ],

@@ -121,7 +121,7 @@ def test_keys_are_closed():
 
 
 def test_a_camera_ends_where_lamps_stand():
-    lamp = fl.Lamp(place=(2.0, 0.0, 10.0), power=20.0)
+    lamp = fl.scene.Lamp(place=(2.0, 0.0, 10.0), power=20.0)
     scene = made(fl.Snow(density=20.0, color="local"), CAMERAS["flying"], lights=[lamp])
     assert "its velocity is changed by 3 a second" in scene.bent[0]
     assert np.array_equal(scene.render(0), scene.render(FRAMES))

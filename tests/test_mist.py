@@ -121,7 +121,7 @@ def test_what_stands_in_the_picture_hides_gas_behind_it():
 
 def test_the_sun_shades_the_gas():
     effect = fl.Mist("clouds", center=(0, 0, 7.0), box=4.0, scatter="even", forward=0.0)
-    dark = scene(effect, sun=fl.Sun((0, 1, 0), 1.0, ambient=0.0)).layers(0)
+    dark = scene(effect, sun=fl.scene.Sun((0, 1, 0), 1.0, ambient=0.0)).layers(0)
     layer = dark.layers["mist"].rgba
     with np.errstate(invalid="ignore", divide="ignore"):
         light = np.where(layer[..., 3] > 0.2, layer[..., 1] / layer[..., 3], np.nan)
@@ -130,14 +130,14 @@ def test_the_sun_shades_the_gas():
     top, bottom = (np.nanmean(light[r]) for r in (rows[:6], rows[-6:]))
     assert top > 2 * bottom and np.nanmax(light) <= own * 1.000001
     # Ambient light alone is the plain color; so is no sun, and a gas that is not lit.
-    flat = scene(effect, sun=fl.Sun((0, 1, 0), 1.0, ambient=1.0)).render(0)
+    flat = scene(effect, sun=fl.scene.Sun((0, 1, 0), 1.0, ambient=1.0)).render(0)
     none = scene(effect).render(0)
-    unlit = scene(replace(effect, lit=False), sun=fl.Sun()).render(0)
+    unlit = scene(replace(effect, lit=False), sun=fl.scene.Sun()).render(0)
     np.testing.assert_allclose(flat, none, atol=3e-6)
     np.testing.assert_array_equal(unlit, none)
     # Into the sun a cloud of droplets is brighter than away from it.
     into, away = (
-        scene(fl.Mist("mist", scatter="henyey"), sun=fl.Sun((0, 0.2, z), 1.0, 0.0)).render(0)
+        scene(fl.Mist("mist", scatter="henyey"), sun=fl.scene.Sun((0, 0.2, z), 1.0, 0.0)).render(0)
         for z in (-1.0, 1.0)
     )
     assert into.mean() > 3 * away.mean()
@@ -147,7 +147,7 @@ def test_light_is_computed_once_for_a_gas_and_a_light(monkeypatch):
     made: list[Any] = []
     kernel = _core.gas_light
     monkeypatch.setattr(_core, "gas_light", lambda *args: made.append(args) or kernel(*args))
-    shown = scene(fl.Mist("clouds", center=(0, 0, 6.0)), sun=fl.Sun())
+    shown = scene(fl.Mist("clouds", center=(0, 0, 6.0)), sun=fl.scene.Sun())
     for eye in (None, *stereo.eyes(shown.camera.camera, distance=0.065)):
         shown.render(4, eye=eye)
     # Nothing moves, so that the next frame is the last one.
@@ -160,7 +160,7 @@ def test_amount_fades_and_nothing_is_nothing():
     means = [cover(scene(keyed), t).mean() for t in (0, 3, 10)]
     assert means[0] == 0 and 0 < means[1] < means[2]
     for nothing in (fl.Mist(count=0), fl.Mist(density=0.0)):
-        assert not cover(scene(nothing, sun=fl.Sun())).any()
+        assert not cover(scene(nothing, sun=fl.scene.Sun())).any()
 
 
 @pytest.mark.parametrize("space", ["linear", "display"])
@@ -187,7 +187,7 @@ def test_fog_is_never_darker_than_the_sky_unless_asked(structure: float, space: 
 @pytest.mark.parametrize("structure", [0.0, 0.7])
 def test_a_lamp_lights_the_mist_around_it(structure: float):
     plate = np.full((48, 64, 3), 0.01, np.float32)
-    lamp = fl.Lamp(place=(1.0, 0.0, 4.0), power=2.0)
+    lamp = fl.scene.Lamp(place=(1.0, 0.0, 4.0), power=2.0)
     about = {"effects": [fl.Mist(visibility=12.0, box=8.0, structure=structure)], "seed": 2}
     dark, lit = (fl.Scene(plate, lights=lamps, **about).render(0) for lamps in ([], [lamp]))
     gained = (lit - dark).mean(axis=2)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from skimage.registration import phase_cross_correlation
 
-import flurries as fl
+import textured
 from every import every
 
 SIZE = 512
@@ -49,7 +49,7 @@ def test_narrow_bands_move_as_commanded(wavelength: float, angle: float):
     band = (0.97 * wavelength, 1.03 * wavelength)
     drift = STEP * band[1] * moved_by(angle)
     first, second = (
-        fl.spectral.field((SIZE, SIZE), drift=t * drift, seed=3, tile=SIZE, overlap=0,
+        textured.field((SIZE, SIZE), drift=t * drift, seed=3, tile=SIZE, overlap=0,
                           wavelengths=band)
         for t in (0.0, 1.0)
     )  # fmt: skip
@@ -60,7 +60,7 @@ def test_the_printed_sign_would_be_caught():
     # Negative control: Eq. 6 as printed moves the snow the other way.
     drift = STEP * 30.0 * moved_by(37.0)
     first, second = (
-        fl.spectral.field((SIZE, SIZE), drift=t * drift, seed=3, tile=SIZE, overlap=0,
+        textured.field((SIZE, SIZE), drift=t * drift, seed=3, tile=SIZE, overlap=0,
                           wavelengths=(29.1, 30.0))
         for t in (0.0, -1.0)
     )  # fmt: skip

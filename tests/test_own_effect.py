@@ -62,7 +62,7 @@ def test_a_kind_is_strict_about_its_keys(page: dict[str, Any], tmp_path: Path):
 
 def test_an_unregistered_effect_says_what_to_do(page: dict[str, Any], tmp_path: Path):
     kinds._registered.clear()
-    with pytest.raises(ValueError, match=r"a Ash cannot be written.*flurries\.register"):
+    with pytest.raises(ValueError, match=r"a Ash cannot be written.*flurries.effects.register"):
         page["scene"].save(tmp_path / "no.toml")
     with pytest.raises(ValueError, match=r"line \d+: kind must be one of 'snow'.*got 'ash'"):
         fl.open(tmp_path / "ash.toml")
@@ -74,7 +74,7 @@ def test_an_unregistered_effect_says_what_to_do(page: dict[str, Any], tmp_path: 
 
 
 def test_an_installed_package_names_its_effects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    code = BLOCKS[0].replace('fl.register("ash", Ash)\n', "")
+    code = BLOCKS[0].replace('fl.effects.register("ash", Ash)\n', "")
     (tmp_path / "my_package.py").write_text(code)
     told = tmp_path / "my_package-1.0.dist-info"
     told.mkdir()
@@ -104,4 +104,4 @@ def test_an_installed_package_names_its_effects(tmp_path: Path, monkeypatch: pyt
 )
 def test_what_cannot_be_registered(kind: Any, effect: Any, wanted: str):
     with pytest.raises((ValueError, TypeError), match=wanted):
-        fl.register(kind, effect)
+        fl.effects.register(kind, effect)

@@ -92,9 +92,8 @@ UNTRIED = {
     "spectral.optical_depth patterns",
     "camera.importers.read_colmap down", "augment.Fog.record image",
     # A spectrum of one's own and rings exclude each other; the other row of the function has them.
-    *(f"spectral.{name} {own}" for name in ("field", "alpha") for own in ("envelope", "rate")),
-    *(f"spectral.{name}(own) ring_{of}" for name in ("field", "alpha")
-      for of in ("edges", "gains")),
+    *(f"spectral.Texture {own}" for own in ("envelope", "rate")),
+    *(f"spectral.Texture(own) ring_{of}" for of in ("edges", "gains")),
 }  # fmt: skip
 
 
@@ -130,7 +129,7 @@ UNUSUAL = {"temporal_filter alias": "cut", "random_phase tile": (0, 0)}
 
 def test_defaults_are_the_papers():
     spectral = {name: getattr(fl.spectral, name) for name in (
-        "field", "alpha", "opacity", "temporal_filter", "tent_rate", "band_amplitude",
+        "field", "alpha", "opacity", "temporal_filter", "Texture", "tent_rate", "band_amplitude",
         "random_phase", "blend_tiles", "inverse_transform",
     )}  # fmt: skip
     for name, function in {**spectral, "tile_drift": fl.camera.tile_drift}.items():

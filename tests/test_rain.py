@@ -29,7 +29,7 @@ def black(effect: Any, size: tuple[int, int] = (512, 512), **about: Any) -> fl.S
     return Scene(np.zeros((size[1], size[0], 3), np.float32), effects=[effect], **about)
 
 
-def one(scene: fl.Scene, t: float = 0.0) -> fl.Frame:
+def one(scene: fl.Scene, t: float = 0.0) -> fl.effects.Frame:
     return scene.program.views(t)[0][1]
 
 

@@ -31,7 +31,7 @@ def spoiled(shape, place, value, dtype=np.float32):
             r"cosine must be from -1 to 1, got -2 at \[4\]",
         ),
         (
-            lambda: fl.DepthMap(spoiled((4, 6), (0, 1), np.nan), near=1.0, far=9.0),
+            lambda: fl.scene.DepthMap(spoiled((4, 6), (0, 1), np.nan), near=1.0, far=9.0),
             r"source must be from 0 to 1 everywhere, got nan at \[0, 1\]",
         ),
         (

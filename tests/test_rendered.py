@@ -59,7 +59,9 @@ def warped(values: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarr
     )
 
 
-def predicted(now: fl.Rendered, later: fl.Rendered, name: str, scale: float = 1.0) -> float:
+def predicted(
+    now: fl.scene.Rendered, later: fl.scene.Rendered, name: str, scale: float = 1.0
+) -> float:
     got, seen = warped(now.layers[name].alpha, scale * now.layers[name].motion)
     return float(np.corrcoef(got[seen], later.layers[name].alpha[seen])[0, 1])
 

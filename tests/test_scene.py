@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import pickle
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -232,21 +231,3 @@ def test_a_file_that_is_missing_or_unreadable_is_told_with_its_argument(
     (tmp_path / "text.png").write_text("no picture")
     with pytest.raises(OSError, match=rf"^{argument}: .*text\.png: the picture cannot be read"):
         fl.Scene(size=size, **{argument: tmp_path / "text.png"})
-
-
-@pytest.mark.parametrize(
-    ("call", "hint"),
-    [
-        (lambda: fl.Snow("hevy"), "did you mean 'heavy'"),
-        (lambda: fl.Lens(5.0, fstop=2.8), "did you mean 'f_stop'"),
-        (lambda: fl.Lamp((0.0, 0.0, 5.0), colr=1.0), "did you mean 'color'"),
-        (lambda: fl.DepthMap("a.png", near=1.0, farr=9.0), "did you mean 'far'"),
-        (lambda: fl.Foreground("a.png", deph=1.0), "did you mean 'depth'"),
-        (lambda: fl.Scene(size=(8, 8)).write("a.png", overwrit=True), "did you mean 'overwrite'"),
-        (lambda: fl.Scene(np.zeros((8, 9, 3)), size=(8, 9)), r"size is \(width, height\)"),
-        (lambda: fl.Scene(size=(8, 8), effects=["snow"]), r"effects\[0\] .* such as Snow\(\)"),
-    ],
-)
-def test_a_mistyped_argument_is_told_what_was_meant(call: Callable[[], object], hint: str):
-    with pytest.raises((TypeError, ValueError), match=hint):
-        call()

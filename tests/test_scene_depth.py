@@ -73,7 +73,7 @@ def test_greys_become_depths(white: str, law: str, kind: str, folder: Path):
         "uint8": GREY, "uint16": GREY.astype(np.uint16) * 257, "float": GREY / 255.0,
         "file": "grey.png", "color file": "plate.png",
     }  # fmt: skip
-    got = depth(fl.DepthMap(given[kind], white=white, law=law, **MAP))
+    got = depth(fl.scene.DepthMap(given[kind], white=white, law=law, **MAP))
     g = GREY / 255.0
     w = 1.0 - g if white == "near" else g
     want = 2.0 + 28.0 * w if law == "linear" else 1.0 / (0.5 + w * (1 / 30.0 - 0.5))
@@ -105,7 +105,7 @@ REFUSED: list[tuple[Any, str]] = [
     (np.where(FAR < 2.0, np.nan, FAR), "depth .*got nan at \\[5, 5\\]"),
     (np.where(FAR < 2.0, 0.0, FAR), "depth .*infinity where nothing stands.*got 0"),
     (np.where(FAR < 2.0, -np.inf, FAR), "depth .*got -inf"),
-    (GREY, "depth .*DepthMap"), (fl.DepthMap(GREY.T, **MAP), "depth: source must have shape"),
+    (GREY, "depth .*DepthMap"), (fl.scene.DepthMap(GREY.T, **MAP), "depth: source must have shape"),
     ("nope.exr", "nope.exr"), ("nope.%d.exr", "nope"), ("a\0b", "depth"), ("", "depth"),
     ("grey.png", "grey.png.*no float channel.*DepthMap"),
     ("hole.exr", r"hole\.exr: depth .*nan at"),
@@ -121,14 +121,17 @@ def test_refusals(folder: Path):
 
 def test_the_sun():
     for scale in (1e-90, 1.0, 1e90):
-        assert fl.Sun((0, 3 * scale, -4 * scale)).unit() == pytest.approx([0, 0.6, -0.8], abs=1e-15)
-    with pytest.raises(TypeError, match=r"sun must be a flurries\.Sun"):
+        assert fl.scene.Sun((0, 3 * scale, -4 * scale)).unit() == pytest.approx(
+            [0, 0.6, -0.8], abs=1e-15
+        )
+    with pytest.raises(TypeError, match=r"sun must be a flurries.Sun"):
         fl.Scene(size=(W, H), sun=(0, 1, 0))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("way", ["array", "file", "transform"])
 @pytest.mark.parametrize(
-    "unit, said", [("inverse", "farther than 1 m; flurries.DepthMap"), ("mm", "divide millimetres")]
+    "unit, said",
+    [("inverse", "farther than 1 m; flurries.scene.DepthMap"), ("mm", "divide millimetres")],
 )
 def test_depths_that_are_hardly_metres_are_warned_of(
     tmp_path: Path, way: str, unit: str, said: str
@@ -152,7 +155,7 @@ def test_near_and_far_metres_are_not():
     hills[:9] = np.inf
     for given in (desk, np.full((H, W), 0.7, np.float32), np.full((H, W), 900.0), hills):
         fl.Scene(size=(W, H), depth=given)
-    fl.Scene(size=(W, H), depth=fl.DepthMap(GREY, near=0.2, far=0.9))
+    fl.Scene(size=(W, H), depth=fl.scene.DepthMap(GREY, near=0.2, far=0.9))
 
 
 def test_lengths_in_other_units_are_warned_of():

@@ -29,19 +29,19 @@ class Given:
     answer: Any
     seed: int | None = None
 
-    def render(self, frame: fl.Frame) -> Any:
-        def cut(layer: fl.Layer) -> fl.Layer:
+    def render(self, frame: fl.effects.Frame) -> Any:
+        def cut(layer: fl.effects.Layer) -> fl.effects.Layer:
             rgb = None if layer.rgb is None else frame.crop(layer.rgb)
             depth = None if layer.depth is None else frame.crop(layer.depth)
-            return fl.Layer(layer.name, frame.crop(layer.alpha), layer.color, rgb, depth)
+            return fl.effects.Layer(layer.name, frame.crop(layer.alpha), layer.color, rgb, depth)
 
         if isinstance(self.answer, tuple):
             return tuple(map(cut, self.answer))
-        return cut(self.answer) if isinstance(self.answer, fl.Layer) else self.answer
+        return cut(self.answer) if isinstance(self.answer, fl.effects.Layer) else self.answer
 
 
-ONE = fl.Layer("fog", ALPHA, (0.25, 0.5, 0.75))
-MANY = fl.Layer("cloud", ALPHA, rgb=STRAIGHT * ALPHA[..., None], depth=FAR)
+ONE = fl.effects.Layer("fog", ALPHA, (0.25, 0.5, 0.75))
+MANY = fl.effects.Layer("cloud", ALPHA, rgb=STRAIGHT * ALPHA[..., None], depth=FAR)
 
 
 def decode(display: np.ndarray) -> np.ndarray:
@@ -96,7 +96,7 @@ def test_the_layers_of_a_tuple_make_the_composite(space: str):
 
 def test_names_are_unique_and_none_is_taken():
     names = ["snow", "snow2", "snow", "snow", "rgba", "depth", "x.y", "x.y"]
-    effects = [Given(tuple(fl.Layer(name, ALPHA) for name in names))]
+    effects = [Given(tuple(fl.effects.Layer(name, ALPHA) for name in names))]
     got = fl.Scene(BYTES, effects=effects).layers(0)
     assert list(got.layers) == ["snow", "snow2", "snow3", "snow4", "rgba2", "depth2", "x.y", "x.y2"]
 
@@ -105,13 +105,13 @@ WRONG = {
     "nothing": None,
     "an array": ALPHA,
     "a list with one": [ONE, 3],
-    "alpha64": fl.Layer("x", ALPHA.astype(np.float64)),
-    "alpha of another size": fl.Layer("x", ALPHA[1:]),
-    "alpha none": fl.Layer("x", None),  # type: ignore[arg-type]
-    "rgb of two": fl.Layer("x", ALPHA, rgb=STRAIGHT[..., :2]),
-    "rgb64": fl.Layer("x", ALPHA, rgb=STRAIGHT.astype(np.float64)),
-    "rgb a list": fl.Layer("x", ALPHA, rgb=STRAIGHT.tolist()),  # type: ignore[arg-type]
-    "depth64": fl.Layer("x", ALPHA, depth=FAR.astype(np.float64)),
+    "alpha64": fl.effects.Layer("x", ALPHA.astype(np.float64)),
+    "alpha of another size": fl.effects.Layer("x", ALPHA[1:]),
+    "alpha none": fl.effects.Layer("x", None),  # type: ignore[arg-type]
+    "rgb of two": fl.effects.Layer("x", ALPHA, rgb=STRAIGHT[..., :2]),
+    "rgb64": fl.effects.Layer("x", ALPHA, rgb=STRAIGHT.astype(np.float64)),
+    "rgb a list": fl.effects.Layer("x", ALPHA, rgb=STRAIGHT.tolist()),  # type: ignore[arg-type]
+    "depth64": fl.effects.Layer("x", ALPHA, depth=FAR.astype(np.float64)),
 }
 
 
@@ -121,7 +121,7 @@ def test_other_answers_are_refused_by_name(name: str):
     class Odd:
         seed: int | None = None
 
-        def render(self, frame: fl.Frame) -> Any:
+        def render(self, frame: fl.effects.Frame) -> Any:
             return WRONG[name]
 
     with pytest.raises(TypeError, match=r"effects: .*(Odd|'x')"):
@@ -129,17 +129,17 @@ def test_other_answers_are_refused_by_name(name: str):
 
 
 def test_effects_see_depth_and_sun():
-    seen: list[fl.Frame] = []
+    seen: list[fl.effects.Frame] = []
 
     @dataclass(frozen=True)
     class Looks:
         seed: int | None = None
 
-        def render(self, frame: fl.Frame) -> fl.Layer:
+        def render(self, frame: fl.effects.Frame) -> fl.effects.Layer:
             seen.append(frame)
-            return fl.Layer("x", frame.crop(ALPHA))
+            return fl.effects.Layer("x", frame.crop(ALPHA))
 
-    sun = fl.Sun((1.0, 0.0, 0.0))
+    sun = fl.scene.Sun((1.0, 0.0, 0.0))
     fl.Scene(BYTES, effects=[Looks()], depth=FAR, sun=sun).render(0, region=np.s_[3:5, :])
     fl.Scene(BYTES, effects=[Looks()]).render(0)
     assert seen[0].depth is not None and np.array_equal(seen[0].depth, FAR)

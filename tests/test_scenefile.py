@@ -66,10 +66,10 @@ SCENES: dict[str, dict[str, Any]] = {
                                     rotation=(0, 0.1, 0)),
                    position=RNG.normal(size=(4, 3)))},
     "wall and sun": {"size": (50, 40), "depth": 3.25,
-                     "sun": fl.Sun((1.0, 2.0, 3.0), (1.0, 0.5, 0.25), 0.0)},
+                     "sun": fl.scene.Sun((1.0, 2.0, 3.0), (1.0, 0.5, 0.25), 0.0)},
     "depth file": {"size": (60, 40), "depth": Path("sub/depth.exr"), "effects": [Snow(flakes=100)]},
     "map": {"size": (60, 40), "effects": [Snow(flakes=100)],
-            "depth": fl.DepthMap("sub/mask.png", near=1.0, far=np.inf, white="far",
+            "depth": fl.scene.DepthMap("sub/mask.png", near=1.0, far=np.inf, white="far",
                                  law="inverse")},
 }  # fmt: skip
 
@@ -108,10 +108,11 @@ def test_what_a_fingerprint_sees(folder: Path):
                    {"camera": fl.camera.Camera(50.0)}, {"background": "#000000", "size": (60, 40)},
                    {"effects": [replace(FULL, fall=2.0000001)]}, {"depth": 3.0}, {"depth": 4.0},
                    {"depth": "sub/depth.exr"}, {"depth": np.full((40, 60), 2.0)},
-                   {"depth": np.full((40, 60), 3.0)}, {"sun": fl.Sun()},
-                   {"sun": fl.Sun(ambient=0.5)}, {"depth": fl.DepthMap("sub/mask.png", **MAP)},
-                   {"depth": fl.DepthMap("sub/mask.png", white="far", **MAP)},
-                   {"depth": fl.DepthMap(PLATE[..., 0], **MAP)}):  # fmt: skip
+                   {"depth": np.full((40, 60), 3.0)}, {"sun": fl.scene.Sun()},
+                   {"sun": fl.scene.Sun(ambient=0.5)}, {"depth": fl.scene.DepthMap("sub/mask.png",
+                       **MAP)},
+                   {"depth": fl.scene.DepthMap("sub/mask.png", white="far", **MAP)},
+                   {"depth": fl.scene.DepthMap(PLATE[..., 0], **MAP)}):  # fmt: skip
         prints.add(fingerprint(Scene(**{**base, **change})))
     assert len(prints) == 21
     # One array or the same in a file of another name: the pixels count.
@@ -124,7 +125,7 @@ def test_what_a_fingerprint_sees(folder: Path):
 def test_a_changed_picture_is_another_scene(file: str, folder: Path):
     kinds = {"mask.png": {"background": "sub/plate.png", "foreground": "sub/mask.png"},
              "plate.png": {"background": "sub/plate.png"},
-             "grey.png": {"size": (60, 40), "depth": fl.DepthMap("sub/grey.png", **MAP)},
+             "grey.png": {"size": (60, 40), "depth": fl.scene.DepthMap("sub/grey.png", **MAP)},
              "film.5.png": {"background": "sub/film.%d.png"}}  # fmt: skip
     before = fingerprint(Scene(**kinds[file]))
     assert fingerprint(Scene(**kinds[file])) == before
@@ -136,7 +137,7 @@ def test_what_a_text_cannot_hold_is_refused(folder: Path):
     for name, scene in {
         "background": Scene(PLATE),
         "foreground": Scene(size=(60, 40), foreground=np.zeros((40, 60), np.float32)),
-        "depth": Scene(size=(60, 40), depth=fl.DepthMap(PLATE[..., 0], **MAP)),
+        "depth": Scene(size=(60, 40), depth=fl.scene.DepthMap(PLATE[..., 0], **MAP)),
         "wind: a field": Scene(effects=[Snow(wind=fl.Wind(field=np.zeros((2, 2, 2, 3))))]),
     }.items():
         with pytest.raises(ValueError, match=name):

@@ -33,7 +33,7 @@ def test_snow_over_an_acescg_plate_is_that_over_one_of_rec_709():
 
 def test_ambient_light_and_lit_fog_know_the_space():
     effects = [fl.effects.TentSnow("heavy", color="ambient"), fl.Mist("clouds")]
-    sun = fl.Sun((0.3, 1.0, 0.2), (1.0, 0.8, 0.6), 0.3)
+    sun = fl.scene.Sun((0.3, 1.0, 0.2), (1.0, 0.8, 0.6), 0.3)
     plain = fl.Scene(LIGHT, effects=effects, sun=sun).render(4)
     wide = fl.Scene(turned(LIGHT), effects=effects, sun=sun, colorspace="ACEScg").render(4)
     np.testing.assert_allclose(turned(wide, np.linalg.inv(AP1)), plain, atol=5e-5)

@@ -20,7 +20,7 @@ EFFECTS: dict[str, Any] = {
 }
 
 
-def rendered(effect: Any, **changes: Any) -> fl.Rendered:
+def rendered(effect: Any, **changes: Any) -> fl.scene.Rendered:
     given: dict[str, Any] = {"camera": FLIGHT, "effects": [effect], "depth": 40.0, "fps": 24.0}
     return fl.Scene((0.0, 0.0, 0.0), size=(W, H), **{**given, **changes}).layers(3)
 

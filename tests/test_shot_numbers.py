@@ -35,11 +35,11 @@ def shot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 class Ask:
     """An effect that paints the depth, so that a frame tells which one it got."""
 
-    def render(self, frame: fl.Frame) -> fl.Layer:
+    def render(self, frame: fl.effects.Frame) -> fl.effects.Layer:
         shown = np.zeros(frame.shape, np.float32)
         if frame.depth is not None:
             shown[...] = frame.depth / 100.0
-        return fl.Layer("ask", np.ascontiguousarray(frame.crop(shown)))
+        return fl.effects.Layer("ask", np.ascontiguousarray(frame.crop(shown)))
 
 
 def scene(**changes: object) -> fl.Scene:
@@ -171,7 +171,9 @@ def test_a_matte_with_a_depth_hides_only_what_is_behind_it():
     walls = {
         depth: fl.Scene(size=(width, height), effects=snow, depth=depth) for depth in (6.0, 1e6)
     }
-    stood = fl.Scene(size=(width, height), effects=snow, foreground=fl.Foreground(mask, depth=6.0))
+    stood = fl.Scene(
+        size=(width, height), effects=snow, foreground=fl.scene.Foreground(mask, depth=6.0)
+    )
     left, right = np.s_[:, :32], np.s_[:, 32:]
     np.testing.assert_array_equal(stood.render(5)[right], walls[6.0].render(5)[right])
     assert np.abs(stood.render(5)[left].astype(int) - plain.render(5)[left]).mean() < 2.0
@@ -184,7 +186,7 @@ def test_half_a_matte_leaves_the_mean_of_both():
     snow = [fl.Mist("fog", seed=3)]
     base = {"size": (width, height), "background": (0.0, 0.0, 0.0), "effects": snow}
     mask = np.full((height, width), 0.25, np.float32)
-    half = fl.Scene(**base, foreground=fl.Foreground(mask, depth=2.0)).render(0)
+    half = fl.Scene(**base, foreground=fl.scene.Foreground(mask, depth=2.0)).render(0)
     far = fl.Scene(**base, depth=np.full((height, width), np.inf, np.float32)).render(0)
     near = fl.Scene(**base, depth=2.0).render(0)
     np.testing.assert_allclose(half, 0.75 * far + 0.25 * near, atol=2e-6)
@@ -196,7 +198,7 @@ def test_a_picture_with_a_depth_lies_in_the_weather():
     picture[:, 20:] = (0.0, 0.8, 0.0, 1.0)
     base = {"size": (width, height), "background": (0.0, 0.0, 0.0)}
     fog = fl.Mist("fog", seed=3)
-    stood = fl.Scene(**base, effects=[fog], foreground=fl.Foreground(picture, depth=2.0))
+    stood = fl.Scene(**base, effects=[fog], foreground=fl.scene.Foreground(picture, depth=2.0))
     plate = fl.Scene(
         np.ascontiguousarray(picture[..., :3]), size=(width, height), effects=[fog], depth=2.0
     )

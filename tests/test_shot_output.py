@@ -27,7 +27,7 @@ OTHER = {
 
 
 def scene(**output: object) -> fl.Scene:
-    return fl.Scene("#203040", size=(40, 30), effects=SNOW, output=fl.Output(**output))
+    return fl.Scene("#203040", size=(40, 30), effects=SNOW, output=fl.scene.Output(**output))
 
 
 def header(file: Path) -> oiio.ImageSpec:

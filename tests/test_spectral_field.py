@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-import flurries as fl
+import textured
 import twin
 from every import every
 
@@ -44,7 +44,7 @@ def test_every_layout_is_the_twins(shape, tile: int, overlap: int, blend: str, d
     rows, cols = grid(shape, tile, overlap)
     options = {"drift": per_tile(rows, cols), "shift": (2.5, 6.5), "seed": 2**63 - 1}
     options |= {"tile": tile, "overlap": overlap, "wavelengths": wavelengths_for(tile)}
-    got = fl.spectral.field(shape, **options, blend=blend, dtype=dtype)
+    got = textured.field(shape, **options, blend=blend, dtype=dtype)
     want = twin.field(shape, **options, blend=blend, direct=tile <= 17)
     assert np.abs(got - want).max() <= LIMIT[dtype]
 
@@ -60,7 +60,7 @@ def test_gains_are_not_taken_from_the_call_before():
     ]
     for _ in range(2):
         for call in calls:
-            got = fl.spectral.field((64, 64), **options, **call)
+            got = textured.field((64, 64), **options, **call)
             assert (
                 np.abs(
                     got
@@ -130,6 +130,6 @@ def test_a_random_frame_is_the_twins(seed: int):
     for dtype, limit in LIMIT.items():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # some bands are longer than the tile
-            got = fl.spectral.field(shape, **options, dtype=dtype)
+            got = textured.field(shape, **options, dtype=dtype)
         assert got.dtype == dtype
         assert np.abs(got - want).max() <= limit

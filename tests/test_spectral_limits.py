@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
+import textured
 from every import every
 
 S = fl.spectral
@@ -29,30 +30,30 @@ def test_a_band_without_waves_is_refused(name: str, size: int):
         if name == "band_amplitude":
             S.band_amplitude((size, size))
         else:
-            getattr(S, name)((40, 30), drift=(1.0, 2.0), seed=1, tile=size, overlap=0)
+            getattr(textured, name)((40, 30), drift=(1.0, 2.0), seed=1, tile=size, overlap=0)
     assert str(size) in str(refusal.value)
 
 
 @pytest.mark.parametrize("name", ["field", "alpha"])
 def test_a_band_longer_than_the_tile_warns(name: str):
     with pytest.warns(UserWarning, match="wavelengths") as warned:
-        getattr(S, name)((40, 30), drift=(1.0, 2.0), seed=1, tile=24)
+        getattr(S, name)((40, 30), drift=(1.0, 2.0), seed=1, texture=S.Texture(tile=24))
     # Shown at the caller's line, not somewhere inside.
     assert [w.filename for w in warned] == [__file__]
 
 
 HUGE = 1.7e308
 EXTREME: dict[str, Callable[[], Any]] = {
-    **{f"drift {v}": lambda v=v: S.field((40, 30), **{**FRAME, "drift": (v, -v)})
+    **{f"drift {v}": lambda v=v: textured.field((40, 30), **{**FRAME, "drift": (v, -v)})
        for v in (1e-310, 1e15, 1e100, HUGE)},
-    "drift and shift": lambda: S.field((40, 30), **{**FRAME, "drift": (HUGE, HUGE)},
+    "drift and shift": lambda: textured.field((40, 30), **{**FRAME, "drift": (HUGE, HUGE)},
                                        shift=(HUGE, HUGE)),
-    "velocity, cut": lambda: S.field((40, 30), **FRAME, velocity=(HUGE, HUGE), alias="cut"),
-    "velocity": lambda: S.field((40, 30), **FRAME, velocity=(HUGE, HUGE), shutter=1.0),
-    "shift_rate": lambda: S.field((40, 30), **FRAME, velocity=(1.0, 1.0),
+    "velocity, cut": lambda: textured.field((40, 30), **FRAME, velocity=(HUGE, HUGE), alias="cut"),
+    "velocity": lambda: textured.field((40, 30), **FRAME, velocity=(HUGE, HUGE), shutter=1.0),
+    "shift_rate": lambda: textured.field((40, 30), **FRAME, velocity=(1.0, 1.0),
                                   shift_rate=(HUGE, -HUGE), shutter=1.0),
-    "shutter": lambda: S.field((40, 30), **FRAME, velocity=(1.0, 1.0), shutter=HUGE),
-    "velocity times shutter": lambda: S.field((40, 30), **FRAME, velocity=(1e200, 1e200),
+    "shutter": lambda: textured.field((40, 30), **FRAME, velocity=(1.0, 1.0), shutter=HUGE),
+    "velocity times shutter": lambda: textured.field((40, 30), **FRAME, velocity=(1e200, 1e200),
                                               shutter=1e200),
     "tent_rate": lambda: S.tent_rate((16, 16), (HUGE, HUGE), wavelength_max=1e-300),
     "tent_rate, tiny": lambda: S.tent_rate((16, 16), (1.0, 1.0), wavelength_max=5e-324),
@@ -87,6 +88,6 @@ def test_extreme_but_finite_numbers_never_give_nan(name: str):
 def test_a_drift_that_loses_its_phases_is_warned_of(cycles: float, warned: int):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        S.field((40, 30), **{**FRAME, "drift": (0.0, cycles * 32.0)})
+        S.field((40, 30), drift=(0.0, cycles * 32.0), seed=1)
         S.advance_phase(ONES, (cycles * 32.0, 0.0))
     assert [w.filename for w in caught] == [__file__] * (2 * warned)

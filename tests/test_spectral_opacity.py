@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
+import textured
 import twin
 from every import every
 
@@ -39,8 +40,8 @@ FIELD |= {"velocity": (5.0, 20.0), "shutter": 0.5, "alias": "soft", "shift": (1.
 @every("power", [1.0, 2.0, 2.5])
 @every(("dtype", "limit"), [(np.float64, 1e-12), (np.float32, 2e-6)])
 def test_alpha_is_opacity_of_field(dtype: type, limit: float, power: float):
-    got = fl.spectral.alpha((70, 45), **FIELD, **MAPPED, power=power, dtype=dtype)
-    steps = fl.spectral.field((70, 45), **FIELD, dtype=dtype)
+    got = textured.alpha((70, 45), **FIELD, **MAPPED, power=power, dtype=dtype)
+    steps = textured.field((70, 45), **FIELD, dtype=dtype)
     assert got.dtype == dtype and got.shape == (70, 45)
     want = fl.spectral.opacity(steps, **MAPPED, power=power)
     assert np.abs(got - want).max() <= limit
@@ -51,7 +52,7 @@ def test_alpha_is_opacity_of_field(dtype: type, limit: float, power: float):
 def blurred(c: float, shutter: float, seed: int, **options) -> np.ndarray:
     """One torus of opacity, falling at c cycles per frame at 70 degrees."""
     velocity = (32.0 * c * np.cos(1.22), 32.0 * c * np.sin(1.22))
-    return fl.spectral.alpha(
+    return textured.alpha(
         (64, 64), drift=options.pop("drift", (0.0, 0.0)), seed=seed, overlap=0, velocity=velocity,
         shutter=shutter, dtype=np.float64, **options,
     )  # fmt: skip

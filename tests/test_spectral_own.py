@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
+import textured
 import twin
 
 SHAPE, TILE, OVERLAP = (26, 31), (16, 12), 4
@@ -50,10 +51,10 @@ def summed(envelope: np.ndarray, rate: np.ndarray, time: float, seed: int) -> np
 @pytest.mark.parametrize("time", [0.0, 12.25, -3e6])
 def test_a_field_is_the_sum_of_its_waves(time: float):
     want = summed(blob(), rates(), time, 5)
-    got = fl.spectral.field(SHAPE, seed=5, envelope=blob(), rate=rates(), time=time, **SIZES)
+    got = textured.field(SHAPE, seed=5, envelope=blob(), rate=rates(), time=time, **SIZES)
     # Phases of 1e6 cycles keep 1e-10 of one.
     assert np.abs(got - want).max() < 1e-12 + 1e-14 * abs(time)
-    single = fl.spectral.field(
+    single = textured.field(
         SHAPE, seed=5, envelope=3e-9 * blob(), rate=rates(), time=time, tile=TILE, overlap=OVERLAP
     )
     assert single.dtype == np.float32 and np.abs(single - want).max() < 1e-5
@@ -69,10 +70,10 @@ def test_the_paper_is_one_spectrum_and_one_law_of_many():
     )  # fmt: skip
     paper = twin.band_amplitude(TILE, wavelengths=(3.0, 12.0))
     law = twin.tent_rate(TILE, v, wavelength_max=12.0)
-    got = fl.spectral.field(SHAPE, envelope=paper, rate=law, time=t, **options, **still)
+    got = textured.field(SHAPE, envelope=paper, rate=law, time=t, **options, **still)
     assert np.abs(got - want).max() < 1e-12
     # The spectrum alone, moved by drift and velocity as ever.
-    got = fl.spectral.field(
+    got = textured.field(
         SHAPE, envelope=paper, drift=np.multiply(v, t), velocity=v, **options, **still
     )
     assert np.abs(got - want).max() < 1e-12
@@ -80,8 +81,8 @@ def test_the_paper_is_one_spectrum_and_one_law_of_many():
 
 def test_an_alpha_is_the_opacity_of_its_field():
     own: dict[str, Any] = {"seed": 3, "envelope": blob(), "rate": rates(), "time": 2.0, **SIZES}
-    alpha = fl.spectral.alpha(SHAPE, mean=0.3, power=1.5, amount=0.8, **own)
-    field = fl.spectral.field(SHAPE, **own)
+    alpha = textured.alpha(SHAPE, mean=0.3, power=1.5, amount=0.8, **own)
+    field = textured.field(SHAPE, **own)
     assert np.array_equal(alpha, fl.spectral.opacity(field, mean=0.3, power=1.5, amount=0.8))
     out = np.empty(SHAPE)
-    assert fl.spectral.field(SHAPE, out=out, **own) is out and np.array_equal(out, field)
+    assert textured.field(SHAPE, out=out, **own) is out and np.array_equal(out, field)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
+import textured
 import twin
 from every import every
 from flurries.spectral.tiles import power_shares, tile_shares
@@ -56,7 +57,7 @@ def variance() -> dict[str, np.ndarray]:
     for blend in ("power", "linear"):
         squares = np.zeros((280, 280))
         for seed in range(400):
-            z = fl.spectral.field((280, 280), drift=(3.0, 5.0), seed=seed, blend=blend)
+            z = textured.field((280, 280), drift=(3.0, 5.0), seed=seed, blend=blend)
             squares += z.astype(np.float64) ** 2
         result[blend] = squares / 400
     return result
@@ -86,8 +87,8 @@ def test_linear_blending_dips(variance):
 def test_growing_the_picture_keeps_old_pixels(old, new, overlap: int, blend: str):
     # Tiles that stick out count whole, so a pixel changes only where a new tile reaches it.
     arguments = {"drift": (4.0, 9.0), "seed": 21, "overlap": overlap, "blend": blend}
-    before = fl.spectral.field(old, **arguments)
-    after = fl.spectral.field(new, **arguments)
+    before = textured.field(old, **arguments)
+    after = textured.field(new, **arguments)
     counts = [len(twin.tile_starts(n, overlap=overlap)) for n in old]
     kept = tuple(slice(0, min(n, c * (64 - overlap))) for n, c in zip(old, counts, strict=True))
     assert before[kept].size > 0

@@ -86,7 +86,7 @@ def test_both_eyes_at_once_have_the_bits_of_each_alone(name: str, effects: list[
     rng = np.random.default_rng(3)
     picture = rng.integers(0, 255, (96, 128, 3)).astype(np.uint8)
     depth = rng.uniform(1.0, 30.0, (96, 1)).repeat(128, axis=1) if deep else None
-    sun = fl.Sun() if name == "gas" else None
+    sun = fl.scene.Sun() if name == "gas" else None
     # The camera flies over a depth, and stands still without.
     camera = fl.CameraPath(Camera(FOCAL), velocity=(0.2, 0.0, 1.5 if deep else 0.0))
     shown = Scene(picture, camera=camera, effects=effects, depth=depth, sun=sun)

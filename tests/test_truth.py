@@ -25,7 +25,7 @@ CAMERAS: dict[str, dict[str, Any]] = {
     "turning": {"orientation": fl.Keys([(0, STILL), (40, tuple(40 * SPIN))])},
     "zooming": {"focal": fl.Keys([(0, FOCAL), (40, FOCAL + 40 * ZOOM)])},
 }
-LENSES = {"pinhole": None, "opening": fl.Lens(focus=4.0, f_stop=1.4)}
+LENSES = {"pinhole": None, "opening": fl.camera.Lens(focus=4.0, f_stop=1.4)}
 NEAR: dict[str, Any] = {"near": 1.5, "far": 8.0, "method": "simulated"}
 FLAKES: dict[str, Any] = {
     "snow": fl.Snow("heavy", wind=AIR),
@@ -58,7 +58,7 @@ def seen(kind: str, places: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarra
     return focal * x[:, :2] / x[:, 2:] + SIZE / 2, x[:, 2]
 
 
-def rendered(effect: Any, kind: str, **more: Any) -> tuple[fl.Scene, fl.Rendered, str]:
+def rendered(effect: Any, kind: str, **more: Any) -> tuple[fl.Scene, fl.scene.Rendered, str]:
     path = fl.CameraPath(fl.Camera(FOCAL), **CAMERAS[kind])
     scene = fl.Scene(
         "#203040", size=tuple(SIZE), camera=path, effects=[effect], fps=FPS, seed=5, **more

@@ -223,7 +223,7 @@ def test_a_closed_path_returns_the_frame():
         assert not np.array_equal(kept.render(0), kept.render(2))
 
 
-def one(shown: fl.Scene, t: float) -> fl.Frame:
+def one(shown: fl.Scene, t: float) -> fl.effects.Frame:
     return shown.program.views(t)[0][1]
 
 

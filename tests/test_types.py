@@ -26,7 +26,7 @@ SCENE = fl.Scene(PICTURE, effects=[TentSnow("heavy"), fl.Mist()], fps=24)
 
 def test_write_of_a_scene_has_the_options_of_an_output_and_says_them_all():
     own = inspect.signature(fl.Scene.write).parameters
-    kinds, options = get_type_hints(OutputFields), get_type_hints(fl.Output)
+    kinds, options = get_type_hints(OutputFields), get_type_hints(fl.scene.Output)
     assert list(own)[-len(kinds) :] == list(kinds) and set(kinds) == set(options)
     for name, kind in options.items():
         assert kinds[name] == kind | None
@@ -112,7 +112,7 @@ def test_help_of_an_effect_shows_fields_and_what_users_call(kind: type[Any]):
     (lambda: fl.Camera(foccal=3.0), "Camera has no 'foccal'; did you mean 'focal'?"),
     (lambda: fl.CameraPath(velocty=3.0), "CameraPath has no 'velocty'; did you mean 'velocity'?"),
     (lambda: fl.Wind(gust=3.0), "Wind has no 'gust'; did you mean 'gusts'?"),
-    (lambda: fl.Sun(directon=3.0), "Sun has no 'directon'; did you mean 'direction'?"),
+    (lambda: fl.scene.Sun(directon=3.0), "Sun has no 'directon'; did you mean 'direction'?"),
 ])  # fmt: skip
 def test_a_mistyped_argument_is_answered_with_the_nearest(call: Any, near: str):
     with pytest.raises(TypeError, match=re.escape(near)):

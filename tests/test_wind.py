@@ -26,7 +26,7 @@ WINDS = {
 LENS = Camera(FOCAL)
 
 
-def one(shown: fl.Scene, t: float, effect: int = 0) -> fl.Frame:
+def one(shown: fl.Scene, t: float, effect: int = 0) -> fl.effects.Frame:
     return shown.program.views(t)[effect][1]
 
 

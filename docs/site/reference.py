@@ -34,11 +34,9 @@ def write(folder: Path) -> None:
     pages: dict[str, list[tuple[str, str]]] = {"scene": [], "effects": []}
     for name in fl.__all__:
         thing = getattr(fl, name)
-        if name == "effects":
-            own = [one for one in public(thing) if one not in fl.__all__]
-            pages[name] += [("flurries.effects", one) for one in own]
-        elif inspect.ismodule(thing):
-            pages[name] = [(f"flurries.{name}", own) for own in public(thing)]
+        if inspect.ismodule(thing):
+            own = [one for one in public(thing) if name not in SENTENCES or one not in fl.__all__]
+            pages[name] = pages.get(name, []) + [(f"flurries.{name}", one) for one in own]
         else:
             kind = "effects" if hasattr(thing, "preset") else "scene"
             pages[kind].append(("flurries", name))

@@ -20,13 +20,13 @@ TABLES = (
     ("The scene", "", fl.Scene, tables.SCENE),
     ("[camera]: the lens", "camera", fl.Camera, tables.LENS),
     ("[camera]: its way", "camera", fl.CameraPath, tables.WAY),
-    ("[depth]: a grey picture as a depth", "depth", fl.DepthMap, tables.DEPTH),
-    ("[sun]", "sun", fl.Sun, [field.name for field in fields(fl.Sun)]),
+    ("[depth]: a grey picture as a depth", "depth", fl.scene.DepthMap, tables.DEPTH),
+    ("[sun]", "sun", fl.scene.Sun, [field.name for field in fields(fl.scene.Sun)]),
     (
         "[output]: how frames are written",
         "output",
-        fl.Output,
-        [field.name for field in fields(fl.Output)],
+        fl.scene.Output,
+        [field.name for field in fields(fl.scene.Output)],
     ),
     ("wind = {...}", "wind", fl.Wind, tables.WIND),
 )

@@ -13,7 +13,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from flurries import _build as _build
-from flurries._core import InternalError
 from flurries._threads import set_threads, settings
 
 if TYPE_CHECKING:
@@ -26,24 +25,17 @@ if TYPE_CHECKING:
         gas,
         io,
         particles,
+        scene,
         spectral,
         stereo,
     )
     from flurries.camera import Camera
-    from flurries.camera.optics import Lens
     from flurries.camera.path import CameraPath
-    from flurries.effects import Mist, Rain, Snow, register
-    from flurries.frame.layer import Layer
-    from flurries.frame.truth import Rendered
-    from flurries.frame.view import Frame
-    from flurries.light.lamp import Lamp, Sun
+    from flurries.effects import Mist, Rain, Snow
     from flurries.motion.keys import Keys
     from flurries.motion.wind import Wind
     from flurries.scene import Scene, open
-    from flurries.scene.depth import DepthMap
     from flurries.scene.flakes import flakes
-    from flurries.scene.foreground import Foreground
-    from flurries.scene.output import Output
     from flurries.viewer import view
 
     __version__: str
@@ -51,21 +43,11 @@ if TYPE_CHECKING:
 __all__ = [
     "Camera",
     "CameraPath",
-    "DepthMap",
-    "Foreground",
-    "Frame",
-    "InternalError",
     "Keys",
-    "Lamp",
-    "Layer",
-    "Lens",
     "Mist",
-    "Output",
     "Rain",
-    "Rendered",
     "Scene",
     "Snow",
-    "Sun",
     "Wind",
     "augment",
     "camera",
@@ -77,7 +59,7 @@ __all__ = [
     "io",
     "open",
     "particles",
-    "register",
+    "scene",
     "set_threads",
     "settings",
     "spectral",
@@ -88,29 +70,12 @@ __all__ = [
 
 # Where the names come from that are imported when somebody asks for them: kernels alone need no
 # scenes, and `import flurries` takes little more than NumPy.
-_FROM = {
-    "Camera": "camera",
-    "CameraPath": "camera.path",
-    "DepthMap": "scene.depth",
-    "Foreground": "scene.foreground",
-    "Output": "scene.output",
-    "flakes": "scene.flakes",
-    "Frame": "frame.view",
-    "Keys": "motion.keys",
-    "Layer": "frame.layer",
-    "Rendered": "frame.truth",
-    "Scene": "scene",
-    "open": "scene",
-    "Lamp": "light.lamp",
-    "Lens": "camera.optics",
-    "Sun": "light.lamp",
-    "Wind": "motion.wind",
-    "view": "viewer",
-    "register": "effects",
-    "Mist": "effects",
-    "Rain": "effects",
-    "Snow": "effects",
-}
+_MODULES = {
+    "camera": ("Camera",), "camera.path": ("CameraPath",), "effects": ("Mist", "Rain", "Snow"),
+    "motion.keys": ("Keys",), "motion.wind": ("Wind",), "scene": ("Scene", "open"),
+    "scene.flakes": ("flakes",), "viewer": ("view",),
+}  # fmt: skip
+_FROM = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:

@@ -73,9 +73,7 @@ def warn_of_units(name: str, plane: Array) -> None:
     if far < 2.0 * near or far == np.inf:
         return
     if far <= 1.0:
-        message = (
-            "nothing is farther than 1 m; flurries.DepthMap makes depth of inverse depth or greys"
-        )
+        message = "nothing is farther than 1 m; flurries.scene.DepthMap makes depth of greys"
     elif near > _FARTHEST_NEAR and far <= _MOST_MILLIMETRES:
         message = f"nothing is nearer than {_FARTHEST_NEAR:g} m; divide millimetres by 1000"
     else:

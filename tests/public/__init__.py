@@ -35,8 +35,8 @@ PARTS = {f"effects.{name}" for name in (
 
 # Classes that functions return and nobody makes.
 RESULTS = {
-    "Frame", "InternalError", "Layer", "Rendered", "augment.Weathered", "augment.corrupt.Corrupted",
-    "cone.Path", "cone.Rays", "cone.State",
+    "augment.Weathered", "augment.corrupt.Corrupted",
+    "cone.Path", "cone.Rays", "cone.State", "effects.Frame", "effects.Layer", "scene.Rendered",
     "io.Header", "io.Picture", "io.Source", "io.layers.deep.Deep",
     "output.write.Summary",
 }  # fmt: skip

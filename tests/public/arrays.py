@@ -32,14 +32,16 @@ MATRICES = np.stack([np.eye(4)] * 3)
 MATRICES[:, 0, 3] = (0.0, 1.0, 2.0)
 
 SIGHT: dict[str, Any] = {"shape": SHAPE, "camera": LENS}
-FRAME: dict[str, Any] = {
-    "shape": SHAPE, "seed": 1, "tile": 20, "overlap": 4, "wavelengths": (4.0, 16.0), "shutter": 0.5,
-    "alias": "soft", "drift": np.array([3.0, 9.0]), "shift": np.array([1.0, 0.0]),
-    "velocity": np.array([1.0, 4.0]), "shift_rate": np.array([0.0, 1.0]),
-    "shortest": np.full((2, 2), 5.0), "ring_edges": np.array([4.0, 8.0, 16.0]),
-    "ring_gains": np.array([1.0, 0.5]),
+WAVES: dict[str, Any] = {
+    "tile": 20, "overlap": 4, "wavelengths": (4.0, 16.0), "shutter": 0.5, "alias": "soft",
 }  # fmt: skip
-OWN = {name: value for name, value in FRAME.items() if not name.startswith("ring")}
+RINGS = {"ring_edges": np.array([4.0, 8.0, 16.0]), "ring_gains": np.array([1.0, 0.5])}
+OWN = {"envelope": RNG.random((20, 20)), "rate": fl.spectral.tent_rate((20, 20), (1, 2))}
+FRAME: dict[str, Any] = {
+    "shape": SHAPE, "seed": 1, "drift": np.array([3.0, 9.0]), "shift": np.array([1.0, 0.0]),
+    "velocity": np.array([1.0, 4.0]), "shift_rate": np.array([0.0, 1.0]),
+    "shortest": np.full((2, 2), 5.0), "texture": fl.spectral.Texture(**WAVES, **RINGS),
+}  # fmt: skip
 FLAKES: dict[str, Any] = {
     **SIGHT, "points": POINTS, "radius": 1.0 + FEW, "opacity": FEW,
     "velocity": RNG.random((COUNT, 3)), "depth": DEPTH, "shutter": 0.5,
@@ -59,9 +61,6 @@ NOT_MOTIONS = tuple(
 MOTIONS: dict[str, tuple[Any, ...]] = {
     "drift": NOT_MOTIONS, "shift": NOT_MOTIONS, "velocity": (*NOT_MOTIONS, None),
     "shift_rate": NOT_MOTIONS, "shortest": (np.full((2, 3), 5.0), 5.0),
-    "ring_edges": ((4.0, 8.0), (4.0, 4.0, 32.0), (8.0, 4.0, 32.0), (4.0,), None),
-    "ring_gains": ((1.0, 1.0, 1.0), (0.0, 0.0), (1.0, -1.0)),
-    "overlap": (-1, 1.5, 20, 21, np.int64(20)),
 }  # fmt: skip
 NO_AXIS: dict[str, tuple[Any, ...]] = {"axis": ((0, 0, 0), (0, 1)), "slope": (-1.0,)}
 NO_TILE: dict[str, tuple[Any, ...]] = {
@@ -110,16 +109,21 @@ CALLS: dict[str, Call] = {
     "spectral.field": Call(FRAME, refused=MOTIONS),
     # A drift for each ring of each tile.
     "spectral.alpha": Call({**FRAME, "drift": 9.0 * RNG.random((2, 2, 2, 2))}, refused=MOTIONS),
+    "spectral.Texture": Call(
+        {**WAVES, **RINGS}, then=lambda made: fl.spectral.field(**{**FRAME, "texture": made}),
+        refused={"ring_edges": ((4.0, 8.0), (4.0, 4.0, 32.0), (8.0, 4.0, 32.0), (4.0,), None),
+                 "ring_gains": ((1.0, 1.0, 1.0), (0.0, 0.0), (1.0, -1.0)),
+                 "overlap": (-1, 1.5, 20, 21, np.int64(20))},
+    ),
     # A spectrum and a motion of one's own.
-    **{f"spectral.{name}(own)": Call(
-        {**OWN, "envelope": RNG.random((20, 20)), "time": 2.5,
-         "rate": fl.spectral.tent_rate((20, 20), (1, 2))},
-        of=made, unused=("exponent",),
-        refused={**MOTIONS, "ring_edges": ((4.0, 8.0, 16.0),), "ring_gains": ((1.0, 0.5),),
-                 "jitter": (True,), "preserve_mean": (True,),
-                 "envelope": (np.ones((20, 19)), np.zeros((20, 20)), -np.ones((20, 20))),
-                 "rate": (np.ones((20, 19)), np.ones((20, 20)))},
-    ) for name, made in (("field", fl.spectral.field), ("alpha", fl.spectral.alpha))},
+    "spectral.Texture(own)": Call(
+        {**WAVES, **OWN}, of=fl.spectral.Texture, unused=("exponent",),
+        then=lambda made: fl.spectral.field(**{**FRAME, "texture": made, "time": 2.5}),
+    ),
+    "spectral.alpha(own)": Call(
+        {**FRAME, "texture": fl.spectral.Texture(**WAVES, **OWN), "time": 2.5},
+        of=fl.spectral.alpha, refused={**MOTIONS, "preserve_mean": (True,)},
+    ),
     "spectral.opacity": Call(
         {"field": 4.0 * COVER - 2.0}, keeps="field",
         refused={"field": (np.ones(16), np.ones((0, 4)))}, takes={"field": ("NaN",)}

@@ -104,19 +104,19 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
                         Keys([(0, (0.0, 1.0))]), Keys([(0, 1.0)])),
     },
     "CameraPath(velocity)": {"velocity": (*VECTOR, [[1, 2, 3]], [(1,), (1, 2), 3])},
-    "DepthMap": {
+    "scene.DepthMap": {
         "near": (0.0, "1"), "far": (1.0, INF), "white": ("black",), "law": ("log",),
         "source": (3, np.ones((4, 4), int), np.zeros((4, 0), np.uint8), np.full((4, 4), 2.0),
                    np.full((4, 4), NAN), np.ones((4, 4, 3))),
     },
-    "Sun": {
+    "scene.Sun": {
         "direction": ((0.0, 0.0, 0.0), (1.0, 0.0), (1.0, NAN, 0.0)), "ambient": (1.5,),
         "color": (1.5, (0.5, -0.1, 0.5), "white"),
     },
-    "Lens": {
+    "camera.Lens": {
         "focus": (0.0,), "f_stop": (-1.0,), "blades": (2,), "sensor": (0.0,),
     },
-    "Lamp": {
+    "scene.Lamp": {
         "place": ((0, 0), (0, 0, NAN)), "power": (-1.0,), "color": ((-1, 0, 0),), "radius": (0.0,),
     },
     "spectral.flake_patterns": {

@@ -60,10 +60,10 @@ CALLS: dict[str, Call] = {
         then=lambda scene: scene.render(3), pictures=("background", "foreground"), light=True,
         floats=("depth",), takes={"foreground": ("bool", "NaN")}, loose=True),
     "open": Call({"path": "scene.toml"}),
-    "DepthMap": Call(
+    "scene.DepthMap": Call(
         {"source": COVER, "near": 2.0, "far": 50.0}, pictures=("source",),
         then=lambda source: fl.Scene(size=(30, 24), depth=source).depth_at(0)),
-    "Foreground": Call({"source": "picture.png", "depth": 4.0}, loose=True),
+    "scene.Foreground": Call({"source": "picture.png", "depth": 4.0}, loose=True),
     "CameraPath": Call(
         {"camera": LENS, "position": POINTS[:3], "orientation": 0.1 * POINTS[:3]},
         then=lambda way: (way.place(1.5, fps=30.0), way.turn(1.5))),
@@ -71,10 +71,10 @@ CALLS: dict[str, Call] = {
         {"camera": LENS, "velocity": (0.0, 0.0, 1.0)}, of=fl.CameraPath,
         then=lambda way: way.place(1.5, fps=30.0)),
     "Keys": Call({"keys": [(0, 1.0), (9, 2.0)]}),
-    "Sun": Call({}),
-    "Lamp": Call({"place": (1.0, -2.0, 6.0)}),
-    "Lens": Call({"focus": 4.0}, infinite=("focus",), refused={"blades": (2,)}),
-    "Output": Call({"bits": "float", "motion": "y-up"}, loose=True),
+    "scene.Sun": Call({}),
+    "scene.Lamp": Call({"place": (1.0, -2.0, 6.0)}),
+    "camera.Lens": Call({"focus": 4.0}, infinite=("focus",), refused={"blades": (2,)}),
+    "scene.Output": Call({"bits": "float", "motion": "y-up"}, loose=True),
     "Wind": Call({"mean": (1.0, 0.0, 0.0), "gusts": 0.5}),
     "Snow": Call({}),
     "effects.TentSnow": Call({}),
@@ -83,7 +83,7 @@ CALLS: dict[str, Call] = {
     "Mist": Call({}),
     "effects.ConeSnow": Call({}),
     "effects.ConeRain": Call({}, refused={"spread": (-1.0,)}),
-    "register": Call({"kind": "ash", "effect": fl.Mist}, words=("kind",)),
+    "effects.register": Call({"kind": "ash", "effect": fl.Mist}, words=("kind",)),
     # Files.
     "spectral.export_loop": Call(
         {"pattern": "loop/%02d.png", "frames": 2, "shape": (16, 16), "velocity": ASIDE[:2],

@@ -110,7 +110,7 @@ def jobs(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
         fl.effects.TentSnow(wind=wind), fl.effects.TentRain(), fl.Mist(count=40),
         fl.effects.ConeSnow(), fl.effects.ConeRain(),
     ]  # fmt: skip
-    scene = fl.Scene("#304050", size=(56, 40), camera=camera, effects=effects, sun=fl.Sun())
+    scene = fl.Scene("#304050", size=(56, 40), camera=camera, effects=effects, sun=fl.scene.Sun())
     scene.save(folder / "a.toml")
     scene.write(folder / "out" / "%d.png", "1-3")
     (folder / "out" / NAME).rename(folder / "a.json")

@@ -210,7 +210,7 @@ def distances_of(
         if given.dtype.kind != "f":
             raise TypeError(
                 "depth must be a number, an array of float in metres or a DepthMap, got "
-                f"{given.dtype}; relative depths become metres through flurries.DepthMap"
+                f"{given.dtype}; relative depths become metres through flurries.scene.DepthMap"
             )
         with np.errstate(over="ignore"):
             plane = given.astype(np.float32)

@@ -26,7 +26,7 @@ _STREAM = 7002
 # Points of the field along the longer side; its waves have 16 to 120 of them.
 _POINTS = 120
 _BAND = (16.0, 120.0)
-_TILE = 240
+_UNEVEN = spectral.Texture(wavelengths=_BAND, exponent=1.5, tile=240, overlap=60)
 
 # Half the normal law's quantiles, for means over all densities.
 _QUANTILES = 33
@@ -57,10 +57,7 @@ class Patches:
         cell = max(shape) / _POINTS
         size = (math.ceil(shape[0] / cell) + 2, math.ceil(shape[1] / cell) + 2)
         drift = (np.asarray(self.wind) * time) * _POINTS
-        made = spectral.field(
-            size, drift=drift, seed=seed, tile=_TILE, overlap=_TILE // 4, wavelengths=_BAND,
-            exponent=1.5,
-        )  # fmt: skip
+        made = spectral.field(size, drift=drift, seed=seed, texture=_UNEVEN)
         return made, cell, self.strength
 
 

@@ -47,8 +47,8 @@ class Weather(Several):
         depth : float, (H, W) float or DepthMap, optional
             How far away what is seen is: metres, infinity where nothing stands, 0 or NaN where it
             is not known and the nearest pixel of the row that has one is taken; relative depths
-            through :class:`flurries.DepthMap`. Without it `ground` is taken, and without that all
-            is as far as the sky.
+            through :class:`flurries.scene.DepthMap`. Without it `ground` is taken, and without that
+            all is as far as the sky.
         return_layer : bool
             Also return the weather alone.
         out : like `image`, optional

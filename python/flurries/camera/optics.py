@@ -56,7 +56,7 @@ class Lens:
     Examples
     --------
     >>> import flurries as fl
-    >>> lens = fl.Lens(focus=4.0, f_stop=1.8, blades=6)
+    >>> lens = fl.camera.Lens(focus=4.0, f_stop=1.8, blades=6)
     >>> round(lens.circle(1.0, focal=1200.0, width=1000), 1)
     21.8
     """

@@ -13,12 +13,16 @@ from flurries.effects.tent_rain import TentRain
 from flurries.effects.tent_snow import TentSnow
 from flurries.effects.texture import Texture
 from flurries.effects.veil import Veil
+from flurries.frame.layer import Layer
+from flurries.frame.view import Frame
 
 __all__ = [
     "ConeRain",
     "ConeSnow",
     "Field",
     "Flakes",
+    "Frame",
+    "Layer",
     "Mist",
     "Motion",
     "Precipitation",

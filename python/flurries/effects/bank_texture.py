@@ -21,8 +21,8 @@ from flurries.camera.tiles import tile_drift, tile_shift
 from flurries.effects.motion import comes_nearer
 from flurries.frame.view import Frame
 from flurries.motion.keys import Vector
-from flurries.spectral.request import NOWHERE, request
-from flurries.spectral.tables import SOFT_FROM
+from flurries.spectral.request import request
+from flurries.spectral.texture import Texture
 
 # Amplitudes fall as k^(-11/6), their squares as k^(-11/3), down to waves of 4 px.
 EXPONENT, SHORTEST = 11.0 / 6.0, 4.0
@@ -115,12 +115,10 @@ class Waves:
         if not math.isinf(outer):
             edges = np.geomspace(*band, RINGS + 1)
             gains = _gain(np.sqrt(edges[1:] * edges[:-1]), scale * outer)
-        asked = request(
-            out.shape, drift=NOWHERE, shift=shift(frame), seed=seed, **sizes, wavelengths=band,
-            exponent=EXPONENT, velocity=None, shift_rate=None, alias="keep", soft_from=SOFT_FROM,
-            shutter=0.0, jitter=False, shortest=None, ring_edges=edges, ring_gains=gains,
-            blend="power", enveloped=False,
-        )  # fmt: skip
+        texture = Texture(
+            wavelengths=band, exponent=EXPONENT, ring_edges=edges, ring_gains=gains, **sizes
+        )
+        asked = request(out.shape, texture, shift=shift(frame), seed=seed)
         lap = frame.lap
         if lap is not None:
             begin, end = (shift(frame.later(t - frame.t)) for t in (lap.first, lap.end))

@@ -21,14 +21,13 @@ from flurries.effects.resolution import TUNED
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.spectral.motion import tile_motions
-from flurries.spectral.request import Request
-from flurries.spectral.tables import FAR, SOFT_FROM, Aliasing, warn_far, warn_long, wave_depth
-from flurries.spectral.tiles import power_shares
+from flurries.spectral.request import Request, request_of
+from flurries.spectral.tables import FAR, Aliasing, warn_far, warn_long, wave_depth
+from flurries.spectral.texture import Texture
+from flurries.spectral.tiles import Blend, power_shares
 
 # Mean, spread, power and amount of the map from field to opacity.
 Map = tuple[float, float, float, float]
-
-_NONE = np.empty(0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,7 +42,7 @@ class Field:
     near_depth: float
     tile: int | None
     overlap: int | None
-    blend: str
+    blend: Blend
     alias: Aliasing
     jitter: bool
     streaks: bool = False  # Whether tiles are as large as streaks need to move.
@@ -116,28 +115,15 @@ class Field:
         cycles = max(float(drift.max()), -float(drift.min())) / band[1]
         if cycles > FAR:
             warn_far(cycles, stacklevel=4)
-        return Request(
-            shape=frame.shape,
-            tile=tile,
-            overlap=overlap,
-            blend=self.blend,
-            wavelengths=band,
-            exponent=self.exponent,
-            seed=frame.seed,
-            jitter=self.jitter,
-            ring_edges=_NONE if edges is None else edges,
-            ring_gains=_NONE,
-            drift=drift,
-            shift=shift,
-            velocity=velocity,
-            shift_rate=shift_rate,
-            alias=self.alias,
-            soft_from=SOFT_FROM,
-            shutter=way.shutter,
-            shortest=self._limits(frame, layout, shortest),
-            window=frame.window,
-            lap=self._lap(frame, shortest),
-        )
+        texture = Texture(
+            tile=tile, overlap=overlap, blend=self.blend, wavelengths=band, exponent=self.exponent,
+            jitter=self.jitter, ring_edges=edges, alias=self.alias, shutter=way.shutter,
+        )  # fmt: skip
+        return request_of(
+            texture, frame.shape, frame.seed, drift=drift, shift=shift, velocity=velocity,
+            shift_rate=shift_rate, shortest=self._limits(frame, layout, shortest),
+            window=frame.window, lap=self._lap(frame, shortest),
+        )  # fmt: skip
 
     def _lap(self, frame: Frame, shortest: Float64 | None) -> tuple[Float64, Float64, float] | None:
         """Return drift and shift over a film that begins again, and how much of it has passed."""

@@ -88,8 +88,8 @@ class Lamp:
     Examples
     --------
     >>> import flurries as fl
-    >>> street = fl.Lamp((2.0, -3.0, 8.0), color=(1.0, 0.6, 0.25), power=60.0)
-    >>> car = fl.Lamp((0.6, 0.8, 0.0), direction=(0, 0.05, 1), angle=0.6, power=300, carried=True)
+    >>> street = fl.scene.Lamp((2.0, -3.0, 8.0), color=(1.0, 0.6, 0.25), power=60.0)
+    >>> car = fl.scene.Lamp((0.6, 0.8, 0), direction=(0, 0, 1), angle=0.6, power=300, carried=True)
     """
 
     place: Any = None

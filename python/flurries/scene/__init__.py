@@ -1,6 +1,11 @@
-"""The scene: a frame is a pure function of it and the frame number."""
+"""A scene, of which a frame is a pure function, and what it is made of beside its effects."""
 
+from flurries.frame.truth import Rendered
+from flurries.light.lamp import Lamp, Sun
+from flurries.scene.depth import DepthMap
+from flurries.scene.foreground import Foreground
+from flurries.scene.output import Output
 from flurries.scene.scene import Scene
 from flurries.scene.scene import open_scene as open
 
-__all__ = ["Scene", "open"]
+__all__ = ["DepthMap", "Foreground", "Lamp", "Output", "Rendered", "Scene", "Sun", "open"]

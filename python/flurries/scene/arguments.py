@@ -92,6 +92,6 @@ def lights_of(lights: Any) -> tuple[Lamp, ...]:
     if isinstance(lights, Lamp):
         return (lights,)
     if not isinstance(lights, (list, tuple)) or not all(isinstance(one, Lamp) for one in lights):
-        raise TypeError(f"lights must be a sequence of flurries.Lamp, got {lights!r}")
+        raise TypeError(f"lights must be a sequence of flurries.scene.Lamp, got {lights!r}")
     require_few("lights", lights, MOST_LIGHTS)
     return tuple(lights)

@@ -49,7 +49,7 @@ class Foreground:
     >>> import numpy as np, flurries as fl
     >>> mask = np.zeros((48, 64), np.uint8)
     >>> mask[20:, 30:] = 255
-    >>> actor = fl.Foreground(mask, depth=4.0)
+    >>> actor = fl.scene.Foreground(mask, depth=4.0)
     >>> scene = fl.Scene(size=(64, 48), foreground=[actor], effects=[fl.Snow("heavy")])
     >>> scene.render(0).shape
     (48, 64, 3)

@@ -96,7 +96,8 @@ class Output:
     Examples
     --------
     >>> import flurries as fl
-    >>> scene = fl.Scene("#203040", size=(64, 48), output=fl.Output(bits="float", motion="y-up"))
+    >>> floats = fl.scene.Output(bits="float", motion="y-up")
+    >>> scene = fl.Scene("#203040", size=(64, 48), output=floats)
     >>> scene.output.bits
     'float'
     """

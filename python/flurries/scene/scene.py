@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -248,7 +248,7 @@ class Scene(Rendering):
     def __reduce__(self) -> tuple[Any, ...]:
         # What it was made from, not what was made of it: a color is not a picture of it.
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
-        return _scene_of, (values,)
+        return partial(Scene, **values), ()
 
     def replace(self, **changes: Any) -> Scene:
         """Return the scene with some arguments changed."""
@@ -342,7 +342,3 @@ def expect_scene(scene: object) -> Scene:
     if not isinstance(scene, Scene):
         raise TypeError(f"scene must be a flurries.Scene, got {type(scene).__name__}")
     return scene
-
-
-def _scene_of(values: dict[str, Any]) -> Scene:
-    return Scene(**values)

@@ -24,11 +24,13 @@ from flurries.spectral.tables import (
     tent_rate,
     velocity_from_paper,
 )
+from flurries.spectral.texture import Texture
 from flurries.spectral.tiles import blend_tiles, inverse_transform, opacity, tile_starts
 from flurries.spectral.volume import loop, volume
 
 __all__ = [
     "BANDS",
+    "Texture",
     "advance_phase",
     "alpha",
     "band_amplitude",

@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple, cast
 
 import numpy as np
-import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import LARGEST, Array, Float64, bounded, real, table
+from flurries._contract import LARGEST, Array, Float64, real
+from flurries.spectral.envelope import amplitude_of, odd_rate
 from flurries.spectral.request import Request
 from flurries.spectral.tables import (
     band_amplitude,
@@ -20,10 +20,8 @@ from flurries.spectral.tables import (
     temporal_gain,
     tent_rate,
 )
+from flurries.spectral.texture import Texture
 from flurries.spectral.tiles import Blend, blend_tiles, starts
-
-# Of the largest rate: how far a table of rates may be from odd, which is rounding.
-_ROUNDING = 1e-9
 
 # A wave as long as the limit counts as too short, whatever the rounding of its length.
 _EQUAL = 1.0 + 1e-12
@@ -37,30 +35,24 @@ class Own(NamedTuple):
     turns: Float64
 
 
-def own_of(
-    asked: Request,
-    envelope: npt.ArrayLike | None,
-    rate: npt.ArrayLike | None,
-    time: float,
-) -> Own | None:
+def own_of(asked: Request, texture: Texture, time: float) -> Own | None:
     """Return the caller's own band and tent; None where nothing is given."""
     now = real("time", time, low=-LARGEST, high=LARGEST)
+    envelope, rate = texture.envelope, texture.rate
     if rate is None and now != 0.0:
-        raise ValueError(f"time must be 0 without rate, since drift says the rest, got {now:g}")
-    if envelope is None and rate is None:
-        return None
-    shortest, longest = asked.wavelengths
-    if not 2.0 <= shortest < longest <= LARGEST:
         raise ValueError(
-            f"wavelengths must be 2 <= shortest < longest, got ({shortest:g}, {longest:g})"
+            f"time must be 0 without a texture's rate, since drift says the rest, got {now:g}"
         )
-    if asked.jitter:
-        raise ValueError("jitter must be False beside envelope or rate, got True")
-    if len(asked.ring_edges):
-        raise ValueError("ring_edges must be None beside envelope or rate, which have every wave")
-    turning = np.zeros(asked.tile) if rate is None else _odd(asked.tile, rate)
+    if not texture.is_own:
+        return None
+    amplitude = (
+        band_amplitude(asked.tile, wavelengths=asked.wavelengths, exponent=asked.exponent)
+        if envelope is None
+        else amplitude_of(asked.tile, envelope)
+    )
+    turning = np.zeros(asked.tile) if rate is None else odd_rate(asked.tile, rate)
     turns = turning * now
-    return Own(_amplitude(asked, envelope), turning, turns - np.rint(turns))
+    return Own(amplitude, turning, turns - np.rint(turns))
 
 
 def own_field(asked: Request, own: Own, result: Array) -> None:
@@ -102,55 +94,6 @@ def own_field(asked: Request, own: Own, result: Array) -> None:
     blend_tiles(
         tiles, asked.shape, overlap=asked.overlap, blend=cast("Blend", asked.blend), out=result
     )
-
-
-def _amplitude(asked: Request, envelope: npt.ArrayLike | None) -> Float64:
-    """Return amplitudes, even in k, 0 at dc, whose squares sum to 1."""
-    if envelope is None:
-        return band_amplitude(asked.tile, wavelengths=asked.wavelengths, exponent=asked.exponent)
-    given = _of_tile("envelope", envelope, asked.tile)
-    if (given < 0.0).any():
-        raise ValueError(f"envelope must be 0 or more, got {given.min():g}")
-    # A real field has its waves in pairs: what is given for one half stands for both.
-    even = given + _mirrored(given)
-    even[0, 0] = 0.0
-    largest = even.max()
-    if largest <= 0.0:
-        raise ValueError("envelope must have a wave besides that of frequency 0, got none")
-    even /= largest
-    power: Float64 = even / np.sqrt((even**2).sum())
-    return power
-
-
-def _odd(tile: tuple[int, int], rate: npt.ArrayLike) -> Float64:
-    """Return rates of waves, with the pairs of waves of a real field turning alike."""
-    given = _of_tile("rate", rate, tile)
-    rest = given + _mirrored(given)
-    # A wave of half a cycle per pixel is its own mirror along that axis, which keeps no sign.
-    for axis, side in enumerate(tile):
-        if side % 2 == 0:
-            np.moveaxis(rest, axis, 0)[side // 2] = 0.0
-    worst = np.unravel_index(np.abs(rest).argmax(), rest.shape)
-    if np.abs(rest[worst]) > _ROUNDING * max(np.abs(given).max(), 1.0):
-        row, col = (int(i) for i in worst)
-        raise ValueError(
-            "rate must be odd, rate[-row, -col] = -rate[row, col], since the field is real; "
-            f"got {given[row, col]:g} at [{row}, {col}] and {given[-row, -col]:g} at its mirror"
-        )
-    odd: Float64 = 0.5 * (given - _mirrored(given))
-    return odd
-
-
-def _of_tile(name: str, value: npt.ArrayLike, tile: tuple[int, int]) -> Float64:
-    array = table(name, value)
-    if array.shape != tile:
-        raise ValueError(f"{name} must have the shape of a tile, {tile}, got {array.shape}")
-    return bounded(name, array)
-
-
-def _mirrored(waves: Float64) -> Float64:
-    """Return the value at -k for every k, in fftfreq order."""
-    return np.roll(waves[::-1, ::-1], 1, axis=(0, 1))
 
 
 def _frequencies(tile: tuple[int, int]) -> tuple[Float64, Float64]:

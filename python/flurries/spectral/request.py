@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import (
-    LARGEST,
-    Float64,
-    bounded,
-    choice,
-    flag,
-    real,
-    seed_of,
-    shape_of,
-    table,
-    tile_of,
-)
-from flurries.spectral.tables import ALIAS, Aliasing, band_of, warn_far, warn_long
-from flurries.spectral.tiles import BLEND, Blend
+from flurries._contract import Float64, bounded, seed_of, shape_of, table
+from flurries.spectral.tables import Aliasing, warn_far, warn_long
+from flurries.spectral.texture import Texture
 
 
 class Request(NamedTuple):
@@ -56,6 +45,7 @@ class Request(NamedTuple):
 # The default of displacements that are not given.
 NOWHERE = (0.0, 0.0)
 _ZERO = np.zeros((1, 1, 1, 2))
+_NONE = np.empty(0)
 
 
 def _vectors(name: str, value: object, rings: int | None) -> Float64:
@@ -84,76 +74,56 @@ def _vectors(name: str, value: object, rings: int | None) -> Float64:
 
 def request(
     shape: tuple[int, int],
+    texture: Texture,
     *,
-    drift: npt.ArrayLike,
-    shift: npt.ArrayLike,
     seed: int,
-    tile: int | tuple[int, int],
-    overlap: int,
-    wavelengths: tuple[float, float],
-    exponent: float,
-    velocity: npt.ArrayLike | None,
-    shift_rate: npt.ArrayLike | None,
-    alias: Aliasing,
-    soft_from: float,
-    shutter: float,
-    jitter: bool,
-    shortest: npt.ArrayLike | None,
-    ring_edges: npt.ArrayLike | None,
-    ring_gains: npt.ArrayLike | None,
-    blend: Blend,
-    enveloped: bool,
+    drift: npt.ArrayLike = NOWHERE,
+    shift: npt.ArrayLike = NOWHERE,
+    velocity: npt.ArrayLike | None = None,
+    shift_rate: npt.ArrayLike | None = None,
+    shortest: npt.ArrayLike | None = None,
 ) -> Request:
-    """Settle the arguments of `field`; with `enveloped` its waves are not those of the band."""
+    """Settle the arguments of `field`."""
     size = shape_of("shape", shape)
-    tile_size, shared = tile_of(tile, overlap)
-    band = band_of(wavelengths)
-    rings: int | None = None
-    edges = np.empty(0)
-    if ring_edges is not None:
-        edges = table("ring_edges", ring_edges, ndim=1)
-        if len(edges) < 2 or not (np.diff(edges) > 0).all():
-            came = edges.tolist() if len(edges) < 10 else f"{len(edges)} that do not increase"
-            raise ValueError(f"ring_edges must be at least two increasing wavelengths, got {came}")
-        rings = len(edges) - 1
-    gains = np.empty(0)
-    if ring_gains is not None:
-        gains = table("ring_gains", ring_gains, ndim=1)
-        if rings is None or len(gains) != rings:
-            raise ValueError(
-                f"ring_gains must be one number for each ring of ring_edges "
-                f"({'none' if rings is None else rings}), got {len(gains)}"
-            )
-    choice("alias", alias, ALIAS)
-    exposure = real("shutter", shutter, low=0.0, high=LARGEST)
-    if velocity is None and (alias != "keep" or exposure > 0.0):
+    if not isinstance(texture, Texture):
+        raise TypeError(f"texture must be a flurries.spectral.Texture, got {texture!r:.60}")
+    band, edges = texture.wavelengths, texture.ring_edges
+    if velocity is None and texture.rate is not None and drift is NOWHERE:
+        # The rate alone moves the waves.
+        velocity = NOWHERE
+    if velocity is None and (texture.alias != "keep" or texture.shutter > 0.0):
         raise ValueError(
-            f"velocity is needed for alias={alias!r} and shutter={exposure:g}, got None"
+            f"velocity is needed for alias={texture.alias!r} and shutter={texture.shutter:g}, "
+            "got None"
         )
-    limits = None if shortest is None else table("shortest", shortest)
-    if not enveloped:
-        warn_long(tile_size, band, stacklevel=4)
+    if texture.envelope is None:
+        warn_long(texture.sides, band, stacklevel=4)
+    rings = None if edges is None else len(np.asarray(edges)) - 1
     offsets = _vectors("drift", drift, rings)
     if offsets is not _ZERO and band[1] > 0.0:
         warn_far(float(np.abs(offsets).max(initial=0.0)) / band[1], stacklevel=4)
-    return Request(
-        shape=size,
-        tile=tile_size,
-        overlap=shared,
-        blend=choice("blend", blend, BLEND),
-        wavelengths=band,
-        exponent=real("exponent", exponent),
-        seed=seed_of(seed),
-        jitter=flag("jitter", jitter),
-        ring_edges=edges,
-        ring_gains=gains,
+    return request_of(
+        texture,
+        size,
+        seed_of(seed),
         drift=offsets,
         shift=_vectors("shift", shift, None),
         velocity=_ZERO if velocity is None else _vectors("velocity", velocity, rings),
         shift_rate=_ZERO if shift_rate is None else _vectors("shift_rate", shift_rate, None),
-        alias=alias,
-        soft_from=real("soft_from", soft_from),
-        shutter=exposure,
-        shortest=limits,
+        shortest=None if shortest is None else table("shortest", shortest),
         window=(0, size[0], 0, size[1]),
     )
+
+
+def request_of(texture: Texture, shape: tuple[int, int], seed: int, **motion: Any) -> Request:
+    """Return what the kernel reads of a texture and of a motion that is settled already."""
+    edges, gains = (
+        _NONE if part is None else np.asarray(part)
+        for part in (texture.ring_edges, texture.ring_gains)
+    )
+    return Request(
+        shape=shape, seed=seed, tile=texture.sides, overlap=texture.overlap, blend=texture.blend,
+        wavelengths=texture.wavelengths, exponent=texture.exponent, jitter=texture.jitter,
+        alias=texture.alias, soft_from=texture.soft_from, shutter=texture.shutter,
+        ring_edges=edges, ring_gains=gains, **motion,
+    )  # fmt: skip

@@ -249,11 +249,6 @@ def loop(
     UserWarning
         As :func:`volume`, and if rounding stops more than a quarter of the waves.
 
-    Notes
-    -----
-    The paper's films repeat 30 frames (section 6.2). Without rounding, the step of the wrap would
-    be that between independent frames.
-
     Examples
     --------
     >>> import flurries as fl

@@ -61,7 +61,7 @@ def describe(
         if kind is None:
             raise ValueError(
                 f"effects: a {type(effect).__name__} cannot be written to a file; "
-                "flurries.register gives it a kind"
+                "flurries.effects.register gives it a kind"
             )
         entry: dict[str, Any] = {"kind": kind}
         for f in fields(effect):
