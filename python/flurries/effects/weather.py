@@ -1,14 +1,12 @@
 """A population in the air of a film: which flakes are drawn, and which the texture stands for.
 
-What is near is drawn flake by flake up to the depth that `hand_over` says; beyond it each class of
-size is synthesized in slabs of depth. Both take density, sizes, opacity, fall and
-wind from here, so that nothing changes where one takes over from the other.
+What is near is drawn flake by flake up to the depth that `hand_overs` says; beyond it each class of
+size is synthesized in slabs of depth. Both take density, sizes, opacity, fall and wind from here.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -40,7 +38,7 @@ LARGEST = 14.0
 _MOST_FLAKES = 12.0
 
 # Layers of sheets of each class; large flakes make most of the contrast.
-LAYERS, BENT_LAYERS = (3, 5, 8, 10), 6
+LAYERS, BENT_LAYERS = (4, 7, 10, 15), 6
 
 # Depth in units of the near one over which flakes fade in before the lens.
 NEAR_FADE = 1.25
@@ -169,60 +167,61 @@ def _film(
 ) -> Film:  # fmt: skip
     population, motion, far = weather.population, weather.motion, weather.far
     fx, fy = path.widest.focals
-    few = population.density * far**3 / (3.0 * fx * fy) < FEW
-    reach = far if weather.simulated or few else hand_over(weather, focal)
-    out = (far * (1.0 - FAR_FADE), far * (1.0 + FAR_FADE))
-    shown = (weather.near, weather.near * NEAR_FADE,
-             *(out if reach >= far else (reach, reach * (1.0 + FADE))))  # fmt: skip
+    few = weather.simulated or population.density * far**3 / (3.0 * fx * fy) < FEW
     varied = population.sizes.largest > population.sizes.smallest
 
-    def classes(count: int) -> list[Share]:
-        return [
-            Share(one, Motion(times(motion.fall, one.fall / weather.mean_speed), motion.wind,
-                              motion.shutter), reach, shown)
-            for one in population.classes(count if varied else 1)
-        ]  # fmt: skip
+    def classes(count: int, rigid: bool) -> list[Share]:
+        sizes, found = population.classes(count if varied else 1), []
+        ends = hand_overs(weather, focal, sizes if rigid else population.classes(1))
+        for one, end in zip(sizes, ends if rigid else ends * count, strict=False):
+            fall, reach = times(motion.fall, one.fall / weather.mean_speed), far if few else end
+            fade = (1.0 - FAR_FADE, 1.0 + FAR_FADE) if reach >= far else (1.0, 1.0 + FADE)
+            shown = (weather.near, weather.near * NEAR_FADE, reach * fade[0], reach * fade[1])
+            found.append(Share(one, Motion(fall, motion.wind, motion.shutter), reach, shown))
+        return found
 
-    drawn = classes(CLASSES)
-    comes = motion.spreads(path, rotation)
+    comes, steady = motion.spreads(path, rotation), (weather.emission, motion.shutter)
     rigid = (
-        not (comes or weather.keyed or blurred or isinstance(motion.shutter, Keys))
-        and not isinstance(weather.emission, Keys)
+        not (comes or weather.keyed or blurred or any(isinstance(one, Keys) for one in steady))
         and motion.varied is None
-        and all(share.motion.line(path, fps) is not None for share in drawn)
+        and all(share.motion.line(path, fps) is not None for share in classes(CLASSES, True))
     )
-    # Planes go through their slabs, and are as thick as these are far.
-    edges = np.geomspace(reach, far, BENT_LAYERS + 1)
-    parts = [(share, edges) for share in classes(BENT_CLASSES)]
+    drawn = classes(CLASSES, rigid)
     if rigid:
         counts = zip(drawn, LAYERS[-len(drawn) :], strict=True)
-        parts = [(share, layer_edges(reach, far, count)) for share, count in counts]
+        parts = [(share, layer_edges(share.reach, far, count)) for share, count in counts]
+    else:
+        # Planes go through their slabs, and are as thick as these are far.
+        bent = classes(BENT_CLASSES, False)
+        parts = [(one, np.geomspace(one.reach, far, BENT_LAYERS + 1)) for one in bent]
     layers = [
-        Layer(share, slab)
-        for share, edges in parts
+        Layer(one, slab)
+        for one, edges in parts
         for slab in slabs_of(
-            population, share.size, focal, reach=reach, far=far, edges=edges, flat=comes
+            population, one.size, focal, reach=one.reach, far=far, edges=edges, flat=comes
         )
     ]
     return Film(tuple(drawn), sorted(layers, key=lambda layer: layer.slab.depth), comes, rigid)
 
 
-def hand_over(weather: Weather, focal: float) -> float:
-    """Return the depth up to which flakes are drawn where sheets are what lies beyond, metres.
+def hand_overs(weather: Weather, focal: float, classes: list[SizeClass]) -> list[float]:
+    """Return the depths up to which flakes of each class are drawn if sheets lie beyond, metres.
 
-    Slabs end at fixed depths, 2^(1/4) apart. Where the drawn flakes are a share of the pixels,
-    their cost is that share at any size of the picture; a sheet's flakes have an end.
+    Images have one size there, and the drawn flakes of all classes are a share of the pixels, so
+    that their cost is that share at any size of the picture; a sheet's flakes have an end. Slabs
+    end at fixed depths, 2^(1/4) apart.
     """
     if weather.handover is not None:
-        return min(max(weather.handover, NEAR_FADE * weather.near), weather.far)
+        return [min(max(weather.handover, NEAR_FADE * weather.near), weather.far)] * len(classes)
 
-    def edge(depth: float, towards: Callable[[float], float]) -> float:
-        return float(2.0 ** (0.25 * towards(4.0 * math.log2(depth))))
-
-    cost = (3.0 * DRAWN * focal**2 / weather.population.density) ** (1.0 / 3.0)
-    large = weather.law.largest * focal / LARGEST
-    near = max(edge(cost, math.floor), edge(max(large, NEAR_FADE * weather.near), math.ceil))
-    return min(near, weather.far)
+    # Classes cover the same area: their diameters go with one over the root of their numbers.
+    sides = [max(one.density, 1e-30) ** -0.5 for one in classes]
+    image, found = (3.0 * DRAWN * focal**2 / sum(sides)) ** (1.0 / 3.0), []
+    for one, side in zip(classes, sides, strict=True):
+        large = max(one.largest * focal / LARGEST, NEAR_FADE * weather.near)
+        step = max(math.floor(4.0 * math.log2(image * side)), math.ceil(4.0 * math.log2(large)))
+        found.append(min(2.0 ** (0.25 * step), weather.far))
+    return found
 
 
 def layer_edges(near: float, far: float, count: int) -> Float64:

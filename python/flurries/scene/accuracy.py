@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from statistics import fmean
 from typing import Any
 
 import numpy as np
@@ -45,7 +46,7 @@ def accuracy_of(scene: Rendering, number: int) -> Accuracy:
     known = any(depth is not None for depth in depths)
     settings = []
     for factor in (0.5, 1.0, 2.0) if known else (1.0,):
-        effects = [effect if depth is None else replace(effect, handover=factor * depth)
+        effects = [replace(effect, handover=factor * depth) if depth and factor != 1.0 else effect
                    for effect, depth in zip(scene.effects, depths, strict=True)]  # fmt: skip
         there = [_depth(e, frame) for e, depth in zip(effects, depths, strict=True) if depth]
         name = ", ".join(f"{depth:.3g} m" for depth in there)
@@ -59,12 +60,12 @@ def accuracy_of(scene: Rendering, number: int) -> Accuracy:
 
 
 def _depth(effect: Any, frame: Frame) -> float | None:
-    """Return the depth up to which flakes are drawn, metres; None where `handover` has no say."""
+    """Return the mean depth up to which flakes are drawn; None where `handover` has no say."""
     flakes = getattr(renderer_of(effect), "flakes", None)
     if not isinstance(flakes, DrawnFlakes) or not isinstance(flakes.weather, Weather):
         return None
     film = flakes.weather.film(frame)
-    return film.drawn[0].reach if film.layers else None
+    return fmean(share.reach for share in film.drawn) if film.layers else None
 
 
 def _setting(scene: Scene, number: int, name: str, effects: Sequence[Any]) -> Handover:
