@@ -163,6 +163,7 @@ SCENES: dict[str, fl.Scene] = {
     "flakes": fl.Scene(
         PLATE, camera=PATH, effects=[fl.Snow("heavy"), fl.Rain("rain")]
     ),
+    "sheets": fl.Scene(PLATE, effects=[fl.Snow("heavy"), fl.Rain("rain")]),
     "still": fl.Scene(PLATE, effects=[fl.Mist(count=300), fl.Mist("bank")]),
 }  # fmt: skip
 # What a data set's pictures share is made once for a process.
