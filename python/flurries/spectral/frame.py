@@ -130,8 +130,8 @@ def alpha(
 
 
 def _made(
-    asked: Request, texture: Texture, time: float, mapped: tuple[float, float, float, float] | None, keep: bool,
-    dtype: npt.DTypeLike, out: Array | None,
+    asked: Request, texture: Texture, time: float, mapped: tuple[float, float, float, float] | None,
+    keep: bool, dtype: npt.DTypeLike, out: Array | None,
 ) -> Array:  # fmt: skip
     own = own_of(asked, texture, time)
     if own is not None and keep:
