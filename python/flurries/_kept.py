@@ -9,7 +9,7 @@ bits. The child of a fork has what its parent kept. `ALL` lists what modules kee
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import lru_cache, wraps
 from typing import Any, ParamSpec, TypeVar
 
@@ -41,6 +41,10 @@ class Kept:
         made: _Made = found
         return made
 
+    def each(self, keys: Iterable[Any], make: Callable[[Any], _Made]) -> list[_Made]:
+        """Return what is made of each key, now or before."""
+        return [self.once(key, lambda key=key: make(key)) for key in keys]  # type: ignore[misc]
+
     @property
     def bytes(self) -> int:
         """What is kept now."""
@@ -53,7 +57,6 @@ class Kept:
             size -= self._made.popitem(last=False)[1].bytes
 
     def clear(self) -> None:
-        """Drop all."""
         self._made.clear()
 
 

@@ -104,7 +104,9 @@ def air_of(
     eyes = [_eye(frame.camera, frame)] * len(after)
     if path.turns or path.zooms:
         eyes[1:] = [_eye(frame.later(s).camera if s else frame.camera, frame) for s in after[1:]]
-    slope, shares, wind = weather.law.slope, weather.shares(frame), weather.motion.varied
+    # One after the other: a frame goes to a file once.
+    slope, shares, opacity = weather.law.slope, weather.shares(frame), weather.opacity_at(frame.t)
+    wind = weather.motion.varied
     blur = None if frame.lens is None else frame.blur
     room, closeup = 0.0, None
     if blur is not None:
@@ -119,9 +121,8 @@ def air_of(
     if frame.lap is not None and weather.keyed:
         # The round that goes has lost those of low ranks, which the next one shows.
         part = min(frame.lap.part(frame.t), 1.0 - 1e-9)
-    times, opacity = [frame.t + step for step in after], weather.opacity_at(frame.t)
+    times = [frame.t + step for step in after]
     swung = [weather.sway[1] / (2.0 * math.pi * fps) * t for t in times]
-    # One after the other: a frame goes to the file of the motion once.
     ways = [share.motion.places(path, fps, times) for share in shares]
     classes = []
     for number, (share, at) in enumerate(zip(shares, ways, strict=True)):

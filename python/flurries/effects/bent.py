@@ -20,7 +20,7 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
-from flurries.effects.sheets import SHEAR, SHEETS, areas_of, circles_of, key_of, sheet_of
+from flurries.effects.sheets import SHEAR, SHEETS, areas_of, circles_of, key_of, sheets_of
 from flurries.effects.weather import Film, Layer, Weather, amounts_at
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
@@ -119,11 +119,12 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
         at = at + _jump(frame.seed, one, area)
         at -= np.floor(at[0, 0, 1] / area[0]) * np.array((shear, area[0]))
         at[..., 0] -= area[1] * np.floor(at[0, 0, 0] / area[1])
-        for rung, part in rungs[one.layer]:
-            sheet = sheet_of(key_of(
-                weather, slab, frame.seed, one.layer, area, many, (0.0, 0.0), circles[one.layer],
-                rung, one.focal, thin,
-            ))  # fmt: skip
+        keys = [
+            key_of(weather, slab, frame.seed, one.layer, area, many, (0.0, 0.0),
+                   circles[one.layer], rung, one.focal, thin)
+            for rung, _ in rungs[one.layer]
+        ]  # fmt: skip
+        for sheet, (_, part) in zip(sheets_of(keys), rungs[one.layer], strict=True):
             node = np.empty((*at.shape[:2], 4), np.float32)
             gain = one.weight * math.sqrt(many)
             node[..., :2], node[..., 2] = at, gain * part

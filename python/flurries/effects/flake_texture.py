@@ -22,7 +22,7 @@ from flurries.camera.rotation import rotation_matrix
 from flurries.effects.bent import moved_by_wind, read_bent
 from flurries.effects.lighting import lamp_shade
 from flurries.effects.passes import plane_motion
-from flurries.effects.sheets import SHEETS, areas_of, circles_of, key_of, sheet_of
+from flurries.effects.sheets import SHEETS, areas_of, circles_of, key_of, sheets_of
 from flurries.effects.weather import Film, Weather, times
 from flurries.frame.layer import Shade
 from flurries.frame.needs import LeftOut, Needs, Step, has_keys
@@ -116,9 +116,10 @@ def _read(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
     moved += (u - (left - x + u - column), v - (top - y + v - row))
     moved = np.round(moved * places) / places
     layers = []
-    for key, way, many, slab in zip(keys, moved.tolist(), film.many, film.slabs, strict=True):
-        sheet, root = sheet_of(key), math.sqrt(many)
-        layers.append((sheet, way, (root, (many - root) * sheet.mean), slab.near, slab.far))
+    sheets = sheets_of(keys)
+    for sheet, way, many, slab in zip(sheets, moved.tolist(), film.many, film.slabs, strict=True):
+        gain = (many**0.5, (many - many**0.5) * sheet.mean)
+        layers.append((sheet, way, gain, slab.near, slab.far))
     depth = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
     _core.sheet_read(result, (row, column), layers, depth, True)
     SHEETS.trim(len(layers))

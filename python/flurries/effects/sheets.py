@@ -44,9 +44,9 @@ _STREAM = 0x5368656574
 SHEETS = ALL[__name__] = Kept(most_bytes=MOST_BYTES)
 
 
-def sheet_of(key: Any) -> _core.FlakeSheet:
-    """Return the sheet of some arguments, made where it is not yet."""
-    return SHEETS.once(key, lambda: _core.FlakeSheet(*key[1:]))
+def sheets_of(keys: list[Any]) -> list[_core.FlakeSheet]:
+    """Return the sheets of some arguments each, made where they are not yet."""
+    return SHEETS.each(keys, lambda key: _core.FlakeSheet(*key[1:]))
 
 
 def key_of(

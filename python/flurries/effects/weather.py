@@ -77,7 +77,6 @@ class Film:
 
     @cached_property
     def slabs(self) -> list[Slab]:
-        """Those of the layers."""
         return [layer.slab for layer in self.layers]
 
     @cached_property
@@ -128,7 +127,6 @@ class Weather:
 
     @property
     def law(self) -> Sizes:
-        """The law of their diameters."""
         return self.population.sizes
 
     @cached_property
@@ -141,7 +139,6 @@ class Weather:
         return self.population.opacity
 
     def shares(self, frame: Frame) -> tuple[Share, ...]:
-        """Return the classes of size that are drawn."""
         return self.film(frame).drawn
 
 
