@@ -9,7 +9,7 @@ bits. The child of a fork has what its parent kept. `ALL` lists what modules kee
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import lru_cache, wraps
 from typing import Any, ParamSpec, TypeVar
 
@@ -41,9 +41,11 @@ class Kept:
         made: _Made = found
         return made
 
-    def each(self, keys: Iterable[Any], make: Callable[[Any], _Made]) -> list[_Made]:
-        """Return what is made of each key, now or before."""
-        return [self.once(key, lambda key=key: make(key)) for key in keys]  # type: ignore[misc]
+    def each(self, keys: list[Any], make: Callable[[list[Any]], list[_Made]]) -> list[_Made]:
+        """Return the objects made for keys; those that are not there yet are made together."""
+        missing = [key for key in keys if key not in self._made]
+        made = dict(zip(missing, make(missing) if missing else [], strict=True))
+        return [self.once(key, lambda key=key: made[key]) for key in keys]  # type: ignore[misc]
 
     @property
     def bytes(self) -> int:

@@ -46,7 +46,7 @@ SHEETS = ALL[__name__] = Kept(most_bytes=MOST_BYTES)
 
 def sheets_of(keys: list[Any]) -> list[_core.FlakeSheet]:
     """Return the sheets of some arguments each, made where they are not yet."""
-    return SHEETS.each(keys, lambda key: _core.FlakeSheet(*key[1:]))
+    return SHEETS.each(keys, lambda few: [_core.FlakeSheet(*key[1:]) for key in few])
 
 
 def key_of(

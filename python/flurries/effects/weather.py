@@ -178,11 +178,8 @@ def _film(
         return found
 
     comes, steady = motion.spreads(path, rotation), (weather.emission, motion.shutter)
-    rigid = (
-        not (comes or weather.keyed or blurred or any(isinstance(one, Keys) for one in steady))
-        and motion.varied is None
-        and all(share.motion.line(path, fps) is not None for share in classes(CLASSES, True))
-    )
+    changes = comes or weather.keyed or blurred or any(isinstance(one, Keys) for one in steady)
+    rigid = not changes and motion.varied is None and motion.line(path, fps) is not None
     drawn = classes(CLASSES, rigid)
     if rigid:
         counts = zip(drawn, LAYERS[-len(drawn) :], strict=True)
