@@ -11,6 +11,9 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
+from skimage import data
+from street import street as street_of_houses
 
 import flurries as fl
 from flurries import io
@@ -113,6 +116,31 @@ def walk() -> None:
         io.write_picture(PLATES / f"figure.{frame:04d}.png", near)
 
 
+def houses() -> None:
+    """Write the street of houses by day and at night, and its depth."""
+    for name, night in (("houses", False), ("houses_night", True)):
+        light, depth = street_of_houses(night)
+        shown = io.linear_to_srgb(np.clip(light, 0.0, 1.0))
+        grain = np.random.default_rng(3).normal(0.0, 1.0, shown.shape)
+        picture = np.clip(np.rint(255.0 * shown + grain), 0.0, 255.0).astype(np.uint8)
+        io.write_picture(PLATES / f"{name}.jpg", picture, quality=85)
+        io.write_layers(PLATES / "houses_depth.exr", {"depth": depth.astype(np.float32)})
+
+
+def portrait() -> None:
+    """Write a portrait of 1024 px, and how far away it is, painted: white is 1.5 m, black 6 m."""
+    io.write_picture(PLATES / "portrait.jpg", io.fit(data.astronaut(), (1024, 1024)), quality=88)
+    y, x = np.indices((1024, 1024)).astype(float)
+    head = np.hypot((x - 452.0) / 158.0, (y - 205.0) / 178.0) < 1.0
+    ring = np.hypot((x - 420.0) / 195.0, (y - 440.0) / 150.0) < 1.0
+    body = (y > 380.0) & (x > 440.0 - 1.15 * (y - 330.0)) & (x < 520.0 + 0.95 * (y - 330.0))
+    body &= (x > 40.0) & (x < 740.0)
+    helmet = np.hypot((x - 780.0) / 225.0, (y - 900.0) / 215.0) < 1.0
+    near = gaussian_filter((head | ring | body | helmet).astype(float), 2.0)
+    grey = np.rint(255.0 * near).astype(np.uint8)
+    io.write_picture(PLATES / "portrait_depth.png", np.repeat(grey[..., None], 3, 2))
+
+
 def plates() -> None:
     """Write the plates as small JPEG files."""
     PLATES.mkdir(exist_ok=True)
@@ -121,6 +149,8 @@ def plates() -> None:
         picture = np.rint(255.0 * shown).astype(np.uint8)
         io.write_picture(PLATES / f"{make.__name__}.jpg", picture, quality=88)
     walk()
+    houses()
+    portrait()
 
 
 def row(path: Path) -> np.ndarray:

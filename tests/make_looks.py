@@ -1,9 +1,7 @@
 """Golden frames of the looks, version by version: ``python tests/make_looks.py v2``.
 
-They freeze what presets and knobs look like: a frame changes only with a new version of the
-looks, which gets a picture of its own. They are rendered: they say that a look is the same, and
-not that it is right. Each is the opacity of
-64 x 48 px in the middle of a picture, 16 bits, side by side in ``tests/frames/looks_VERSION.png``.
+A frame changes only with a new version of the looks, which gets a picture of its own: opacities of
+64 x 48 px in the middle of pictures, 16 bits, side by side.
 """
 
 from __future__ import annotations
@@ -24,14 +22,11 @@ WIDE, HIGH, ACROSS = 64, 48, 8
 def looks(version: str) -> dict[str, tuple[Any, tuple[int, int]]]:
     """Return effects by name, each with the size of its picture."""
     found: dict[str, tuple[Any, tuple[int, int]]] = {}
-    kinds: tuple[tuple[Any, dict[str, Any]], ...] = (
-        (fl.effects.TentSnow, SNOW),
-        (fl.effects.TentRain, RAIN),
-        (fl.effects.ConeSnow, CONE_SNOW),
-        (fl.effects.ConeRain, CONE_RAIN),
-        (fl.Mist, MIST),
-    )
-    for kind, presets in kinds:
+    effects = fl.effects
+    kinds: tuple[Any, ...] = (
+        effects.TentSnow, effects.TentRain, effects.ConeSnow, effects.ConeRain, fl.Mist,
+    )  # fmt: skip
+    for kind, presets in zip(kinds, (SNOW, RAIN, CONE_SNOW, CONE_RAIN, MIST), strict=True):
         for name in presets:
             effect = kind(name, look=version)
             found[f"{kind.__name__} {name}"] = (effect, (512, 384))

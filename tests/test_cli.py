@@ -78,7 +78,7 @@ def test_a_picture_becomes_frames_and_again_only_what_is_missing(run: Run, here:
     assert "3 frames rendered" in err
     first = files(here / "frames")
     assert sorted(first) == ["0001.png", "0002.png", "0003.png", "flurries.jsonl"]
-    scene = Scene(PLATE, effects=[Snow("heavy")])
+    scene = Scene(PLATE, effects=[Snow("heavy")], fps=30)
     assert all(np.array_equal(pixels(n), scene.render(i)) for i, n in enumerate(names, 1))
 
     code, out, err = run(*command)
@@ -125,9 +125,9 @@ def test_what_an_option_means(name: str, run: Run):
     options, of_scene, of_snow = OPTIONS[name]
     code, _, err = run(*RENDER, "--frames", "9", *options)
     assert code == 0, err
-    scene = Scene(PLATE, effects=[Snow("light", **of_snow)], **of_scene)
+    scene = Scene(PLATE, effects=[Snow("light", **of_snow)], **{"fps": 30, **of_scene})
     assert np.array_equal(pixels("out/0009.png"), scene.render(9))
-    plain = Scene(PLATE, effects=[Snow("light")]).render(9)
+    plain = Scene(PLATE, effects=[Snow("light")], fps=30).render(9)
     assert np.array_equal(scene.render(9), plain) is (name in ("nothing", "quiet"))
 
 
@@ -138,11 +138,11 @@ def test_files_sizes_and_threads(run: Run, here: Path):
         assert fl.settings().threads == int(count)
         (here / "out" / "0002.png").rename(here / f"{count}.png")
     assert (here / "1.png").read_bytes() == (here / "3.png").read_bytes()
-    want = Scene(here / "plate.png", size=(50, 40), effects=[Snow("light")]).render(2)
+    want = Scene(here / "plate.png", size=(50, 40), effects=[Snow("light")], fps=30).render(2)
     assert np.array_equal(pixels("1.png"), want)
     code, out, _ = run(*RENDER[:-1], "still.jpg", "--frames", "6")
     assert (code, out) == (0, "still.jpg\n")
-    want = Scene(PLATE, effects=[Snow("light")]).render(6)
+    want = Scene(PLATE, effects=[Snow("light")], fps=30).render(6)
     assert np.abs(pixels("still.jpg").astype(int) - want).mean() <= 8
     # What is in an EXR is judged in `test_render.py`; here, that the options arrive.
     for name, options in (("a.exr", []), ("b.exr", ["--layers", "--float"])):
@@ -198,7 +198,7 @@ def test_the_weather_that_is_asked_for(asked: str, run: Run):
     # What does not look like a preset is the picture, also behind a bare option.
     code, _, err = run("render", *shlex.split(asked), "plate.png", "-o", "a.png", "--frames", "4")
     assert code == 0, err
-    assert np.array_equal(pixels("a.png"), Scene(PLATE, effects=WEATHER[asked]).render(4))
+    assert np.array_equal(pixels("a.png"), Scene(PLATE, effects=WEATHER[asked], fps=30).render(4))
 
 
 def test_a_terminal_sees_a_bar(here: Path):

@@ -27,7 +27,7 @@ def drawn(
     place: tuple[float, float] = (0.0, 0.0), number: int = 7,
 ) -> Array:  # fmt: skip
     """Return the opacity of one flake, diameters and depths in metres."""
-    closeup = Closeup(kind, (2.5, 3.5), blur, 3, seconds)
+    closeup = Closeup(kind, (1.8, 2.6), blur, 3, seconds, 1.0 / 60.0)
     eye = Eye(np.eye(3).tolist(), (FOCAL, FOCAL), (200.0, 150.0), (0.0, 0.0, 0.0))
 
     def flakes_at(camera: Array, shown: tuple[float, float, float, float]) -> Any:
@@ -102,9 +102,29 @@ def test_aggregates_are_no_discs_and_differ():
     for first, second in pairwise(images):
         joint = float(np.minimum(first, second).sum() / np.maximum(first, second).sum())
         assert joint < 0.85
-    # Straight rims and gaps: less of the circle around it is filled than of a disc.
-    filled = [(image > 0.1).sum() / (0.25 * math.pi * (FOCAL * 0.05) ** 2) for image in images]
-    assert 0.8 < float(np.mean(filled)) < 2.5
+
+
+def test_aggregates_are_lace_with_a_core_and_discs_are_not():
+    def shares(image: Array) -> list[float]:
+        inside = image[image > 0.05]
+        return [float(part.mean()) for part in ((inside > 0.2) & (inside < 0.7), inside > 0.8)]
+
+    lace, core = np.mean([shares(drawn(0.05, 1.0, number=number)) for number in range(8)], axis=0)
+    assert lace > 0.25 and 0.1 < core < 0.6
+    assert shares(drawn(0.05, 1.0, kind="round"))[0] < 0.15
+
+
+def test_a_streak_has_soft_and_uneven_ends():
+    def down(kind: str, number: int) -> tuple[float, float]:
+        image = drawn(0.02, 1.0, kind=kind, number=number, travel=(0.0, 0.12, 0.0))
+        line = image.sum(axis=1, dtype=np.float64)
+        ends = np.ptp(np.flatnonzero(line > 0.05 * line.max()))
+        middle = float((np.arange(len(line)) + 0.5) @ line / line.sum()) - 150.0
+        return middle, float((line > 0.95 * line.max()).sum() / ends)
+
+    uneven = [down("aggregate", number)[0] for number in range(8)]
+    assert -15.0 < min(uneven) < -0.5 and 0.5 < max(uneven) < 15.0
+    assert abs(down("drop", 0)[0]) < 0.1 and down("drop", 0)[1] < 0.8
 
 
 def test_a_circle_of_confusion_is_as_wide_as_a_thin_lens_makes_it():
@@ -131,20 +151,16 @@ def test_a_point_out_of_focus_is_an_even_disc_of_the_circle_s_area(blades: int):
 
 
 def flakes(**more: Any) -> fl.Scene:
-    plate = np.zeros((256, 384, 3), np.float32)
     snow = fl.Snow("heavy", color=1.0, wind=(0.0, 0.0, 0.0))
-    return fl.Scene(plate, effects=[snow], seed=2, **more)
+    return fl.Scene(np.zeros((256, 384, 3), np.float32), effects=[snow], seed=2, **more)
 
 
 def test_a_lens_keeps_what_snow_covers():
-    sharp = flakes()
-    sums = [0.0, 0.0]
-    for frame in range(0, 80, 20):
-        for index, film in enumerate(
-            (sharp, sharp.replace(lens=fl.camera.Lens(focus=3.0, f_stop=2.0)))
-        ):
-            alpha = cover(film, frame)
-            sums[index] += float(-np.log1p(-np.minimum(alpha, 0.999)).mean())
+    films = flakes(), flakes(lens=fl.camera.Lens(focus=3.0, f_stop=2.0))
+    sums = [
+        sum(-np.log1p(-np.minimum(cover(film, t), 0.999)).mean() for t in range(0, 80, 20))
+        for film in films
+    ]
     assert abs(sums[1] / sums[0] - 1.0) < 0.05
 
 
@@ -156,6 +172,26 @@ def test_a_focus_that_is_pulled_and_a_second_eye():
     assert np.abs(left - right).max() > 0.05
     region = film.render(5, region=np.s_[40:120, 60:200])
     assert np.array_equal(region, film.render(5)[40:120, 60:200])
+
+
+def test_a_photograph_has_the_usual_lens_and_a_still_s_exposure(tmp_path: Any):
+    fl.io.write_picture(tmp_path / "plate.png", np.full((48, 64, 3), 90, np.uint8))
+    still = fl.Scene(tmp_path / "plate.png", effects=[fl.Snow()])
+    film = still.replace(fps=still.fps)
+    assert still.still and still.replace(seed=3).still and not (film.still or still.loop(48).still)
+    assert still.lens == fl.camera.Lens(focus=10.0, f_stop=5.6)
+    assert fl.Scene("#5a5a5a").lens is None and flakes().lens is None
+
+    def exposure(scene: fl.Scene) -> float:
+        frame = scene.program.views(3.0)[0][1]
+        return float(scene.effects[0].parts.flakes.weather.motion.exposure(frame)) / scene.fps
+
+    assert exposure(still) == pytest.approx(1 / 250) and exposure(film) == pytest.approx(1 / 60)
+    assert exposure(still.replace(effects=[fl.Snow(shutter=0.3)])) == pytest.approx(0.01)
+    for made in (still, film, still.replace(lens=None)):
+        made.save(tmp_path / "scene.toml")
+        again = fl.open(tmp_path / "scene.toml")
+        assert (again.still, again.lens) == (made.still, made.lens)
 
 
 def test_nothing_of_shapes_and_lens_where_they_are_not_asked_for():

@@ -35,9 +35,5 @@ def test_golden_frames_tell_looks_apart(golden: dict[str, np.ndarray]):
     number = list(looks("v1")).index("TentSnow moderate")
     top, left = number // ACROSS * HIGH, number % ACROSS * WIDE
     want = golden["v1"][top : top + HIGH, left : left + WIDE] / 65535.0
-    for effect in (
-        TentSnow(haze=0.041),
-        TentSnow(mean=0.051),
-        TentSnow(flakes=8800),
-    ):
+    for effect in (TentSnow(haze=0.041), TentSnow(mean=0.051), TentSnow(flakes=8800)):
         assert np.abs(frame(effect, (512, 384)) - want).max() > 2.0 * CLOSE

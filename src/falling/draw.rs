@@ -12,12 +12,9 @@ use crate::particles::balls::Balls;
 use crate::particles::closeup::aperture::VARIANCE_OF_DISC;
 use crate::particles::closeup::near::{Closeup, DISC};
 use crate::particles::closeup::patch::Patch;
-use crate::particles::closeup::shape::{Kind, Look};
+use crate::particles::closeup::shape::{Kind, Look, Near};
 use crate::particles::sorted::Sorted;
-use crate::particles::sprite::{self, Lens, Sprite};
-
-/// A radius of the particles over the diameter of a flake: sigma is a third of the one, and d / sqrt(8).
-const RADIUS_OF_DIAMETER: f64 = 3.0 * std::f64::consts::FRAC_1_SQRT_2 / 2.0;
+use crate::particles::sprite::{Lens, Sprite};
 
 /// A way whose middle is so far off its chord, px, is cut into pieces, and one on which the depth changes by
 /// this logarithm.
@@ -31,6 +28,8 @@ pub struct Images {
     pub sorted: Sorted,
     /// Pictures of those that are near or out of focus.
     pub patches: Vec<Patch>,
+    /// By the flakes' places in the list, the light of lamps on each over that on the mean.
+    pub glints: Vec<f32>,
 }
 
 /// The images of balls of an opacity.
@@ -82,7 +81,10 @@ impl Images {
                 Ok(())
             })?;
         }
-        Ok(Self { sorted, patches: patches.into_iter().flatten().collect() })
+        let crystals = closeup.filter(|closeup| closeup.kind == Some(Kind::Aggregate));
+        let glint = |id: u64| crystals.map_or(1.0, |closeup| closeup.tumble.glint(id as i64));
+        let glints = collected(list.flakes.iter().map(|flake| glint(flake.id)))?;
+        Ok(Self { sorted, patches: patches.into_iter().flatten().collect(), glints })
     }
 }
 
@@ -137,24 +139,22 @@ fn pieces(
 
 /// The picture of a flake that is near or out of focus, `share` of it with its shape.
 fn picture(air: &Air, closeup: &Closeup, flake: &Flake, number: i32, share: f64) -> Option<Patch> {
-    let (eye, lens) = (&air.eyes[NOW], lens_of(air));
-    // What is seen when the shutter opens and closes, as places before the lens of now.
-    let there = |time: usize| -> [f64; 3] {
-        let z = flake.depths[time];
-        let aside = |a: usize| (flake.seen[time][a] - eye.center[a]) / eye.focal[0] * z;
-        [aside(0), aside(1), z]
-    };
-    let (open, close) = (there(OPEN), there(CLOSE));
-    let [x, y, z] = flake.point;
-    let own = sprite::Flake {
+    let eye = &air.eyes[NOW];
+    let ([x, y, z], depth) = (flake.point, flake.depths[NOW]);
+    let diameter = eye.focal[0] * flake.diameter / depth;
+    let opacity = flake.share * air.opacity;
+    let near = Near {
+        index: number,
+        number: flake.id as i64,
         point: [x, y * eye.focal[1] / eye.focal[0], z],
-        radius: RADIUS_OF_DIAMETER * flake.diameter,
-        opacity: flake.share * air.opacity,
-        travel: std::array::from_fn(|a| close[a] - open[a]),
+        depth,
+        own: flake.diameter,
+        diameter,
+        energy: std::f64::consts::FRAC_PI_4 * opacity * diameter * diameter,
+        seen: flake.seen,
     };
-    let sigma = lens.focal * own.radius / (3.0 * flake.depths[NOW]);
-    let kind = closeup.kind.filter(|_| sigma > closeup.switch.0).unwrap_or(Kind::Dot);
+    let shaped = diameter > closeup.switch.0 * 8.0_f64.sqrt();
+    let kind = closeup.kind.filter(|_| shaped).unwrap_or(Kind::Dot);
     let look = Look { kind, share, blur: closeup.blur, tumble: closeup.tumble };
-    let patch = Patch::of(flake.id as i64, &own, &lens, &look, air.shape)?;
-    Some(Patch { index: number, ..patch })
+    Patch::of(&near, &look, air.shape)
 }

@@ -75,8 +75,8 @@ pub fn fall(py: Python<'_>, request: &Bound<'_, PyAny>) -> PyResult<SortedFlakes
         Ok((list, images))
     })?;
     let nanoseconds = (air.shape.0 * air.shape.1) as f64 + 300.0 * list.flakes.len() as f64;
-    let Images { sorted, patches } = images;
-    Ok(SortedFlakes { sorted, patches, lens: lens_of(&air), nanoseconds, list })
+    let Images { sorted, patches, glints } = images;
+    Ok(SortedFlakes { sorted, patches, glints, lens: lens_of(&air), nanoseconds, list })
 }
 
 /// A rough estimate of listing the flakes, nanoseconds.

@@ -96,6 +96,8 @@ pub struct SortedFlakes {
     pub sorted: Sorted,
     /// What is near or out of focus.
     pub patches: Vec<Patch>,
+    /// See `Images`.
+    pub glints: Vec<f32>,
     pub lens: Lens,
     /// A rough estimate of drawing all of them.
     pub nanoseconds: f64,
@@ -165,7 +167,8 @@ pub fn particle_draw_lit(
     let (height, width) = flakes.sorted.shape();
     let share = out.len() as f64 / (height as f64 * width as f64).max(1.0);
     let (sorted, patches) = (&flakes.sorted, &flakes.patches[..]);
-    let lit = lit::Scene { sorted, patches, lens: flakes.lens, lamps: &lamps };
+    let glints = &flakes.glints[..];
+    let lit = lit::Scene { sorted, patches, lens: flakes.lens, lamps: &lamps, glints };
     let behind = behind.as_ref().map(|(alpha, shade)| laid(alpha, shade, None));
     let behind = behind.as_ref().map(|behind| Behind::of(behind, out.dim())).transpose()?;
     gate::run(py, 3.0 * flakes.nanoseconds * share, |cancel| {
@@ -185,5 +188,9 @@ from_attributes!(Closeup {
     },
     blur: attribute!(closeup, blur: Option<(f64, f64, usize, f64)>)
         .map(|(strength, focus, blades, turn)| Blur { strength, focus, blades, turn }),
-    tumble: Tumble { seed: attribute!(closeup, seed), seconds: attribute!(closeup, seconds) },
+    tumble: Tumble {
+        seed: attribute!(closeup, seed),
+        seconds: attribute!(closeup, seconds),
+        exposure: attribute!(closeup, exposure),
+    },
 } of closeup);

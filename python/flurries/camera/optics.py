@@ -109,3 +109,8 @@ class Lens:
             Frame number.
         """
         return self.blur(t, focal=focal, width=width).circle(real("depth", depth, above=0.0))
+
+
+# The lens of photographs and films where none is given: one of 45 degrees by day. From 3 m on a
+# picture 1000 px wide has circles of confusion of less than 2.3 px.
+USUAL = Lens(focus=10.0, f_stop=5.6)

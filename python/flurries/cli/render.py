@@ -12,6 +12,7 @@ from flurries.cli.weather import scene_of, scene_options
 from flurries.cli.words import Words, count, say, stages
 from flurries.io.films.codecs import CODECS, QUALITIES
 from flurries.io.pictures.writer import COMPRESSIONS
+from flurries.io.sequences import with_percent
 from flurries.output.write import Summary
 from flurries.scene.output import BITS, DAMAGED, MOTION
 
@@ -85,6 +86,8 @@ def render(
         raise click.UsageError(f"--float and --bits {bits} must not both be given")
     kind: Any = "float" if full else int(bits) if bits is not None and bits.isdigit() else bits
     scene = scene_of(**given)
+    if scene.still and (frames is not None or "%" in with_percent(output)):
+        scene = scene.replace(fps=scene.fps)
     for line in scene.bent:
         words.say(line)
     if words.verbose:

@@ -21,14 +21,14 @@ from flurries.effects.flakes import Flakes
 from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
 from flurries.effects.weather import Weather, amounts_at
 from flurries.frame.view import Frame
-from flurries.motion.keys import Keys, value_at
+from flurries.motion.keys import Keys
 from flurries.particles.population import FADE
 
 # Nothing nearer than this is drawn, metres; what `particles.splat` has for a default.
 NEAREST = 0.1
 
 # Sigma of a flake's image in px between which it gets a shape: below, no shape can be told.
-SWITCH = (2.5, 3.5)
+SWITCH = (1.8, 2.6)
 
 # Places along the view at which a wind of depth is looked up, and heights at which the amount of
 # flakes is while they begin or cease to fall.
@@ -76,6 +76,7 @@ class Closeup(NamedTuple):
     blur: Blur | None  # Of the lens.
     seed: int  # Of shapes and tumbling.
     seconds: float  # Since frame 0.
+    exposure: float  # Seconds.
 
 
 class Air(NamedTuple):
@@ -99,7 +100,7 @@ def air_of(
     weather: Weather | Flakes, frame: Frame, amount: float, *, steps: tuple[float, ...] = ()
 ) -> Air:
     """Return the flakes that are drawn before a frame's camera."""
-    exposure, path, fps = value_at(weather.motion.shutter, frame.t), frame.path, frame.fps
+    exposure, path, fps = weather.motion.exposure(frame), frame.path, frame.fps
     after = (0.0, -0.5 * exposure, 0.5 * exposure, *steps)
     eyes = [_eye(frame.camera, frame)] * len(after)
     if path.turns or path.zooms:
@@ -116,7 +117,7 @@ def air_of(
         widest = max(depth * blur.circle(depth) for depth in (near, deepest))
         room = 0.75 * widest / frame.camera.focal
     if weather.shape != "round" or blur is not None:
-        closeup = Closeup(weather.shape, SWITCH, blur, frame.seed, frame.t / fps)
+        closeup = Closeup(weather.shape, SWITCH, blur, frame.seed, frame.t / fps, exposure / fps)
     part = 0.0
     if frame.lap is not None and weather.keyed:
         # The round that goes has lost those of low ranks, which the next one shows.

@@ -24,7 +24,7 @@ from flurries.effects.sheets import SHEAR, SHEETS, areas_of, circles_of, key_of,
 from flurries.effects.weather import Film, Layer, Weather, amounts_at
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
-from flurries.motion.keys import Keys, value_at
+from flurries.motion.keys import Keys
 from flurries.particles.population import Slab
 
 # Amounts that sheets are kept for, where the amount of flakes changes.
@@ -93,7 +93,7 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
     """Return the sheets between two depths with their nodes, the pixels that flakes move by during
     the exposure, and the depths: near ones first.
     """
-    half = 0.5 * value_at(weather.motion.shutter, frame.t)
+    half = 0.5 * weather.motion.exposure(frame)
     times = (frame.t - half, frame.t + half)
     eyes = _eyes_of(frame, film, times)
     moved = _blown(weather, frame, film, eyes, times)
@@ -331,7 +331,7 @@ def _blown(
 
 def moved_by_wind(weather: Weather, weights: Float64, frame: Frame, other: Frame) -> Array:
     """Return how uneven wind moves the window's pixels to another frame, (h, w, 2) float32."""
-    film, half = weather.film(frame), 0.5 * value_at(weather.motion.shutter, frame.t)
+    film, half = weather.film(frame), 0.5 * weather.motion.exposure(frame)
     eyes = _eyes_of(frame, film, (frame.t - half, frame.t + half))
     found = _blown(weather, frame, film, eyes, (frame.t, other.t))
     assert found is not None

@@ -28,7 +28,6 @@ from flurries.frame.layer import Shade
 from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
-from flurries.motion.keys import value_at
 
 # Bytes that the sheets of a film take at most.
 _FILM_BYTES = 384 << 20
@@ -103,7 +102,7 @@ def _read(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
     shown, focals = amount * float(weather.emission), camera.focals  # type: ignore[arg-type]
     keys, start, rate, places = _standing(
         weather, film, frame.path, frame.fps, focals, camera.rotation, frame.seed, shown,
-        value_at(weather.motion.shutter, frame.t), blur, _core.reproducible(),
+        weather.motion.exposure(frame), blur, _core.reproducible(),
     )  # fmt: skip
     x, y = camera.principal(frame.shape)
     u, v = camera.center_shift

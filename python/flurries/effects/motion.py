@@ -15,6 +15,9 @@ from flurries.frame.view import Frame
 from flurries.motion.keys import Course, Keys, Number, Vector, course_of, sum_of, value_at
 from flurries.motion.wind import Wind
 
+# Seconds that a photograph of falling snow is exposed by day, and frames that a film is.
+STILL, HALF_OPEN = 1.0 / 250.0, 0.5
+
 
 class Way(NamedTuple):
     """The camera's motion through the flakes, by the mean wind, in the eye's axes."""
@@ -30,7 +33,8 @@ class Motion:
 
     fall: Number  # Metres per second in still air, down.
     wind: Vector | Wind  # Metres per second, house axes.
-    shutter: Number = 0.0  # Exposure, frames.
+    # Exposure, frames; None for a photograph's in a still, and half a frame in a film.
+    shutter: Number | None = 0.0
 
     @property
     def mean_wind(self) -> Vector:
@@ -51,10 +55,14 @@ class Motion:
 
     def way(self, frame: Frame) -> Way:
         """Return the camera's way through the mean wind at a frame."""
-        wind, shutter = self.mean_wind, value_at(self.shutter, frame.t)
+        wind, shutter = self.mean_wind, self.exposure(frame)
         moved, rate = frame.path.relative(frame.t, fps=frame.fps, fall=self.fall, wind=wind)
         axes = frame.camera.matrix()
         return Way(moved @ axes, rate @ axes, shutter)
+
+    def exposure(self, frame: Frame) -> float:
+        """Return how long the shutter is open at a frame, frames."""
+        return usual(frame) if self.shutter is None else value_at(self.shutter, frame.t)
 
     def places(self, path: CameraPath, fps: float, times: list[float]) -> list[Any]:
         """Return the camera's places (3,) in the air that falls so, house axes, metres."""
@@ -87,6 +95,11 @@ class Motion:
         before = course.line(times, times - 1e-6)[0]
         speeds = np.concatenate([before, course.line(times, times + 1e-6)[0], course.values])
         return float(np.linalg.norm(speeds, axis=1).max())
+
+
+def usual(frame: Frame | Any) -> float:
+    """Return the exposure of a still or of a frame of a film where none is given, frames."""
+    return float(frame.fps) * STILL if frame.still else HALF_OPEN
 
 
 def comes_nearer(path: CameraPath, axis: Float64, fall: Number, wind: Vector) -> bool:

@@ -52,7 +52,7 @@ POPULATION: dict[str, Any] = {
     "wind": wind,
     "color": lambda _, value: as_color(value, (AMBIENT, LOCAL)),
     "haze": share,
-    "shutter": partial(as_number, low=0.0),
+    "shutter": optional(partial(as_number, low=0.0)),
     "sway": pair,
     "near": length,
     "far": length,

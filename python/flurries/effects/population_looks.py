@@ -17,7 +17,6 @@ SNOW: dict[str, dict[str, Any]] = {
     "heavy": {"density": 90.0, "flake_size": (0.003, 0.008, 0.025), "wind": (0.5, 0.0, 0.0)},
     "blizzard": {
         "density": 300.0, "flake_size": (0.002, 0.005, 0.016), "wind": (6.0, 0.0, 0.0),
-        "shutter": 0.3,
     },
     # Half melted: small, fast and glassy.
     "sleet": {

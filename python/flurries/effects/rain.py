@@ -66,8 +66,9 @@ class Rain(metaclass=Described):
         towards the camera, and `gain` does not count.
     haze : float
         Opacity of an even veil beside the drops, 0 to 1. Keyed.
-    shutter : float
-        Exposure in frames, centred on the frame: how long the streaks are. Keyed.
+    shutter : float, optional
+        Exposure in frames, centred on the frame: how long the streaks are. Keyed. If not
+        given, 0.5, and 1/250 s in a still; see `fps` of :class:`flurries.Scene`.
     near, far : float
         Depths in metres between which drops are shown.
     cloud : float
@@ -105,7 +106,7 @@ class Rain(metaclass=Described):
     wind: Vector | Wind = (0.6, 0.0, 0.0)
     color: Color = "ambient"
     haze: Number = 0.0
-    shutter: Number = 0.5
+    shutter: Number | None = None
     near: float = 0.4
     far: float = 40.0
     cloud: float = 10.0

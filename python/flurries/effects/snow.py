@@ -70,8 +70,9 @@ class Snow(metaclass=Described):
         get the same snow.
     haze : float
         Opacity of an even veil beside the flakes, 0 to 1. Keyed.
-    shutter : float
-        Exposure in frames, 0 to 1 for a usual camera, centred on the frame. Keyed.
+    shutter : float, optional
+        Exposure in frames, 0 to 1 for a usual camera, centred on the frame. Keyed. If not
+        given, 0.5, and 1/250 s in a still; see `fps` of :class:`flurries.Scene`.
     sway : (amplitude, rate)
         Amplitude in metres and rate in radians per second. Each near flake swings with a phase of
         its own.
@@ -122,7 +123,7 @@ class Snow(metaclass=Described):
     wind: Vector | Wind = (0.3, 0.0, 0.0)
     color: Color = "ambient"
     haze: Number = 0.0
-    shutter: Number = 0.5
+    shutter: Number | None = None
     sway: tuple[float, float] = (0.02, 4.0)
     near: float = 0.4
     far: float = 60.0

@@ -80,6 +80,7 @@ class Program:
     lights: tuple[Lamp, ...] = ()
     lens: Lens | None = None
     lap: Lap | None = None
+    still: bool = False  # Whether it is one picture, exposed as a photograph is.
     # In the background's last frame; all scenes derived from one share it.
     found: dict[str, tuple[int, Any]] = field(default_factory=dict)
 
@@ -130,6 +131,7 @@ class Program:
             lights=self.lights,
             lens=self.lens,
             lap=self.lap,
+            still=self.still,
             settled=self.settled,
             deep=self.deep,
         )

@@ -119,6 +119,8 @@ class Frame:
         The lens that the weather is seen through; without one everything is sharp.
     lap : Lap or None
         The loop of a film that repeats; `t` is a frame of it.
+    still : bool
+        Whether the scene is one picture, exposed as a photograph is.
     run : Run or None
         What the plan lets the effect do; None where a frame was made without a plan.
     settled : bool
@@ -148,6 +150,7 @@ class Frame:
     lights: tuple[Lamp, ...] = ()
     lens: Lens | None = None
     lap: Lap | None = None
+    still: bool = False
     run: Run | None = None
     settled: bool = False
     deep: bool = False

@@ -31,6 +31,7 @@ class Backdrop:
     # (left, top, width, height) of the display window in a plate with overscan.
     display: Display | None = None
     aspect: float = 1.0  # Width of a pixel over its height.
+    photograph: bool = False  # Whether it is a picture or a film of integers.
 
     def frame(self, t: float) -> Array:
         """Return (H, W, 3), or (H, W, 4) with alpha, of frame floor(t)."""
@@ -91,13 +92,14 @@ def _plain(color: Any, dtype: np.dtype[Any], size: tuple[int, int] | None) -> Ba
     width, height = size or _DEFAULT_SIZE
     pixels = np.empty((height, width, 3), dtype)
     pixels[...] = color
-    return _still(pixels)
+    return _still(pixels, plain=True)
 
 
-def _still(pixels: Array) -> Backdrop:
+def _still(pixels: Array, *, plain: bool = False) -> Backdrop:
     size = pixels.shape[1], pixels.shape[0]
     encoding = "linear" if pixels.dtype.kind == "f" else "display"
-    return Backdrop(size, encoding, None, Planes(read_only(pixels)))
+    photograph = encoding == "display" and not plain
+    return Backdrop(size, encoding, None, Planes(read_only(pixels)), photograph=photograph)
 
 
 def _of_source(
@@ -127,7 +129,8 @@ def _of_source(
         return pixels if (pixels.shape[1], pixels.shape[0]) == wanted else fit(pixels, wanted)
 
     planes = Planes(None, files, (fitted,))
-    return Backdrop(wanted, source.encoding, source.count, planes, rate, display, aspect)
+    kind = source.encoding, source.count, planes, rate, display, aspect
+    return Backdrop(wanted, *kind, photograph=source.encoding == "display")
 
 
 def _of_array(background: Any, size: tuple[int, int] | None) -> Backdrop:

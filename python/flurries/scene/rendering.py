@@ -48,6 +48,7 @@ class Rendering(Sources):
     sun: Sun | None
     lights: tuple[Lamp, ...]
     lens: Lens | None
+    still: bool
     space: str
     colorspace: str | None
     _path: CameraPath
@@ -122,6 +123,7 @@ class Rendering(Sources):
             lights=lights,
             lens=lens,
             lap=self.lap,
+            still=self.still,
             found=self._found,
         )
 

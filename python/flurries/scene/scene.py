@@ -15,7 +15,7 @@ from flurries._contract import Array, choice, integer, rate_of, seed_of, suggest
 from flurries._warnings import warn
 from flurries.camera.extent import holding
 from flurries.camera.lens import Camera
-from flurries.camera.optics import Lens
+from flurries.camera.optics import USUAL, Lens
 from flurries.camera.path import CameraPath, as_path
 from flurries.frame.effect import Effect
 from flurries.frame.truth import Rendered
@@ -56,6 +56,9 @@ DEFAULT_FPS = 30.0
 # A focal length in picture widths, where none is given: 45 degrees across.
 DEFAULT_FOCAL = 1.2
 
+# Widths of a picture: a lens as long as 10 m is no usual one, nor is one of a tenth of that.
+LONGEST_FOCAL = 28.0
+
 # Widths of a picture. A shorter focal length sees 160 degrees and more: its unit is hardly pixels.
 SHORTEST_FOCAL = 1 / 12
 
@@ -80,7 +83,9 @@ class Scene(Rendering):
     effects : sequence
         The weather, back to front; 1,000 at most.
     fps : float, optional
-        Frames per second. If not given, the rate of a film in the background, else 30.
+        Frames per second. If not given, the rate of a film in the background, else 30. A scene
+        without it over a still picture is a still: snow and rain that have no `shutter` are exposed
+        for 1/250 s in it, and for half a frame in a film.
     seed : int
         Seed of all random numbers; each effect draws its own numbers.
     foreground : path, array or Foreground, or a list of them, optional
@@ -98,9 +103,10 @@ class Scene(Rendering):
         The sun that lights gas.
     lights : sequence of Lamp
         Lamps that light flakes and drops; the frame is then mixed in linear light.
-    lens : Lens, optional
-        A lens with an opening: flakes and drops that are out of focus are soft. Without a lens
-        everything is sharp.
+    lens : Lens, "usual" or None
+        A lens with an opening: flakes and drops that are out of focus are soft. "usual" is f/5.6
+        focused at 10 m over a photograph or a film of integers, and no lens over a color or linear
+        light. Without a lens everything is sharp.
     extend : {"stop", "hold", "loop"}
         What happens at a frame number that a sequence, a film or a camera's file does not have:
         "stop" is an error, "hold" takes the first or last frame, "loop" begins again (not for
@@ -147,6 +153,7 @@ class Scene(Rendering):
     colorspace: str | None
     lights: tuple[Lamp, ...]
     lens: Lens | None
+    still: bool = field(init=False)  # Whether it is one picture, exposed as a photograph is.
     period: int | None
     output: Output
     _backdrop: Backdrop = field(init=False)
@@ -173,7 +180,7 @@ class Scene(Rendering):
         start: int | None = None,
         colorspace: str | None = None,
         lights: Lamp | Sequence[Lamp] = (),
-        lens: Lens | None = None,
+        lens: Lens | Literal["usual"] | None = "usual",
         period: int | None = None,
         output: Output | None = None,
     ) -> None:
@@ -188,7 +195,6 @@ class Scene(Rendering):
         settle("effects", effects_of(effects))
         settle("sun", one_or_none("sun", sun, Sun))
         settle("lights", lights_of(lights))
-        settle("lens", one_or_none("lens", lens, Lens))
         settle("period", number_or_none("period", period, low=2))
         settle("output", one_or_none("output", output, Output) or Output())
         settle("_found", {})
@@ -204,6 +210,7 @@ class Scene(Rendering):
             "background", found.source.given if isinstance(background, np.ndarray) else background
         )
         settle("size", found.size)
+        settle("still", fps is None and found.count is None and period is None)
         settle("fps", rate_of(found.fps or DEFAULT_FPS) if rate is None else rate)
         if start is None and self.range is not None:
             numbers["start"] = self.range[0]
@@ -216,6 +223,10 @@ class Scene(Rendering):
                 f"{self.display[2]} px wide; lengths in millimetres are multiplied by the width in "
                 "pixels over that of the sensor"
             )
+        if lens == "usual":
+            short = self.camera.longest_focal < LONGEST_FOCAL * self.display[2]
+            lens = USUAL if found.photograph and self.color is None and short else None
+        settle("lens", one_or_none("lens", lens, Lens))
         path = holding(self.camera) if self._holds else self.camera
         settle("_path", replace(path, camera=self._in_frame(path.camera)))
         several = isinstance(foreground, (list, tuple))
@@ -248,11 +259,13 @@ class Scene(Rendering):
     def __reduce__(self) -> tuple[Any, ...]:
         # What it was made from, not what was made of it: a color is not a picture of it.
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        values["fps"] = None if self.still else self.fps
         return partial(Scene, **values), ()
 
     def replace(self, **changes: Any) -> Scene:
         """Return the scene with some arguments changed."""
-        return replace(self, **changes)
+        # A still stays one, unless it gets a rate or becomes a film.
+        return replace(self, **({"fps": None} if self.still else {}) | changes)
 
     def derive(self, **changes: Any) -> Scene:
         """Return the scene with some attributes changed, without checks."""

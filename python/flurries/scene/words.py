@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 def line_of(scene: Scene) -> str:
     """Return size, rate, background, camera and effects in one line."""
     width, height = scene.size
+    rate = "a still" if scene.still else f"{scene.fps:g} fps"
     names = ", ".join(type(effect).__name__ for effect in scene.effects) or "none"
     return (
-        f"Scene({width} x {height} px, {scene.fps:g} fps, background={_value(scene.background)}, "
+        f"Scene({width} x {height} px, {rate}, background={_value(scene.background)}, "
         f"camera={camera_of(scene.camera)}, effects={names})"
     )
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from flurries.camera.path import CameraPath
+from flurries.effects.motion import HALF_OPEN
 from flurries.motion.keys import Keys, value_at
 from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.scene import Scene
@@ -95,6 +96,8 @@ def _of_effect(
     own = {field.name for field in fields(effect)} if is_dataclass(effect) else set()
     for name, (label, unit, low, high, step) in _FIELDS.items():
         value = value_at(getattr(effect, name), 0.0) if name in own else None
+        if name == "shutter" and name in own and value is None:
+            value = HALF_OPEN
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             continue
         if name == "density" and value > high:

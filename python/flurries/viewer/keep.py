@@ -49,9 +49,8 @@ def python_of(scene: Scene) -> str:
     given = scene.background
     background = "picture" if isinstance(given, np.ndarray) else repr(str(given))
     more = "" if scene.seed == 0 else f", seed={scene.seed}"
-    for name in ("lights", "lens"):
-        if value := getattr(scene, name):
-            more += f", {name}={call(value)}"
+    more += f", lights={call(scene.lights)}" if scene.lights else ""
+    more += f", lens={call(scene.lens)}" if scene.lens or scene._backdrop.photograph else ""
     if scene.depth is not None:
         plain = isinstance(scene.depth, (int, float))
         said = scene.depth if plain else str(scene.depth)

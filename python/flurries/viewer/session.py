@@ -45,7 +45,8 @@ class Session:
     def __init__(self, scene: Scene, *, size: int = 512, save: str | Path = "tuned.toml") -> None:
         if not isinstance(scene, Scene):
             raise TypeError(f"scene must be a flurries.Scene, got {type(scene).__name__}")
-        self.scene = scene
+        # What plays is a film.
+        self.scene = scene = scene.replace(fps=scene.fps) if scene.still else scene
         self.save_path = Path(save)
         self.values: dict[str, Any] = {}
         # A page plays on beyond a film's end.

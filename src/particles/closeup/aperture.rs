@@ -35,24 +35,15 @@ impl Blur {
         let soft = (1.0 / radius).min(2.0);
         // The border is soft: one texel wide.
         let inside = |far: f32| ((away - f64::from(far)) / soft + 0.5).clamp(0.0, 1.0);
-        let mut taps = Vec::with_capacity(places.len() * places.len() + 1);
-        let mut far = vec![0.0_f32; places.len()];
+        let far = |u: f32, v: f32| match &sides[..] {
+            [] => (u * u + v * v).sqrt(),
+            sides => sides.iter().map(|[a, b]| u * a + v * b).fold(f32::NEG_INFINITY, f32::max),
+        };
+        let mut taps = Vec::with_capacity(places.len() * places.len());
         let mut sum = 0.0;
         for (y, &v) in (-reach..).zip(&places) {
-            if sides.is_empty() {
-                far.iter_mut().zip(&places).for_each(|(far, &u)| *far = (u * u + v * v).sqrt());
-            } else {
-                far.fill(f32::NEG_INFINITY);
-                for &[a, b] in &sides {
-                    let down = v * b;
-                    for (far, &u) in far.iter_mut().zip(&places) {
-                        let along = u * a + down;
-                        *far = if along > *far { along } else { *far };
-                    }
-                }
-            }
-            for (x, &far) in (-reach..).zip(&far) {
-                let weight = inside(far);
+            for (x, &u) in (-reach..).zip(&places) {
+                let weight = inside(far(u, v));
                 if weight > 0.0 {
                     sum += weight;
                     taps.push(Tap { x, y, weight: weight as f32 });

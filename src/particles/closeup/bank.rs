@@ -6,7 +6,7 @@
 //! fractal dimension near 2 and a mean projected aspect ratio of .6; Korolev and Isaac 2003, Brandes et al.
 //! 2007 and Garrett et al. 2015 observe .6 to .8 (so compared in J. Atmos. Sci. 76, 2019,
 //! JAS-D-19-0066). Which crystals, how many and how opaque is a choice of ours. What a ray passes of ice makes a silhouette
-//! translucent at its rim. All views of an aggregate have the area of a disc of its diameter.
+//! translucent where few crystals overlap, and lets finer ice around them make a soft rim. All views of an aggregate have the area of a disc of its diameter.
 
 use std::sync::OnceLock;
 
@@ -21,12 +21,16 @@ pub const SIDE: usize = 64;
 const LEVELS: usize = 4;
 
 /// Points of all shapes lie within this share of half a view.
-const FILLED: f64 = 0.86;
+const FILLED: f64 = 0.8;
 
-/// How opaque a point of a crystal makes the ray through its middle, and the deviation of its blot in
+/// Optical depth of a ray through the middle of a point of a crystal, and the deviation of its blot in
 /// texels.
-const THICKNESS: f64 = 0.5;
-const BLOT: f64 = 1.1;
+const THICKNESS: f64 = 0.3;
+const BLOT: f64 = 0.75;
+
+/// Broken arms and rime too fine to be told: a share of the crystals' ice, spread by a deviation in texels.
+const FINE: f64 = 0.15;
+const SPREAD: f64 = 2.5;
 
 struct View {
     /// From the largest level down, row by row.
@@ -200,7 +204,9 @@ impl View {
                 }
             }
         }
-        let whole: Vec<f32> = depth.iter().map(|&d| -libm::expm1(-d) as f32).collect();
+        let fine = spread(&spread(&depth));
+        let both = depth.iter().zip(&fine);
+        let whole: Vec<f32> = both.map(|(d, f)| -libm::expm1(-(d + FINE * f)) as f32).collect();
         let area: f64 = whole.iter().map(|&v| f64::from(v)).sum();
         // The area of a disc of diameter 1 in units of a texel's side.
         let side = SIDE as f64 * libm::sqrt(std::f64::consts::FRAC_PI_4 / area);
@@ -210,15 +216,30 @@ impl View {
             let (count, finer) = (SIDE >> level, &levels[level - 1]);
             let texel = |k: usize| {
                 let at = 2 * (k / count) * 2 * count + 2 * (k % count);
-                0.25 * (finer[at]
-                    + finer[at + 1]
-                    + finer[at + 2 * count]
-                    + finer[at + 2 * count + 1])
+                0.25 * [0, 1, 2 * count, 2 * count + 1].map(|k| finer[at + k]).iter().sum::<f32>()
             };
             levels[level] = (0..count * count).map(texel).collect();
         }
         Self { levels, side }
     }
+}
+
+/// Rows of a view spread along themselves, as columns.
+fn spread(rows: &[f64]) -> Vec<f64> {
+    let reach = (3.0 * SPREAD) as usize;
+    let bell = |k: usize| libm::exp(-0.5 * (k as f64 / SPREAD) * (k as f64 / SPREAD));
+    let weights: Vec<f64> = (0..2 * reach + 1).map(|k| bell(k.abs_diff(reach))).collect();
+    let whole: f64 = weights.iter().sum();
+    let mut columns = vec![0.0; SIDE * SIDE];
+    for (at, &value) in rows.iter().enumerate().filter(|(_, value)| **value > 0.0) {
+        let (row, column) = (at / SIDE, at % SIDE);
+        for (weight, to) in weights.iter().zip(column as isize - reach as isize..) {
+            if (0..SIDE as isize).contains(&to) {
+                columns[to as usize * SIDE + row] += value * weight / whole;
+            }
+        }
+    }
+    columns
 }
 
 #[cfg(test)]

@@ -20,6 +20,8 @@ pub struct Scene<'a> {
     /// By which sprites are found in space.
     pub lens: Lens,
     pub lamps: &'a Lamps,
+    /// Of each flake by its number, the light on it over that on the mean.
+    pub glints: &'a [f32],
 }
 
 impl Scene<'_> {
@@ -49,7 +51,7 @@ impl Scene<'_> {
             glow = rest;
             tiles.push((row, upper, plane, light));
         }
-        let colors = self.colors(self.patches.iter().map(|patch| patch.point));
+        let colors = self.colors(self.patches.iter().map(|patch| (patch.point, patch.index)));
         pool::for_each(tiles, |(row, upper, mut plane, mut light)| {
             let mut canvas = Lit::new();
             for column in left / TILE..right.div_ceil(TILE) {
@@ -69,12 +71,18 @@ impl Scene<'_> {
         })
     }
 
-    /// The light of flakes at places in the axes of the eye, and 1, by which opacities are counted.
-    fn colors(&self, places: impl Iterator<Item = [f64; 3]>) -> Vec<[f32; 4]> {
-        let places: Vec<_> = places.collect();
+    /// The light of flakes at places in the eye's axes, of their numbers, and 1, by which opacities are counted.
+    fn colors(&self, flakes: impl Iterator<Item = ([f64; 3], i32)>) -> Vec<[f32; 4]> {
+        let (places, numbers): (Vec<_>, Vec<_>) = flakes.unzip();
         let mut found = vec![[0.0; 3]; places.len()];
         light(self.lamps, &places, &mut found);
-        found.into_iter().map(|[r, g, b]| [r as f32, g as f32, b as f32, 1.0]).collect()
+        let both = found.into_iter().zip(numbers);
+        both.map(|(rgb, number)| {
+            let glint = self.glints.get(number as usize).copied().unwrap_or(1.0);
+            let [r, g, b] = rgb.map(|v| glint * v as f32);
+            [r, g, b, 1.0]
+        })
+        .collect()
     }
 
     /// The place of a sprite in the axes of its flake.
@@ -147,10 +155,9 @@ fn sprites<const LEVEL: u8>(
     for bins in &scene.sorted.runs {
         cancel.check()?;
         let large = bins.large().filter(|(sprite, _)| touches(sprite, tile.row, tile.column));
-        let drawn: Vec<&Sprite> =
-            bins.small(number).chain(large).map(|(sprite, _)| sprite).collect();
-        let colors = scene.colors(drawn.iter().map(|sprite| scene.place(sprite)));
-        for (sprite, color) in drawn.into_iter().zip(colors) {
+        let drawn: Vec<_> = bins.small(number).chain(large).collect();
+        let colors = scene.colors(drawn.iter().map(|&(sprite, &it)| (scene.place(sprite), it)));
+        for ((sprite, _), color) in drawn.into_iter().zip(colors) {
             lit.color = color;
             one::<f32, _, LEVEL>(lit, tile.map, sprite, origin, scene.sorted.balls.as_deref());
         }

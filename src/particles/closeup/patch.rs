@@ -3,10 +3,9 @@
 use std::ops::Range;
 
 use super::aperture::VARIANCE_OF_DISC;
-use super::shape::{DOT, Kind, Look, Place, ball, silhouette};
-use super::spread::{along, spread};
+use super::shape::{DOT, Kind, Look, Near, Place, ball, silhouette};
+use super::spread::{Way, along, spread};
 use crate::base::simd::dispatch;
-use crate::particles::sprite::{Flake, Lens, RIM_SHARE, Sprite};
 
 /// The picture of one flake's opacity.
 pub struct Patch {
@@ -37,48 +36,34 @@ const REACH: f64 = 1.6;
 /// Texels around a picture, for soft borders and for what lies between texels.
 const MARGIN: f64 = 2.0;
 
-/// A way in texels that is shorter moves nothing.
-const SHORT: f64 = 0.25;
-
 /// Makes the sum of a picture `energy`.
 #[dispatch]
 fn normalize<const LEVEL: u8>(alpha: &mut [f32], energy: f64) {
     // Sixteen sums, which do not wait for each other.
     let mut sums = [0.0_f64; 16];
-    let (runs, rest) = alpha.as_chunks::<16>();
-    for run in runs {
+    for run in alpha.chunks(16) {
         sums.iter_mut().zip(run).for_each(|(sum, &v)| *sum += f64::from(v));
     }
-    let sum = sums.iter().sum::<f64>() + rest.iter().map(|&v| f64::from(v)).sum::<f64>();
-    let factor = (energy / sum) as f32;
+    let factor = (energy / sums.iter().sum::<f64>()) as f32;
     alpha.iter_mut().for_each(|v| *v *= factor);
 }
 
 impl Patch {
-    /// The picture of a flake with the energy of its sprite, or None if nothing of it can be seen in a
-    /// picture of `shape`.
-    pub fn of(
-        number: i64,
-        flake: &Flake,
-        lens: &Lens,
-        look: &Look,
-        shape: (usize, usize),
-    ) -> Option<Self> {
+    /// The picture of a flake, or None if nothing of it can be seen in a picture of `shape`.
+    pub fn of(flake: &Near, look: &Look, shape: (usize, usize)) -> Option<Self> {
         let blur = look.blur.as_ref();
-        let sprite = Sprite::of(flake, lens)?;
-        let variance = sprite.sigma * sprite.sigma;
-        let energy =
-            std::f64::consts::TAU * sprite.amplitude * variance / (1.0 + RIM_SHARE / variance);
-        let sigma = lens.focal * flake.radius / (3.0 * sprite.depth);
-        let diameter = sigma * 8.0_f64.sqrt();
-        let circle = blur.map_or(0.0, |blur| blur.circle(sprite.depth));
-        let way = sprite.along.map(|part| part * sprite.length);
-        let middle: [f64; 2] = std::array::from_fn(|axis| sprite.start[axis] + 0.5 * way[axis]);
+        let &Near { number, energy, diameter, depth, seen: [now, first, last], .. } = flake;
+        let sigma = diameter / 8.0_f64.sqrt();
+        let circle = blur.map_or(0.0, |blur| blur.circle(depth));
+        let middle: [f64; 2] = std::array::from_fn(|axis| 0.5 * (first[axis] + last[axis]));
+        let half = std::array::from_fn(|axis| 0.5 * (last[axis] - first[axis]));
+        let bend = std::array::from_fn(|axis| middle[axis] - now[axis]);
+        let way = Way { half, bend };
         let opening = blur.map_or(0.0, |blur| 0.5 * blur.corner() * circle);
         let wide = (sigma * sigma + circle * circle * VARIANCE_OF_DISC).sqrt();
         let shaped = if look.kind == Kind::Dot { DOT * sigma } else { REACH * diameter };
         let reach = (shaped + opening).max(DOT * wide);
-        let extent = way.map(|part| 0.5 * part.abs() + reach);
+        let extent = way.reach().map(|part| part + reach);
         let longest = 2.0 * extent[0].max(extent[1]);
         let mut scale = 1_usize;
         while circle / scale as f64 > FINE
@@ -104,7 +89,7 @@ impl Patch {
             middle: std::array::from_fn(|axis| middle[axis] / side - low[axis]),
         };
         let energy = energy / (side * side);
-        let mut alpha = silhouette(&place, diameter / side, number, flake, look);
+        let mut alpha = silhouette(&place, diameter / side, flake, look);
         if let Some(blur) = blur.filter(|_| circle / side > 0.05) {
             alpha = spread(&alpha, place.size[0], &blur.taps(circle / side));
         }
@@ -114,18 +99,17 @@ impl Patch {
             normalize(&mut sprite, (1.0 - look.share) * energy);
             alpha.iter_mut().zip(&sprite).for_each(|(a, b)| *a += b);
         }
-        let way = way.map(|part| part / side);
-        if way[0].abs().max(way[1].abs()) >= SHORT {
-            alpha = spread(&alpha, place.size[0], &along(way));
-        }
+        let way = Way { half: half.map(|v| v / side), bend: bend.map(|v| v / side) };
+        let flutter = look.tumble.flutter(number, flake.own, look.kind == Kind::Aggregate);
+        alpha = spread(&alpha, place.size[0], &along(&way, flutter));
         alpha.iter_mut().for_each(|v| *v = if *v > 0.0 { v.min(1.0) } else { 0.0 });
         Some(Self {
-            index: 0,
+            index: flake.index,
             scale,
             origin: low.map(|v| v as i64 * scale as i64),
             size: place.size,
             alpha,
-            depth: sprite.depth,
+            depth,
             point: flake.point,
         })
     }

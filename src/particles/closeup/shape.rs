@@ -2,10 +2,8 @@
 
 use super::aperture::Blur;
 use super::bank::{Bank, SHAPES, Silhouette};
-use crate::base::pixel::sampled;
 use crate::base::random::Hash;
 use crate::base::simd::dispatch;
-use crate::particles::sprite::Flake;
 
 /// What a flake looks like from near.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +19,55 @@ pub struct Tumble {
     pub seed: i64,
     /// Seconds since frame 0.
     pub seconds: f64,
+    /// Seconds that the shutter is open.
+    pub exposure: f64,
+}
+
+impl Tumble {
+    /// How bright a flake that is `own` metres wide is over the exposure, s of -1 to 1: flat ones flutter.
+    pub fn flutter(&self, number: i64, own: f64, flat: bool) -> impl Fn(f64) -> f64 + use<> {
+        let rate = (FLUTTER / own).min(FASTEST);
+        let phase = Hash::seeded(self.seed).word(number).word(0x666C_7574).unit();
+        let (now, half) = (phase + rate * self.seconds, 0.5 * rate * self.exposure);
+        let deep = if flat { 0.5 } else { 0.0 };
+        move |s| 1.0 + deep * libm::sin(std::f64::consts::TAU * (now + s * half))
+    }
+
+    /// The lamps' light on a flake over that on the mean of all: facets mirror a lamp for a moment.
+    pub fn glint(&self, number: i64) -> f32 {
+        let unit = |word: i64| Hash::seeded(self.seed).word(number).word(0x676C_696E + word).unit();
+        let phase = unit(0) + (1.5 + 3.0 * unit(1)) * self.seconds;
+        let wave = libm::cos(std::f64::consts::PI * phase);
+        let pulse = (0..4).fold(wave, |power, _| power * power);
+        (1.0 - GLINT + GLINT * pulse / PULSE) as f32
+    }
+}
+
+/// Metres per second: a disc that falls flutters by its speed over its diameter times a Strouhal number of .15
+/// to .2 (Willmarth, Hawk and Harvey 1964, Phys. Fluids 7, 197). And the most flutters a second.
+const FLUTTER: f64 = 0.2;
+const FASTEST: f64 = 60.0;
+
+/// How much of the lamps' light comes in glints, and the mean of the 16th power of a cosine.
+const GLINT: f64 = 0.5;
+const PULSE: f64 = 6435.0 / 32768.0;
+
+/// A flake as it is seen.
+#[derive(Debug, Clone, Copy)]
+pub struct Near {
+    /// Its place in the list, and what it is known by.
+    pub index: i32,
+    pub number: i64,
+    /// In the axes of the eye whose pixels are square, world units.
+    pub point: [f64; 3],
+    pub depth: f64,
+    /// World units, and px.
+    pub own: f64,
+    pub diameter: f64,
+    /// Opacity summed over pixels.
+    pub energy: f64,
+    /// Its middle now, and when the shutter opens and closes, px.
+    pub seen: [[f64; 2]; 3],
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -36,7 +83,7 @@ pub struct Look {
 /// A dot ends here, in sigma.
 pub const DOT: f64 = 4.0;
 
-/// Below this diameter in texels every flake is a dot.
+/// Below this diameter in texels every flake is a ball of it.
 const LEAST: f64 = 2.5;
 
 /// Turns per second around the vertical axis, at least and at most.
@@ -49,50 +96,12 @@ pub struct Place {
     pub middle: [f64; 2],
 }
 
-/// A Gaussian; `sigma` in texels.
-pub fn dot(place: &Place, sigma: f64) -> Vec<f32> {
-    let sigma = sampled(sigma * sigma).sqrt();
-    let [across, down] = [0, 1].map(|axis| line(place.size[axis], place.middle[axis], sigma));
-    let row = |weight: &f32| {
-        let weight = *weight;
-        across.iter().map(move |part| weight * part)
-    };
-    down.iter().flat_map(row).collect()
-}
-
-/// A Gaussian at the middles of texels, each from the one before: exp(-(u + 1)^2 / 2) over exp(-u^2 / 2) is
-/// a power of e whose exponent falls evenly.
-fn line(count: usize, middle: f64, sigma: f64) -> Vec<f32> {
-    let mut values = vec![0.0; count];
-    let within = |v: f64| v.ceil().clamp(0.0, count as f64) as usize;
-    let first = within(middle - 0.5 - DOT * sigma);
-    let end = within(middle - 0.5 + DOT * sigma);
-    let step = 1.0 / sigma;
-    let start = (first as f64 + 0.5 - middle) * step;
-    let mut value = libm::exp(-0.5 * start * start);
-    let mut factor = libm::exp(-step * (start + 0.5 * step));
-    let change = libm::exp(-step * step);
-    for out in values.iter_mut().take(end).skip(first) {
-        *out = value as f32;
-        value *= factor;
-        factor *= change;
-    }
-    values
-}
-
-/// The silhouette of a flake that is known by a number; `diameter` in texels.
-pub fn silhouette(
-    place: &Place,
-    diameter: f64,
-    number: i64,
-    flake: &Flake,
-    look: &Look,
-) -> Vec<f32> {
+/// The silhouette of a flake; `diameter` in texels.
+pub fn silhouette(place: &Place, diameter: f64, flake: &Near, look: &Look) -> Vec<f32> {
     match look.kind {
-        _ if diameter < LEAST => dot(place, diameter / 8.0_f64.sqrt()),
-        Kind::Dot => ball(place, diameter),
-        Kind::Drop => drop(place, diameter, 2.0 * flake.radius * 2.0_f64.sqrt() / 3.0),
-        Kind::Aggregate => aggregate(place, diameter, number, look),
+        Kind::Drop if diameter >= LEAST => drop(place, diameter, flake.own),
+        Kind::Aggregate if diameter >= LEAST => aggregate(place, diameter, flake.number, look),
+        _ => ball(place, diameter),
     }
 }
 
@@ -156,9 +165,8 @@ impl Shape for Ball {
 }
 
 pub fn ball(place: &Place, diameter: f64) -> Vec<f32> {
-    if diameter < LEAST {
-        return dot(place, diameter / 8.0_f64.sqrt());
-    }
+    // One that is smaller is hardly told from it.
+    let diameter = diameter.max(LEAST);
     filled(place, diameter, 0.5 + 1.0 / diameter, &Ball { diameter: diameter as f32 })
 }
 

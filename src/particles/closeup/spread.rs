@@ -10,31 +10,54 @@ pub struct Tap {
     pub weight: f32,
 }
 
-/// The copies of a picture that moves along a way in texels, centred; their weights sum to 1. From the top
-/// down, each place once.
-pub fn along(way: [f64; 2]) -> Vec<Tap> {
-    let length = way[0].abs().max(way[1].abs());
-    let count = length.ceil().max(2.0) as usize;
-    let reach = way.map(|part| (0.5 * part.abs()).ceil() as isize);
+/// A way in texels around its middle, over an exposure s of -1 to 1: s * half + (s^2 - 1) * bend.
+#[derive(Debug, Clone, Copy)]
+pub struct Way {
+    pub half: [f64; 2],
+    pub bend: [f64; 2],
+}
+
+/// The part of an exposure, -1 to 1, over which a shutter opens, and closes again.
+const OPENS: f64 = 0.3;
+
+impl Way {
+    fn at(&self, s: f64) -> [f64; 2] {
+        std::array::from_fn(|axis| s * self.half[axis] + (s * s - 1.0) * self.bend[axis])
+    }
+
+    /// How far it leads from its middle at most, along each axis.
+    pub fn reach(&self) -> [f64; 2] {
+        std::array::from_fn(|axis| self.half[axis].abs() + self.bend[axis].abs())
+    }
+}
+
+/// The copies of a picture that moves along a way, as bright as `light` says of s: from the top down, summing to 1.
+pub fn along(way: &Way, light: impl Fn(f64) -> f64) -> Vec<Tap> {
+    let reach = way.reach();
+    let count = (2.0 * reach[0].max(reach[1])).ceil().max(2.0) as usize;
+    let reach = reach.map(|part| part.ceil() as isize + 1);
     let columns = 2 * reach[0] as usize + 2;
     let mut weights = vec![0.0_f32; columns * (2 * reach[1] as usize + 2)];
+    let mut sum = 0.0;
     for k in 0..count {
-        let share = (k as f64 + 0.5) / count as f64 - 0.5;
-        let [x, y] = way.map(|part| share * part);
+        let s = (2 * k + 1) as f64 / count as f64 - 1.0;
+        let share = ((1.0 - s.abs()) / OPENS).min(1.0) * light(s);
+        sum += share;
+        let [x, y] = way.at(s);
         let (a, b) = ((x - x.floor()) as f32, (y - y.floor()) as f32);
         let (left, top) = (x.floor() as isize + reach[0], y.floor() as isize + reach[1]);
-        let at = top as usize * columns + left as usize;
-        weights[at] += (1.0 - a) * (1.0 - b);
-        weights[at + 1] += a * (1.0 - b);
-        weights[at + columns] += (1.0 - a) * b;
-        weights[at + columns + 1] += a * b;
+        let (at, share) = (top as usize * columns + left as usize, share as f32);
+        weights[at] += share * (1.0 - a) * (1.0 - b);
+        weights[at + 1] += share * a * (1.0 - b);
+        weights[at + columns] += share * (1.0 - a) * b;
+        weights[at + columns + 1] += share * a * b;
     }
     let place =
         |at: usize| [(at % columns) as isize - reach[0], (at / columns) as isize - reach[1]];
     let met = weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0);
     met.map(|(at, &weight)| {
         let [x, y] = place(at);
-        Tap { x, y, weight: weight / count as f32 }
+        Tap { x, y, weight: weight / sum as f32 }
     })
     .collect()
 }
@@ -158,7 +181,9 @@ mod tests {
                 if inside { (at % 17) as f32 - 4.0 } else { 0.0 }
             })
             .collect();
-        let mut taps = along([13.0, -4.3]);
+        let way = Way { half: [6.5, -2.15], bend: [0.4, 1.2] };
+        let mut taps = along(&way, |s| 1.0 + 0.5 * s);
+        assert!((taps.iter().map(|tap| tap.weight).sum::<f32>() - 1.0).abs() < 1e-6);
         taps.extend([(-9, 4), (2, 5)].map(|(x, y)| Tap { x, y, weight: 0.3 }));
         let found = spread(&picture, columns, &taps);
         for (at, &value) in found.iter().enumerate() {

@@ -84,8 +84,10 @@ def _scene(text: SceneText, values: dict[str, Any]) -> Scene:
         arguments["foreground"] = _foreground(text, arguments["foreground"])
     if "depth" in arguments:
         arguments["depth"] = _depth(text, arguments["depth"], "depth")
+    if arguments.get("lens") in ("none", "usual"):
+        arguments["lens"] = None if arguments["lens"] == "none" else "usual"
     for name, kind in PARTS.items():
-        if name in arguments:
+        if not isinstance(arguments.get(name), (str, type(None))):
             arguments[name] = _part(text, arguments[name], kind, name, name)
     lamps = _tables(text, arguments.get("lights", []), "lights")
     arguments["lights"] = [
