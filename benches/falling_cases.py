@@ -35,7 +35,7 @@ WEATHERS: dict[str, dict[str, Any]] = {
     "light": fl.Snow.PRESETS["light"],
     "heavy": fl.Snow.PRESETS["heavy"],
     "blizzard": fl.Snow.PRESETS["blizzard"],
-    "rain": {"rate_mm_h": 10.0, "gain": 1.0},
+    "rain": {"rate": 10.0, "gain": 1.0},
 }
 WINDS = (0.0, 3.0)
 

@@ -79,8 +79,8 @@ def severity() -> None:
         return np.hstack([scene.render(3, region=region) for scene in scenes])
 
     rows = [row([kind(severity=n) for n in range(1, 6)]) for kind in (fl.Snow, fl.Rain, fl.Mist)]
-    rows.append(row([fl.Snow(rate_mm_h=rate) for rate in (0.3, 1.0, 3.0, 8.0, 20.0)]))
-    rows.append(row([fl.Rain(rate_mm_h=rate) for rate in (1.0, 4.0, 10.0, 25.0, 80.0)]))
+    rows.append(row([fl.Snow(rate=rate) for rate in (0.3, 1.0, 3.0, 8.0, 20.0)]))
+    rows.append(row([fl.Rain(rate=rate) for rate in (1.0, 4.0, 10.0, 25.0, 80.0)]))
     save("severity.jpg", np.vstack(rows), 1400)
 
 

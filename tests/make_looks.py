@@ -30,13 +30,9 @@ def looks(version: str) -> dict[str, tuple[Any, tuple[int, int]]]:
         for name in presets:
             effect = kind(name, look=version)
             found[f"{kind.__name__} {name}"] = (effect, (512, 384))
-    for kind in (fl.effects.TentSnow, fl.effects.TentRain, fl.Mist):
-        for severity in range(1, 6):
-            effect = kind(severity=severity, look=version)
-            found[f"{kind.__name__} severity {severity}"] = (effect, (512, 384))
     for kind in (fl.effects.TentSnow, fl.effects.TentRain):
         for rate in (0.5, 4.0, 20.0):
-            found[f"{kind.__name__} {rate} mm/h"] = (kind(rate_mm_h=rate, look=version), (512, 384))
+            found[f"{kind.__name__} {rate} mm/h"] = (kind(rate=rate, look=version), (512, 384))
     for size in ((256, 192), (2048, 1536)):
         found[f"Snow at {size[0]}"] = (fl.effects.TentSnow(look=version), size)
         found[f"Rain at {size[0]}"] = (fl.effects.TentRain(look=version), size)

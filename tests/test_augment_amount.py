@@ -11,7 +11,6 @@ import pytest
 import flurries as fl
 from flurries.augment import contrast_loss
 from flurries.augment.calibration import extinction
-from flurries.effects.looks import mean_square
 from test_augment import EACH, KINDS
 
 
@@ -58,15 +57,6 @@ def test_severities_with_grounds_and_depths(kind: str, ground: Any, depth: Any):
         for k in range(6)
     ]  # fmt: skip
     assert np.mean(lost) == pytest.approx(contrast_loss(0.6), rel=0.05)
-
-
-@pytest.mark.parametrize("mean", [-0.4, -0.1, 0.0, 0.14, 0.5, 1.2])
-@pytest.mark.parametrize("deviation", [0.05, 0.25, 1.0])
-def test_mean_square_is_the_integral(mean: float, deviation: float):
-    z = np.linspace(-10.0, 10.0, 400_001)
-    weight = np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi) * (z[1] - z[0])
-    want = (np.clip(mean + deviation * z, 0.0, 1.0) ** 2 * weight).sum()
-    assert mean_square(mean, deviation) == pytest.approx(want, rel=1e-6, abs=1e-12)
 
 
 def test_extinction_is_the_root():

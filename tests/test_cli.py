@@ -178,8 +178,8 @@ WIND = {"wind": (1.0, 0.0, 0.0)}
 # What is asked for, and the weather that it is.
 WEATHER: dict[str, list[Any]] = {
     "--severity 3": [Snow(severity=3)],
-    "--rate 2.5": [Snow(rate_mm_h=2.5)],
-    "--rain --rate 4": [fl.Rain(rate_mm_h=4.0)],
+    "--rate 2.5": [Snow(rate=2.5)],
+    "--rain --rate 4": [fl.Rain(rate=4.0)],
     "--mist --rain --severity 2": [fl.Mist(severity=2), fl.Rain(severity=2)],
     "--snow severity=3": [Snow(severity=3)],
     "--snow 'big flakes'": [Snow("big flakes")],

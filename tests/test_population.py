@@ -49,14 +49,23 @@ def test_rates_are_carried_by_the_flakes_and_drops(rate: float):
     """A sum over a million quantiles of mass times speed, kg per square metre and hour."""
     shares = (np.arange(1_000_000) + 0.5) / 1e6
     for effect, mass, speed in (
-        (fl.Snow(rate_mm_h=rate), snow_mass, snow_speed),
-        (fl.Rain(rate_mm_h=rate), drop_mass, drop_speed),
+        (fl.Snow(rate=rate), snow_mass, snow_speed),
+        (fl.Rain(rate=rate), drop_mass, drop_speed),
     ):
         given = effect.flake_size if isinstance(effect, fl.Snow) else effect.drop_size
         at = Sizes.with_mean(*given).quantile(shares)
         carried = 3600.0 * effect.density * float((mass(at) * speed(at)).mean())
         assert carried == pytest.approx(rate, rel=1e-4)
     assert rain_of(2.0 * rate)[1].mean > rain_of(rate)[1].mean
+
+
+def test_severities_are_rates():
+    """The table that scenes and data sets share."""
+    for severity, snow, rain in ((1, 0.5, 2.5), (3, 2.5, 25.0), (5, 10.0, 100.0)):
+        for kind in (fl.effects.TentSnow, fl.Snow):
+            assert kind(severity=severity) == kind(rate=snow)
+        for kind in (fl.effects.TentRain, fl.Rain):
+            assert kind(severity=severity) == kind(rate=rain)
 
 
 def test_classes_share_out_all_flakes_and_their_area():

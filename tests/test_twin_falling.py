@@ -65,7 +65,7 @@ def test_its_laws_are_those_of_the_package():
     np.testing.assert_allclose(SNOW.speed(at), snow.speed(at))
     slow = Law(density=1.0, sizes=SNOW.sizes, fall=0.5)
     assert slow.speed(np.array([0.007, 0.014])) == pytest.approx([0.5, 0.5 * 2**0.16])
-    rain, (density, sizes) = fl.Rain(rate_mm_h=10.0), rain_of(10.0)
+    rain, (density, sizes) = fl.Rain(rate=10.0), rain_of(10.0)
     assert density == pytest.approx(rain.density, rel=1e-4)
     assert sizes == pytest.approx(rain.drop_size, rel=1e-4)
     drops = Law(density=1.0, sizes=sizes, kind="rain")

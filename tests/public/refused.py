@@ -43,7 +43,7 @@ TENT: dict[str, tuple[Any, ...]] = {
     "depth_mode": ("Tile", "row"),
     "tile": (4, -1, 2**15 + 1, 16.0), "overlap": (-1, 2**15 + 1, 3.0), "blend": ("smooth",),
     "alias": ("Cut", "hard"), "jitter": (1, 0, KEYED), "sway": ((1.0,), 1.0, (NAN, 1.0)),
-    "look": ("v0",), "exponent": (KEYED,), "severity": (0, 6, 2.5), "rate_mm_h": (0.0, NAN, "much"),
+    "look": ("v0",), "exponent": (KEYED,), "severity": (0, 6, 2.5), "rate": (0.0, NAN, "much"),
     "wavelengths": ((1.9, 4.0), (4.0, 4.0), (5.0, 4.0), (4.0,), 4.0, (2.0, INF), KEYED),
 }  # fmt: skip
 CONE: dict[str, tuple[Any, ...]] = {
@@ -66,11 +66,11 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
         "emission": (1.5,), "look": ("v1",),
     },
     "Mist": {
-        "amount": SHARE, "count": (-1, 10.0, 10**9), "visibility": (0.0,), "radius": (0.0,),
+        "amount": SHARE, "count": (-1, 10.0, 10**9), "visibility": (0.0, -3.0), "radius": (0.0,),
         "density": (2.0,), "color": (2.0, "blue"), "wind": ((1.0, 2.0),), "box": (0.0, (1.0, 2.0)),
         "center": ((1.0, 2.0),), "depths": ((3.0, 2.0), 3.0), "footprint": ("ball",), "lit": (1,),
         "forward": (-0.1,), "scatter": ("mie",), "asymmetry": (1.0,), "structure": (-0.1, 2.1),
-        "falloff": (0.0,), "visibility_m": (-3.0,), "look": ("v0",),
+        "falloff": (0.0,), "look": ("v0",),
     },
     "ConeRain": {
         **CONE, "drops": (-1,), "drop_size": (0.0,), "drop_length": (3.0,), "spread": (-1.0, 2.0),

@@ -55,7 +55,7 @@ def carried(effect: fl.Snow | fl.Rain) -> tuple[float, float]:
 @pytest.mark.parametrize("rate", [0.5, 1.0, 2.5, 5.0, 10.0])
 @pytest.mark.parametrize("kind", [fl.Snow, fl.Rain])
 def test_rates_and_extinctions_are_shown_as_asked(kind: type, rate: float, wall: float):
-    effect = kind(rate_mm_h=rate, near=NEAR)
+    effect = kind(rate=rate, near=NEAR)
     water, extinction = carried(effect)
     assert water == pytest.approx(rate, rel=0.02)
     frames = times(24, least=12)

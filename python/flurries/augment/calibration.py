@@ -14,12 +14,15 @@ from typing import Literal
 import numpy as np
 
 from flurries._contract import Float64, choice, real
-from flurries.effects.looks import LOSS, SEVERITIES
+from flurries.effects.severity import SEVERITIES
 
 Profile = Literal["natural", "hard"]
 
 # Newton's, at most; eight are usual.
 _STEPS = 60
+
+# The share of contrast that severities 1 to 5 take.
+LOSS = (0.06, 0.14, 0.25, 0.38, 0.55)
 
 # The contrast that is lost at the amounts 0, 0.2, ..., 1. The hard scale leaves the structural
 # similarity that corruptions do which results are published with: 0.66 to 0.42 and for fog 0.79 to

@@ -32,7 +32,7 @@ PRESETS = {
 }
 
 # Options that are an effect's arguments of these names.
-KNOBS = {"severity": "severity", "rate": "rate_mm_h"}
+KNOBS = {"severity": "severity", "rate": "rate"}
 FIELDS = ("amount", "wind")
 
 MISSING = (

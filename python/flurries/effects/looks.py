@@ -1,13 +1,10 @@
-"""Looks by version, and what they make of one knob: a severity, or a rate of precipitation.
+"""Looks by version, and what they make of a rate of precipitation.
 
 A look is written out in full when an effect is made of it, so that nothing changes when a later
 version has other numbers. What a version says once said stays.
 
 Laws
 ----
-Severity n takes a share of a picture's contrast: a layer of opacity a leaves 1 - a of each
-difference, whatever the picture. What texture and particles do not take an even veil takes.
-
 Snow of a liquid-equivalent rate R, mm/h: R = number per m3 * mass * fall speed, with the mass of
 Brandes et al. 2007, density 0.178 D^-0.922 g/cm3 for a diameter D in mm.
 
@@ -24,14 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import integer, real
+from flurries._contract import real
 
 LOOKS = ("v1",)
-
-SEVERITIES = 5
-
-# The share of contrast that severities 1 to 5 take.
-LOSS = (0.06, 0.14, 0.25, 0.38, 0.55)
 
 # Cubic metres that a lens of 1.2 widths sees of 12 m, the picture as high as wide: for which the
 # presets' numbers of flakes in view were tuned.
@@ -40,16 +32,6 @@ _TUNED_VIEW = 12.0**3 / (3.0 * 1.2**2)
 # How far away the background of rain without a depth stands, metres. The presets' veils are those
 # of 55 to 80 m.
 _VEILED = 60.0
-
-# Flakes in view and the rest of the look, at severities 1 to 5.
-SNOW_SEVERITY: dict[str, tuple[float, ...]] = {
-    "flakes": (2500.0, 5000.0, 8000.0, 12000.0, 16000.0),
-    "largest": (0.022, 0.024, 0.026, 0.027, 0.028),
-    "mean": (-0.1, 0.05, 0.14, 0.2, 0.25),
-    "spread": (2.0, 2.0, 2.1, 2.2, 2.2),
-    "exponent": (0.75, 0.75, 0.85, 0.9, 0.9),
-    "fall": (1.2, 1.4, 1.5, 1.6, 1.7),
-}
 
 # The presets light, moderate and heavy.
 _SNOW_RATE: dict[str, tuple[float, ...]] = {
@@ -70,37 +52,9 @@ _RAIN_RATE: dict[str, tuple[float, ...]] = {
     "texture": (0.25, 0.35, 0.5),
     "mean": (0.1, 0.15, 0.3),
 }
-_RAIN_SEVERITY = (1.0, 4.0, 10.0, 25.0, 60.0)
 _DRAWN_DROPS = (2.5, 4.0)
-_DROP_DEPTH = 14.0
-_GAIN = 30.0
 
 HIGHEST_RATE = {"snow": 50.0, "rain": 500.0}
-
-
-def severity_of(value: object) -> int:
-    """Return a severity, or refuse it."""
-    return integer("severity", value, low=1, high=SEVERITIES)
-
-
-def snow_of_severity(severity: int) -> dict[str, Any]:
-    """Return the fields of snow of a severity, 1 to 5."""
-    look = {name: values[severity - 1] for name, values in SNOW_SEVERITY.items()}
-    density = look["flakes"] / _TUNED_VIEW
-    sizes = (_SMALLEST_FLAKE, look["largest"])
-    texture = 0.8
-    left = 1.0 - texture * mean_square(look["mean"], 0.5 / look["spread"])
-    left *= math.exp(-covered(density, sizes, 12.0, 0.9))
-    return {
-        "flake_density": density,
-        "flake_size": sizes,
-        "texture": texture,
-        "mean": look["mean"],
-        "spread": look["spread"],
-        "exponent": look["exponent"],
-        "fall": look["fall"],
-        "haze": _veil(severity, left),
-    }
 
 
 def snow_of_rate(rate: float) -> dict[str, Any]:
@@ -140,16 +94,6 @@ def snow_rate(density: float, sizes: tuple[float, float], fall: float) -> float:
     return density * kilograms * fall * 3600.0
 
 
-def rain_of_severity(severity: int) -> dict[str, Any]:
-    """Return the fields of rain of a severity, 1 to 5."""
-    look = rain_of_rate(_RAIN_SEVERITY[severity - 1])
-    left = 1.0 - look["texture"] * mean_square(look["mean"], 0.5 / 2.5)
-    wider = math.sqrt(_GAIN)
-    sizes = tuple(wider * size for size in look["drop_size"])
-    left *= math.exp(-covered(look["drop_density"], sizes, _DROP_DEPTH, 1.0))
-    return {**look, "haze": _veil(severity, left)}
-
-
 def rain_of_rate(rate: float) -> dict[str, Any]:
     """Return the fields of rain of a rate, mm/h."""
     slope = 4.1 * rate**-0.21
@@ -169,48 +113,6 @@ def rain_of_rate(rate: float) -> dict[str, Any]:
     }
 
 
-def mist_density(severity: int, thickness: float) -> float:
-    """Return the density of particles so that what they take is what a severity takes."""
-    wanted = -math.log1p(-LOSS[severity - 1])
-    if wanted > thickness:
-        more = f"{math.ceil(wanted / thickness)} times as many" if thickness > 0.0 else "some"
-        raise ValueError(f"severity {severity} needs {more} particles in the box")
-    return wanted / thickness
-
-
-def covered(density: float, sizes: tuple[float, ...], reach: float, opacity: float) -> float:
-    """Return the share of a picture that particles cover up to a depth: less large ones that fade.
-
-    A Gaussian disc of three sigma a radius covers 2 pi sigma^2, and as many of them are behind a
-    pixel whatever the lens.
-    """
-    low, high = (0.5 * size for size in sizes)
-    squares = (low * low + low * high + high * high) / 3.0
-    return density * reach * 2.0 * math.pi * opacity * squares / 9.0
-
-
-def mean_square(mean: float, deviation: float) -> float:
-    """Return the mean of clip(mean + deviation z, 0, 1)^2 for a normal z, in closed form."""
-    low, high = -mean / deviation, (1.0 - mean) / deviation
-
-    def bell(x: float) -> float:
-        return math.exp(-0.5 * x * x) / math.sqrt(2.0 * math.pi)
-
-    def below(x: float) -> float:
-        return 0.5 * math.erfc(-x / math.sqrt(2.0))
-
-    inside = below(high) - below(low)
-    first = bell(low) - bell(high)
-    second = inside + low * bell(low) - high * bell(high)
-    moments = mean**2 * inside + 2.0 * mean * deviation * first + deviation**2 * second
-    return moments + 1.0 - below(high)
-
-
-def _veil(severity: int, left: float) -> float:
-    """Return the haze that takes what is still wanted of the contrast."""
-    return max(1.0 - (1.0 - LOSS[severity - 1]) / left, 0.0)
-
-
 def _between(
     rate: float, rates: tuple[float, ...] | list[float], look: Mapping[str, tuple[float, ...]]
 ) -> dict[str, float]:
@@ -221,4 +123,4 @@ def _between(
 
 def rate_of(value: object, kind: str) -> float:
     """Return a rate in mm/h, or refuse it."""
-    return real("rate_mm_h", value, low=0.001, high=HIGHEST_RATE[kind])
+    return real("rate", value, low=0.001, high=HIGHEST_RATE[kind])

@@ -14,8 +14,9 @@ from flurries.effects.checks import Check, length, one_of, optional, part, settl
 from flurries.effects.color import AMBIENT, LOCAL, Color, as_color
 from flurries.effects.described import Described
 from flurries.effects.knobs import knobs, looks
-from flurries.effects.looks import LOOKS, mist_density, severity_of
+from flurries.effects.looks import LOOKS
 from flurries.effects.presets import BANKS, MIST, MistLook
+from flurries.effects.severity import visibility_of_severity
 from flurries.effects.sunlight import SCATTER, Law
 from flurries.effects.vapor import MOST, Vapor, values_of
 from flurries.gas.splatting import FOOTPRINTS, Footprint
@@ -53,25 +54,13 @@ _CHECKS: dict[str, Check] = {
 
 
 def _of_severity(value: object, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the density so that the gas takes a severity's share of what lies behind the box."""
-    severity = severity_of(value)
     if given.get("visibility") is not None:
         raise TypeError("severity and visibility say the same: give one of them")
-    if "density" in given:
-        raise TypeError("severity and density say the same: give one of them")
-    vapor = Mist(**given).parts
-    thick = vapor.extinction(1.0) * vapor.through
-    return {"density": mist_density(severity, thick)}
-
-
-def _of_visibility(value: object, given: Mapping[str, Any]) -> dict[str, Any]:
-    if "visibility" in given:
-        raise TypeError("visibility_m and visibility say the same: give one of them")
-    return {"visibility": real("visibility_m", value, above=0.0)}
+    return {"visibility": visibility_of_severity(value)}
 
 
 @looks
-@knobs(severity=_of_severity, visibility_m=_of_visibility)
+@knobs(severity=_of_severity)
 @dataclass(frozen=True, kw_only=True)
 class Mist(metaclass=Described):
     """Mist, fog and clouds.
@@ -132,10 +121,7 @@ class Mist(metaclass=Described):
     seed : int, optional
         Seed of this effect; the scene's seed if not given.
     severity : int, optional
-        1 to 5 take 6, 14, 25, 38 and 55 % of the contrast of what lies behind the box. Sets
-        `density`; scene files hold that and not the severity.
-    visibility_m : float, optional
-        Another name of `visibility`.
+        1 to 5 are visibilities of 1000, 500, 200, 100 and 50 m.
 
     Raises
     ------
@@ -173,7 +159,6 @@ class Mist(metaclass=Described):
     look: str = "v1"
     seed: int | None = None
     severity: InitVar[int | None] = None
-    visibility_m: InitVar[float | None] = None
 
     NAME: ClassVar[str] = "mist"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = {**MIST, **BANKS}
@@ -209,10 +194,9 @@ class Mist(metaclass=Described):
     def of_preset(cls, name: str, changes: dict[str, Any]) -> dict[str, Any]:
         """Return the fields of a preset with changes."""
         values: dict[str, Any] = dict(cls.PRESETS[choice("preset", name, tuple(cls.PRESETS))])
-        far = changes.get("visibility") or changes.get("visibility_m")
+        far = changes.get("visibility")
         if changes.get("severity") is not None:
-            # The rest of the look stays.
-            values.pop("density", None)
+            far = visibility_of_severity(changes["severity"])
         if far is not None:
             # The look keeps its grain: particles grow with the box.
             values.pop("count", None)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Literal, TypeAlias
 
-from flurries._contract import integer, real
+from flurries._contract import real
+from flurries.effects.severity import rate_of_severity
 from flurries.particles.sizes import rain_of, snow_of
 
 # Looks by name, tuned by eye on dark, bright and busy photographs at 1:1 (docs/snow.md).
@@ -40,28 +41,27 @@ RAIN: dict[str, dict[str, Any]] = {
     "downpour": {"density": 1500.0, "drop_size": (0.0005, 0.0012, 0.006)},
 }
 
-# Of each severity from 1 on, mm/h; and the highest.
-_SNOW_RATES, _HIGHEST_SNOW = (0.5, 1.2, 2.5, 5.0, 10.0), 50.0
-_RAIN_RATES, _HIGHEST_RAIN = (2.0, 6.0, 15.0, 30.0, 60.0), 500.0
+# The highest rates, mm/h.
+_HIGHEST_SNOW, _HIGHEST_RAIN = 50.0, 500.0
 
 
 def snow_of_rate(value: object) -> dict[str, Any]:
     """Return the fields of flakes that carry a liquid-equivalent rate, mm/h, or refuse it."""
-    density, sizes = snow_of(real("rate_mm_h", value, low=0.001, high=_HIGHEST_SNOW))
+    density, sizes = snow_of(real("rate", value, low=0.001, high=_HIGHEST_SNOW))
     return {"density": density, "flake_size": (sizes.smallest, sizes.mean, sizes.largest)}
 
 
 def rain_of_rate(value: object) -> dict[str, Any]:
     """Return the fields of drops that carry a rate, mm/h, or refuse it."""
-    density, sizes = rain_of(real("rate_mm_h", value, low=0.001, high=_HIGHEST_RAIN))
+    density, sizes = rain_of(real("rate", value, low=0.001, high=_HIGHEST_RAIN))
     return {"density": density, "drop_size": (sizes.smallest, sizes.mean, sizes.largest)}
 
 
 def snow_of_severity(value: object) -> dict[str, Any]:
     """Return the fields of snow of a severity, 1 to 5, or refuse it."""
-    return snow_of_rate(_SNOW_RATES[integer("severity", value, low=1, high=5) - 1])
+    return snow_of_rate(rate_of_severity(value, "snow"))
 
 
 def rain_of_severity(value: object) -> dict[str, Any]:
     """Return the fields of rain of a severity, 1 to 5, or refuse it."""
-    return rain_of_rate(_RAIN_RATES[integer("severity", value, low=1, high=5) - 1])
+    return rain_of_rate(rate_of_severity(value, "rain"))

@@ -30,7 +30,7 @@ from flurries.particles.sizes import drop_speed
 @looks
 @knobs(
     severity=lambda value, _: rain_of_severity(value),
-    rate_mm_h=lambda value, _: rain_of_rate(value),
+    rate=lambda value, _: rain_of_rate(value),
 )
 @dataclass(frozen=True, kw_only=True)
 class Rain(metaclass=Described):
@@ -80,7 +80,7 @@ class Rain(metaclass=Described):
         As in :class:`Snow`, with `TentRain` and `ConeRain`.
     severity : int, optional
         1 to 5. Sets other fields; scene files hold those and not the severity.
-    rate_mm_h : float, optional
+    rate : float, optional
         Rate of rain in mm/h. Sets `density` and `drop_size` so that the drops carry this rate.
 
     Raises
@@ -91,7 +91,7 @@ class Rain(metaclass=Described):
     Examples
     --------
     >>> import flurries as fl
-    >>> fl.Rain(rate_mm_h=10.0).density > fl.Rain(rate_mm_h=1.0).density
+    >>> fl.Rain(rate=10.0).density > fl.Rain(rate=1.0).density
     True
     """
 
@@ -116,7 +116,7 @@ class Rain(metaclass=Described):
     look: str = "v2"
     seed: int | None = None
     severity: InitVar[int | None] = None
-    rate_mm_h: InitVar[float | None] = None
+    rate: InitVar[float | None] = None
 
     NAME: ClassVar[str] = "rain"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = RAIN

@@ -29,7 +29,7 @@ from flurries.particles.sizes import snow_speed
 @looks
 @knobs(
     severity=lambda value, _: snow_of_severity(value),
-    rate_mm_h=lambda value, _: snow_of_rate(value),
+    rate=lambda value, _: snow_of_rate(value),
 )
 @dataclass(frozen=True, kw_only=True)
 class Snow(metaclass=Described):
@@ -91,12 +91,12 @@ class Snow(metaclass=Described):
         Shape of a flake whose image has a sigma above some 3 pixels: "natural" is an aggregate of
         crystals that tumbles as it falls, "round" a round dot like farther flakes.
     look : {"v2"}
-        Version of the presets and of `severity` and `rate_mm_h`.
+        Version of the presets and of `severity` and `rate`.
     seed : int, optional
         Seed of this effect; the scene's seed if not given.
     severity : int, optional
         1 to 5. Sets other fields; scene files hold those and not the severity.
-    rate_mm_h : float, optional
+    rate : float, optional
         Liquid-equivalent rate of snowfall in mm/h. Sets `density` and `flake_size` so that the
         flakes carry this rate.
 
@@ -134,7 +134,7 @@ class Snow(metaclass=Described):
     look: str = "v2"
     seed: int | None = None
     severity: InitVar[int | None] = None
-    rate_mm_h: InitVar[float | None] = None
+    rate: InitVar[float | None] = None
 
     NAME: ClassVar[str] = "snow"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = SNOW

@@ -29,10 +29,11 @@ from flurries.effects.described import Described
 from flurries.effects.field import Field
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import knobs, looks
-from flurries.effects.looks import rain_of_rate, rain_of_severity, rate_of, severity_of
+from flurries.effects.looks import rain_of_rate, rate_of
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import RAIN, TentRainLook
+from flurries.effects.severity import rate_of_severity
 from flurries.effects.texture import Texture
 from flurries.effects.veil import Veil
 from flurries.motion.keys import Keys, Number, Vector
@@ -53,8 +54,8 @@ _CHECKS = {
 
 @looks
 @knobs(
-    severity=lambda value, _: rain_of_severity(severity_of(value)) | {"drops": None},
-    rate_mm_h=lambda value, _: rain_of_rate(rate_of(value, "rain")) | {"drops": None},
+    severity=lambda value, _: rain_of_rate(rate_of_severity(value, "rain")) | {"drops": None},
+    rate=lambda value, _: rain_of_rate(rate_of(value, "rain")) | {"drops": None},
 )
 @dataclass(frozen=True, kw_only=True)
 class TentRain(metaclass=Described):
@@ -122,12 +123,11 @@ class TentRain(metaclass=Described):
     seed : int, optional
         Seed of this effect; the scene's seed if not given.
     severity : int, optional
-        1 to 5 take 6, 14, 25, 38 and 55 % of a picture's contrast. Sets `drop_density`,
-        `drop_size`, `fall`, `texture`, `mean` and `haze`, those that are not given; scene files
-        hold these and not the severity.
-    rate_mm_h : float, optional
-        Rate of rain in mm/h: drizzle 3, rain 10, a downpour 25. Sets the same fields: the drops of
-        Marshall and Palmer's law, and a veil with the extinction of all of them over 60 m.
+        1 to 5 are rates, as of :class:`Snow` and :class:`Rain`.
+    rate : float, optional
+        Rate of rain in mm/h: drizzle 3, rain 10, a downpour 25. Sets `drop_density`, `drop_size`,
+        `fall`, `texture`, `mean` and `haze`, those that are not given: the drops of Marshall and
+        Palmer's law, and a veil with the extinction of all of them over 60 m.
 
     Raises
     ------
@@ -182,7 +182,7 @@ class TentRain(metaclass=Described):
     look: str = "v1"
     seed: int | None = None
     severity: InitVar[int | None] = None
-    rate_mm_h: InitVar[float | None] = None
+    rate: InitVar[float | None] = None
 
     NAME: ClassVar[str] = "rain"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = RAIN

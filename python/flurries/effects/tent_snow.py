@@ -28,10 +28,11 @@ from flurries.effects.described import Described
 from flurries.effects.field import Field
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import knobs, looks
-from flurries.effects.looks import rate_of, severity_of, snow_of_rate, snow_of_severity
+from flurries.effects.looks import rate_of, snow_of_rate
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import SNOW, TentSnowLook
+from flurries.effects.severity import rate_of_severity
 from flurries.effects.texture import Texture
 from flurries.effects.veil import Veil
 from flurries.motion.keys import Keys, Number, Vector
@@ -51,8 +52,8 @@ _CHECKS = {
 
 @looks
 @knobs(
-    severity=lambda value, _: snow_of_severity(severity_of(value)) | {"flakes": None},
-    rate_mm_h=lambda value, _: snow_of_rate(rate_of(value, "snow")) | {"flakes": None},
+    severity=lambda value, _: snow_of_rate(rate_of_severity(value, "snow")) | {"flakes": None},
+    rate=lambda value, _: snow_of_rate(rate_of(value, "snow")) | {"flakes": None},
 )
 @dataclass(frozen=True, kw_only=True)
 class TentSnow(metaclass=Described):
@@ -119,17 +120,16 @@ class TentSnow(metaclass=Described):
         Amplitude in metres and rate in radians per second. Each flake swings with a phase of its
         own.
     look : {"v1"}
-        Version of the presets and of `severity` and `rate_mm_h`, and of how pictures of other sizes
+        Version of the presets and of `severity` and `rate`, and of how pictures of other sizes
         show them.
     seed : int, optional
         Seed of this effect; the scene's seed if not given.
     severity : int, optional
-        1 to 5 take 6, 14, 25, 38 and 55 % of a picture's contrast. Sets `flake_density`,
-        `flake_size`, `texture`, `mean`, `spread`, `exponent`, `fall` and `haze`, those that are not
-        given; scene files hold these and not the severity.
-    rate_mm_h : float, optional
+        1 to 5 are rates, as of :class:`Snow` and :class:`Rain`.
+    rate : float, optional
         Liquid-equivalent rate of snowfall in mm/h; light snow is less than 1, heavy more than 5.
-        Sets the same fields.
+        Sets `flake_density`, `flake_size`, `texture`, `mean`, `spread`, `exponent`, `fall` and
+        `haze`, those that are not given; scene files hold these and not the rate.
 
     Raises
     ------
@@ -176,7 +176,7 @@ class TentSnow(metaclass=Described):
     look: str = "v1"
     seed: int | None = None
     severity: InitVar[int | None] = None
-    rate_mm_h: InitVar[float | None] = None
+    rate: InitVar[float | None] = None
 
     NAME: ClassVar[str] = "snow"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = SNOW
