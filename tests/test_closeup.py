@@ -27,7 +27,7 @@ def drawn(
     place: tuple[float, float] = (0.0, 0.0), number: int = 7,
 ) -> Array:  # fmt: skip
     """Return the opacity of one flake, diameters and depths in metres."""
-    closeup = Closeup(kind, (1.8, 2.6), blur, 3, seconds, 1.0 / 60.0)
+    closeup = Closeup(kind, (2.5, 3.5), blur, 3, seconds, 1.0 / 60.0)
     eye = Eye(np.eye(3).tolist(), (FOCAL, FOCAL), (200.0, 150.0), (0.0, 0.0, 0.0))
 
     def flakes_at(camera: Array, shown: tuple[float, float, float, float]) -> Any:
@@ -81,7 +81,8 @@ def test_the_extent_goes_on_across_the_switch():
         variance = (image * ((columns - x) ** 2 + (rows - y) ** 2)).sum()
         spreads.append(math.sqrt(variance) / (FOCAL * diameter))
     steps = np.abs(np.diff(spreads)) / np.mean(spreads)
-    assert steps.max() < 0.05 and max(spreads) / min(spreads) < 1.35
+    # Lace is wider than the ball that covers as much.
+    assert steps.max() < 0.05 and max(spreads) / min(spreads) < 1.4
 
 
 @pytest.mark.parametrize("kind", ["aggregate", "drop"])
@@ -156,11 +157,10 @@ def flakes(**more: Any) -> fl.Scene:
 
 
 def test_a_lens_keeps_what_snow_covers():
-    films = flakes(), flakes(lens=fl.camera.Lens(focus=3.0, f_stop=2.0))
-    sums = [
-        sum(-np.log1p(-np.minimum(cover(film, t), 0.999)).mean() for t in range(0, 80, 20))
-        for film in films
-    ]
+    def thickness(film: fl.Scene) -> float:
+        return sum(-np.log1p(-cover(film, t).clip(0.0, 0.999)).mean() for t in range(0, 80, 20))
+
+    sums = [thickness(flakes(lens=one)) for one in (None, fl.camera.Lens(focus=3.0, f_stop=2.0))]
     assert abs(sums[1] / sums[0] - 1.0) < 0.05
 
 

@@ -28,7 +28,7 @@ from flurries.particles.population import FADE
 NEAREST = 0.1
 
 # Sigma of a flake's image in px between which it gets a shape: below, no shape can be told.
-SWITCH = (1.8, 2.6)
+SWITCH = (2.5, 3.5)
 
 # Places along the view at which a wind of depth is looked up, and heights at which the amount of
 # flakes is while they begin or cease to fall.

@@ -34,7 +34,8 @@ MOST_BYTES = 512 << 20
 SHEAR = 0.382
 
 # Circles of confusion are told apart in steps of this, px; narrower ones than that blur nothing.
-_STEP, _LEAST_BLUR = 0.125, 0.25
+# What is wider is made as the last: flakes that cover hardly anything.
+_STEP, _LEAST_BLUR, _WIDEST_BLUR = 0.125, 0.25, 32.0
 
 # Sizes of flakes in a sheet.
 _SIZES = 24
@@ -67,7 +68,8 @@ def circles_of(blur: Blur | None, depths: Float64) -> list[float]:
     """Return the circles of confusion at depths, px, in steps; 0 where all is sharp."""
     if blur is None:
         return [0.0] * len(depths)
-    found = [_STEP * round(blur.circle(depth) / _STEP) for depth in depths.tolist()]
+    circles = (min(blur.circle(depth), _WIDEST_BLUR) for depth in depths.tolist())
+    found = [_STEP * round(circle / _STEP) for circle in circles]
     return found if max(found) >= _LEAST_BLUR else [0.0] * len(depths)
 
 
