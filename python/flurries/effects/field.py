@@ -20,14 +20,12 @@ from flurries.effects.motion import Motion, Way
 from flurries.effects.resolution import TUNED
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
+from flurries.spectral.frame import Map
 from flurries.spectral.motion import tile_motions
 from flurries.spectral.request import Request, request_of
 from flurries.spectral.tables import FAR, Aliasing, warn_far, warn_long, wave_depth
 from flurries.spectral.texture import Texture
 from flurries.spectral.tiles import Blend, power_shares
-
-# Mean, spread, power and amount of the map from field to opacity.
-Map = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

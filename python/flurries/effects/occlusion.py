@@ -19,12 +19,13 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries._kept import kept
-from flurries.effects.field import Field, Map
+from flurries.effects.field import Field
 from flurries.effects.motion import Way
 from flurries.effects.wall import wall_maps
 from flurries.frame.needs import standing
 from flurries.frame.view import Frame
 from flurries.spectral.contrast import kept_power, mean_opacity
+from flurries.spectral.frame import Map
 from flurries.spectral.tables import band_amplitude, wave_depth
 
 # Pixels whose maps are made together, in float64.

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from flurries._contract import Array
-from flurries.effects.field import Field, Map
+from flurries.effects.field import Field
 from flurries.effects.motion import Way
 from flurries.effects.occlusion import before_scene
 from flurries.effects.resolution import map_at, power_share
@@ -16,6 +16,7 @@ from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
 from flurries.spectral.contrast import kept_power
+from flurries.spectral.frame import Map
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

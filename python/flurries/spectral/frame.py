@@ -12,6 +12,9 @@ from flurries.spectral.request import NOWHERE, Request, request
 from flurries.spectral.texture import Texture
 from flurries.spectral.tiles import opacity_map
 
+# Mean, spread, power and amount of the map from field to opacity.
+Map = tuple[float, float, float, float]
+
 # The paper's.
 PLAIN = Texture()
 
@@ -130,8 +133,8 @@ def alpha(
 
 
 def _made(
-    asked: Request, texture: Texture, time: float, mapped: tuple[float, float, float, float] | None,
-    keep: bool, dtype: npt.DTypeLike, out: Array | None,
+    asked: Request, texture: Texture, time: float, mapped: Map | None, keep: bool,
+    dtype: npt.DTypeLike, out: Array | None,
 ) -> Array:  # fmt: skip
     own = own_of(asked, texture, time)
     if own is not None and keep:
