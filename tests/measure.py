@@ -58,7 +58,7 @@ def picture(shown: fl.Scene, t: float, **options: Any) -> Floats:
 
 def cover(shown: fl.Scene, t: float) -> NDArray[np.float32]:
     """The opacity of all layers, without their motion and depth, which take as long again."""
-    (seen,) = truth(shown.program, shown.time_of(t), [None], whole(shown.shape), known=False)
+    (seen,) = truth(shown._program, shown._time_of(t), [None], whole(shown.shape), known=False)
     return seen.alpha
 
 

@@ -133,7 +133,7 @@ def test_pixels_forget_snow_straight_down_as_drawn_flakes_do():
     assert abs(drawn[6]) < 0.02
     assert np.abs(ours[1:] - drawn[1:]).max() < 0.02, (ours, drawn)
     texture = hybrid.effects[0].parts.texture
-    film = [texture.alpha(hybrid.program.views(t)[0][1], 1.0) for t in range(0, 240, 4)]
+    film = [texture.alpha(hybrid._program.views(t)[0][1], 1.0) for t in range(0, 240, 4)]
     assert np.abs(memory(film, 40)[7:]).max() < 0.02
 
 
@@ -312,7 +312,7 @@ def test_the_texture_s_motion_is_that_of_its_layers():
     profile = [(4.0, 1.0), (24.0, 30.0)]
     shown = windy((0.2, 0.0, 0.0), profile, density=60.0, fall=0.0, flake_size=(0.008,) * 3)
     texture = shown.effects[0].parts.texture
-    views = [shown.program.views(t)[0][1] for t in (5.0, 6.0)]
+    views = [shown._program.views(t)[0][1] for t in (5.0, 6.0)]
     (moved, *_), _ = texture.passes(views[0], [views[1]])
     film = texture.weather.film(views[0])
     factor = np.interp(film.depths, *zip(*profile, strict=True))

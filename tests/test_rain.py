@@ -30,7 +30,7 @@ def black(effect: Any, size: tuple[int, int] = (512, 512), **about: Any) -> fl.S
 
 
 def one(scene: fl.Scene, t: float = 0.0) -> fl.effects.Frame:
-    return scene.program.views(t)[0][1]
+    return scene._program.views(t)[0][1]
 
 
 def test_presets_are_named_and_grow():

@@ -86,7 +86,7 @@ def test_frozen_and_nobody_elses():
     assert np.array_equal(mine, BYTES) and np.array_equal(mask, MASK), "altered"
     mine[...], mask[...] = 7, 0.25
     assert np.array_equal(scene.render(3), want)
-    for made in (scene.replace(fps=scene.fps), scene.anew(), pickle.loads(pickle.dumps(scene))):
+    for made in (scene.replace(fps=scene.fps), scene._anew(), pickle.loads(pickle.dumps(scene))):
         assert np.array_equal(made.render(3), want), "what the caller did reached a copy"
 
 

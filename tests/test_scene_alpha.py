@@ -41,8 +41,8 @@ def twin(background: np.ndarray, scene: fl.Scene, t: float) -> np.ndarray:
     if whole:
         top = np.iinfo(background.dtype).max
         colors, alpha = colors / top, alpha / top
-        colors = (srgb_to_linear(colors) if scene.linear else colors) * alpha
-    elif not scene.linear:
+        colors = (srgb_to_linear(colors) if scene._linear else colors) * alpha
+    elif not scene._linear:
         straight = np.divide(colors, alpha, out=np.zeros_like(colors), where=alpha > 0)
         colors = linear_to_srgb(straight) * alpha
     under = np.concatenate([colors, alpha], axis=2)
@@ -51,9 +51,9 @@ def twin(background: np.ndarray, scene: fl.Scene, t: float) -> np.ndarray:
     colors, alpha = under[..., :3], under[..., 3:]
     straight = np.divide(colors, alpha, out=np.zeros_like(colors), where=alpha > 0)
     if whole:
-        straight = linear_to_srgb(straight) if scene.linear else straight
+        straight = linear_to_srgb(straight) if scene._linear else straight
         return np.concatenate([straight, alpha], axis=2).clip(0, 1) * top
-    if not scene.linear:
+    if not scene._linear:
         return np.concatenate([srgb_to_linear(straight) * alpha, alpha], axis=2)
     return under
 

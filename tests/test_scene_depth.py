@@ -34,7 +34,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def depth(value: Any, t: float = 0.0, size: Any = (W, H)) -> np.ndarray:
-    got = fl.Scene(size=size, depth=value).depth_at(t)
+    got = fl.Scene(size=size, depth=value)._depth_at(t)
     assert got is not None and got.dtype == np.float32 and got.flags.c_contiguous
     assert not got.flags.writeable and got.shape == size[::-1]
     return got
@@ -46,7 +46,7 @@ def test_a_wall_an_array_and_files(folder: Path):
         assert np.array_equal(depth(value), FAR)
     half = FAR.astype(np.float16)
     assert np.array_equal(depth(half), half.astype(np.float32))
-    assert fl.Scene(size=(W, H)).depth_at(3.0) is None
+    assert fl.Scene(size=(W, H))._depth_at(3.0) is None
 
 
 def test_a_sequence_goes_with_the_frames(folder: Path):
@@ -55,14 +55,14 @@ def test_a_sequence_goes_with_the_frames(folder: Path):
     scene = fl.Scene(size=(W, H), depth="film.%d.exr")
     for t in (500, -3):
         with pytest.raises(ValueError, match=r"the depth film\.%d\.exr has 7-9"):
-            scene.depth_at(t)
+            scene._depth_at(t)
     held = scene.replace(extend="hold")
     for t, number in [(500, 9), (-3, 7)]:
-        assert np.array_equal(held.depth_at(t), FAR + np.float32(number))
-    first = scene.depth_at(8)
-    assert scene.depth_at(8.5) is first, "fitted once"
+        assert np.array_equal(held._depth_at(t), FAR + np.float32(number))
+    first = scene._depth_at(8)
+    assert scene._depth_at(8.5) is first, "fitted once"
     again = pickle.loads(pickle.dumps(scene))
-    assert np.array_equal(again.depth_at(8), first)
+    assert np.array_equal(again._depth_at(8), first)
 
 
 @pytest.mark.parametrize("white", ["near", "far"])
@@ -116,7 +116,7 @@ def test_refusals(folder: Path):
     write_layers("hole.exr", {"depth": np.where(FAR < 2.0, np.nan, FAR).astype(np.float32)})
     for value, words in REFUSED:
         with pytest.raises((ValueError, TypeError, OSError), match=words):
-            fl.Scene(size=(W, H), depth=value).depth_at(0)
+            fl.Scene(size=(W, H), depth=value)._depth_at(0)
 
 
 def test_the_sun():

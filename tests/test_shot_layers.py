@@ -45,10 +45,10 @@ def test_fog_is_where_its_particles_are():
     depth, motion = made.layers["mist"].depth, made.layers["mist"].motion
     shown = made.alpha > 0.05
     assert shown.any() and np.ptp(depth[shown]) < 1e-4
-    asks = scene.program.views(3.0)
+    asks = scene._program.views(3.0)
     points, _ = fog.parts.places(asks[0][1], 1.0)
-    later, _ = fog.parts.places(scene.program.views(4.0)[0][1], 1.0)
-    earlier, _ = fog.parts.places(scene.program.views(2.0)[0][1], 1.0)
+    later, _ = fog.parts.places(scene._program.views(4.0)[0][1], 1.0)
+    earlier, _ = fog.parts.places(scene._program.views(2.0)[0][1], 1.0)
     assert depth[shown][0] == pytest.approx(points[0, 2], rel=1e-5)
     # What a pixel shows lies at the particle's depth, and moves as the particle does.
     y, x = np.mgrid[:H, :W] + 0.5

@@ -117,7 +117,7 @@ def test_windows_go_through_and_overscan_is_rendered(name: str, tmp_path: Path):
 def test_pixels_that_are_not_square_stretch_the_lens(tmp_path: Path):
     plate(tmp_path / "plate.exr", ["PixelAspectRatio"])
     scene = fl.Scene(tmp_path / "plate.exr")
-    assert scene.pixel_aspect == scene.camera.camera.aspect == 2.0
+    assert scene._pixel_aspect == scene.camera.camera.aspect == 2.0
     (tmp_path / "scene.toml").write_text(
         'format = 3\nbackground = "plate.exr"\n[camera]\nfocal = 50.0\n'
     )
@@ -137,7 +137,7 @@ def test_depth_and_mattes_find_their_place_in_overscan(tmp_path: Path):
     )  # fmt: skip
     wanted = np.full((H, W), np.inf, np.float32)
     wanted[top : top + height, left : left + width] = 3.0
-    np.testing.assert_array_equal(scene.depth_at(0), wanted)
+    np.testing.assert_array_equal(scene._depth_at(0), wanted)
     shown = scene.layers(0).alpha
     assert (shown[np.isfinite(wanted)] == 0.0).all() and (shown[~np.isfinite(wanted)] > 0.0).any()
 
@@ -241,14 +241,14 @@ def test_snow_of_the_display_window_is_that_of_a_plate_without_overscan(tmp_path
     plate(tmp_path / "wide.exr", [], windows=WINDOWS["uneven overscan"])
     flakes = [fl.effects.TentSnow(flakes=400)]
     wide = fl.Scene(tmp_path / "wide.exr", effects=flakes)
-    left, top, width, height = wide.display
+    left, top, width, height = wide._display
     black = np.zeros((height, width, 3), np.float32)
     lens = fl.Camera(1.2 * width, aspect=1.0)
     plain = fl.Scene(black, effects=flakes, camera=lens)
     assert wide.camera.camera.focal == pytest.approx(lens.focal)
     whole = wide.layers(3)
     inner = plain.layers(3)
-    points = [scene.program.camera(None, 3.0).principal(scene.shape) for scene in (wide, plain)]
+    points = [scene._program.camera(None, 3.0).principal(scene.shape) for scene in (wide, plain)]
     np.testing.assert_allclose(np.subtract(*points), (left, top))
     assert whole.alpha.shape == (H, W) and inner.alpha.shape == (height, width)
 

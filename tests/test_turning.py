@@ -224,7 +224,7 @@ def test_a_closed_path_returns_the_frame():
 
 
 def one(shown: fl.Scene, t: float) -> fl.effects.Frame:
-    return shown.program.views(t)[0][1]
+    return shown._program.views(t)[0][1]
 
 
 # A camera that pans, tilts, rolls and moves, 10 px a frame in all.

@@ -119,6 +119,13 @@ def test_a_mistyped_argument_is_answered_with_the_nearest(call: Any, near: str):
         call()
 
 
+def test_a_newcomer_reads_few_names():
+    assert len([name for name in dir(fl) if not name.startswith("_")]) <= 24
+    made_of = inspect.signature(fl.Scene).parameters
+    own = {name for name in dir(SCENE) if not name.startswith("_")} - set(made_of)
+    assert len(own) <= 12, sorted(own)
+
+
 def test_signatures_stay_what_they_are():
     assert "density" in inspect.signature(fl.Snow).parameters
     assert list(inspect.signature(fl.Scene).parameters)[:4] == [

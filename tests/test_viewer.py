@@ -272,7 +272,7 @@ def test_a_preview_is_the_same_view_smaller():
         effects=[TentSnow(flakes=0, haze=0.0, wavelengths=(8.0, 64.0), tile=96, overlap=16)],
     )  # fmt: skip
     small = Preview(big, 512).shown({"effects": big.effects, "camera": big.camera})
-    assert small.shape == (384, 512) == small.depth_at(0).shape
+    assert small.shape == (384, 512) == small._depth_at(0).shape
     assert small.camera.camera.focal == pytest.approx(big.camera.camera.focal / 2)
     effect = small.effects[0]
     assert (effect.wavelengths, effect.tile, effect.overlap) == ((4.0, 32.0), 48, 8)

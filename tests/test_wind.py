@@ -27,7 +27,7 @@ LENS = Camera(FOCAL)
 
 
 def one(shown: fl.Scene, t: float, effect: int = 0) -> fl.effects.Frame:
-    return shown.program.views(t)[effect][1]
+    return shown._program.views(t)[effect][1]
 
 
 # The field ---------------------------------------------------------------------------------------

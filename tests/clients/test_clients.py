@@ -233,7 +233,7 @@ def test_our_points_land_in_blender_on_the_pixels_where_we_draw_them(bpy: Any, t
     scene = fl.Scene((0.0, 0.0, 0.0), size=(W, H), camera=way, effects=[snow], fps=24.0)
     scene.write(tmp_path / "flakes.usdc", "1001-1003")
     seen = blender(flakes=tmp_path / "flakes.usdc")
-    program = scene.program
+    program = scene._program
     for frame, at in seen.items():
         view = replace(program.frame(float(frame)), seed=program.parts[0].seed)
         flakes = snow.parts.flakes

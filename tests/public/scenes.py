@@ -62,7 +62,7 @@ CALLS: dict[str, Call] = {
     "open": Call({"path": "scene.toml"}),
     "scene.DepthMap": Call(
         {"source": COVER, "near": 2.0, "far": 50.0}, pictures=("source",),
-        then=lambda source: fl.Scene(size=(30, 24), depth=source).depth_at(0)),
+        then=lambda source: fl.Scene(size=(30, 24), depth=source)._depth_at(0)),
     "scene.Foreground": Call({"source": "picture.png", "depth": 4.0}, loose=True),
     "CameraPath": Call(
         {"camera": LENS, "position": POINTS[:3], "orientation": 0.1 * POINTS[:3]},

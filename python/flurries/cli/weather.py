@@ -106,7 +106,7 @@ def scene_of(source: str, **options: Any) -> Scene:
         scene = scene.replace(camera=CameraPath(lens, velocity=options["fly"]))
     elif options["camera"] is not None:
         with file_of("camera"):
-            shape = scene.display[3], scene.display[2]
+            shape = scene._display[3], scene._display[2]
             way = importers.load(options["camera"], shape, camera=lens)
         scene = scene.replace(camera=way)
     return scene if options["loop"] is None else scene.loop(options["loop"])

@@ -58,7 +58,7 @@ class Content:
             return deep_of(scene, number)
         if self.bits not in (None, 8):
             # A background of 8 bits is mixed in more.
-            scene = scene.fine
+            scene = scene._fine
         show: Any = scene.render if self.kind == "composite" else scene.layers
         if self.eyes is None:
             return show(number)
@@ -68,12 +68,12 @@ class Content:
         """Write a rendered frame, with what the background says of itself."""
         form = format_of(path)
         half = self.bits != "float"
-        slate = scene.slate(int(metadata["frame"]))
-        if self.space is not None and scene.color is not None:
+        slate = scene._slate(int(metadata["frame"]))
+        if self.space is not None and scene._color is not None:
             apart = self.kind in ("layers", "deep") or self.eyes
-            own = scene.color.working if apart else self.space
+            own = scene._color.working if apart else self.space
             metadata = {**metadata, "colorspace": own.name}
-            slate = slate if own.name == scene.color.name else slate.uncolored()
+            slate = slate if own.name == scene._color.name else slate.uncolored()
         more: dict[str, Any] = {"half": half, "metadata": metadata, "slate": slate}
         if self.kind == "deep":
             write_deep(path, frame, **more)
@@ -82,7 +82,7 @@ class Content:
             more["metadata"] = metadata = {
                 **metadata,
                 "motion": MOTION[self.motion],
-                "light": "linear" if scene.linear else "display",
+                "light": "linear" if scene._linear else "display",
             }
         if self.eyes is not None:
             views = {name: self._planes(scene, view) for name, view in frame.items()}
@@ -93,11 +93,11 @@ class Content:
             alone, encoding = self.kind == "alone", None
             pixels = frame if form.alpha or alone else without_alpha(frame, path)
             if alone:
-                pixels, encoding = weather(frame), "linear" if scene.linear else "display"
+                pixels, encoding = weather(frame), "linear" if scene._linear else "display"
             if self.space is not None:
                 pixels = self._colored(scene, pixels)
                 encoding = "linear" if self.space.linear else "display"
-            more["bits"] = self._bits_in(form, slate, encoding, deep=scene.deep)
+            more["bits"] = self._bits_in(form, slate, encoding, deep=scene._deep)
             write_picture(path, pixels, encoding=encoding, compression=self.compression, **more)
 
     def _bits_in(
@@ -115,8 +115,8 @@ class Content:
 
     def _colored(self, scene: Scene, pixels: Array) -> Array:
         """Return premultiplied light of the scene's working space in what is written."""
-        assert self.space is not None and scene.color is not None
-        return scene.color.working.convert_rgba(pixels, self.space)
+        assert self.space is not None and scene._color is not None
+        return scene._color.working.convert_rgba(pixels, self.space)
 
     def levels(self, scene: Scene, frame: Any, bits: int, path: object) -> Array:
         """Return a rendered frame as a film takes it, uint8 or uint16."""
@@ -218,7 +218,7 @@ class Frames:
     _mark: str = field(init=False)
 
     def __post_init__(self) -> None:
-        self.scene = self.scene.anew()
+        self.scene = self.scene._anew()
         self.folder = Path(self.pattern).parent
         self.inputs = Inputs(self.scene)
         # Frames of the two modes are never mixed.
@@ -244,13 +244,13 @@ class Frames:
         return {}
 
     def stands_in(self, index: int) -> bool:
-        return index in self.scene.held
+        return index in self.scene._held
 
 
 def is_readable(scene: Scene, number: int) -> bool:
     """Whether background and depth of a frame can be read."""
     try:
-        scene.look(number)
+        scene._look(number)
     except (OSError, ValueError):
         return False
     return True

@@ -25,7 +25,7 @@ MOST_SAMPLES = 1 << 24
 
 def deep_of(scene: Scene, number: float) -> Deep:
     """Return the weather of a frame as deep samples, without background and foreground."""
-    there = scene.depth_at(number)
+    there = scene._depth_at(number)
     limit = np.full(scene.shape, 2.0 * LAST, np.float32)
     if there is not None:
         limit = np.where(np.isfinite(there), there, limit).astype(np.float32)
@@ -61,7 +61,7 @@ def deep_of(scene: Scene, number: float) -> Deep:
             begun[name].flat[shown] = end.flat[shown]
     pixel, values = np.concatenate(pixels), np.concatenate(samples)
     values = values[np.lexsort((values[:, 5], values[:, 4], pixel))]
-    if not scene.linear:
+    if not scene._linear:
         values[:, :3] = _as_light(values)
     counts = np.bincount(pixel, minlength=limit.size).reshape(scene.shape)
     return Deep(counts, values)
@@ -73,13 +73,13 @@ def _before(scene: Scene, number: float, there: Array | None, edge: float) -> di
     if there is not None:
         wall = np.minimum(there, wall)
     far = distance_of(wall, scene.shape, extend="stop", start=None)
-    return _layers(scene.derive(depth=wall, _distance=far), number)
+    return _layers(scene._derive(depth=wall, _distance=far), number)
 
 
 def _layers(scene: Scene, number: float) -> dict[str, Array]:
     """Return the layers of a frame, without what else is known of them."""
-    t = scene.time_of(number)
-    (seen,) = truth(scene.program, t, [None], everything(scene.shape), known=False)
+    t = scene._time_of(number)
+    (seen,) = truth(scene._program, t, [None], everything(scene.shape), known=False)
     return {name: layer.rgba for name, layer in seen.layers.items()}
 
 

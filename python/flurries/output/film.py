@@ -49,7 +49,7 @@ def write_film(
     content, tags = job.content, _tags(scene, frames[0])
     alone, bits = content.kind == "alone", content.bits
     if bits is None:
-        least = tags.bits if scene.film is not None else 8
+        least = tags.bits if scene._film is not None else 8
         bits = (
             None
             if content.codec is not None and least <= 8
@@ -116,10 +116,10 @@ def _is_there(path: Path, mark: tuple[str, str], count: int) -> bool:
 
 def _tags(scene: Scene, first: int) -> Tags:
     """Return a film's tags: those of the background, where it is a film."""
-    film = scene.film
-    code = scene.slate(first).timecode
+    film = scene._film
+    code = scene._slate(first).timecode
     tags: Tags = Tags() if film is None else film.tags
-    aspect = Fraction(scene.pixel_aspect).limit_denominator(1000)
+    aspect = Fraction(scene._pixel_aspect).limit_denominator(1000)
     return replace(tags, aspect=aspect, timecode=code)
 
 
@@ -146,7 +146,7 @@ def _rendered(
 
 def _sound(scene: Scene, frames: list[int], skip: bool) -> tuple[str, Sound | None]:
     """Return the fate of the background's sound, and the part of it that belongs to frames."""
-    film = scene.film
+    film = scene._film
     if film is None or not has_sound(film.spec):
         return "none", None
     rate = frame_rate(scene.fps)
@@ -165,6 +165,6 @@ def _sound(scene: Scene, frames: list[int], skip: bool) -> tuple[str, Sound | No
 
 
 def _require_other_file(scene: Scene, path: Path) -> None:
-    film = scene.film
+    film = scene._film
     if film is not None and path.exists() and path.samefile(film.spec):
         raise ValueError(f"{path} is the scene's own background; choose another name")

@@ -85,8 +85,8 @@ def write_points(
 
 def points_at(scene: Scene, names: dict[str, Any], number: float) -> dict[str, Any]:
     """Return the flakes of each effect that has any and their velocities, by its name."""
-    program = scene.program
-    t = scene.time_of(number)
+    program = scene._program
+    t = scene._time_of(number)
     effects = list(names)
     found = {}
     for part in program.parts:
@@ -120,8 +120,8 @@ def _set_points(prim: Any, flakes: Array, speed: Array, time: float, UsdGeom: An
 
 
 def _set_camera(camera: Any, pose: Any, scene: Scene, number: int, Gf: Any) -> None:
-    program = scene.program
-    t = scene.time_of(number)
+    program = scene._program
+    t = scene._time_of(number)
     eye = program.camera(None, t)
     height, width = scene.shape
     turn = _UP[:, None] * eye.matrix() * _UP

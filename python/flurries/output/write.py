@@ -119,7 +119,7 @@ def write(
         wanted = wanted[:1]
     else:
         target = Pattern(text)
-    scene.require(wanted, gaps=asked.damaged == "stop")
+    scene._require(wanted, gaps=asked.damaged == "stop")
     kind, packed = asked.kind, asked.compression
     # The scene's own codec is for films, and its compression for what is packed so.
     codec = asked.codec if target.is_video else output.get("codec")
@@ -135,7 +135,7 @@ def write(
     _require_room(text, content, is_video=target.is_video)
     bar = progress if progress is not None else _silent
     job = Frames(
-        scene.holding() if asked.damaged == "hold" else scene, content,
+        scene._holding() if asked.damaged == "hold" else scene, content,
         # Workers stand in folders of their own.
         text if dask is None or not store.local else str(Path(text).absolute()), store,
         overwrite=overwrite, skip=asked.damaged == "skip",
@@ -172,7 +172,7 @@ def _points_of(
     if not store.local or "%" in text:
         raise ValueError(f"{text}: a USD stage is one file on this machine")
     wanted = frames_of(scene, frames)
-    scene.require(wanted, gaps=False)
+    scene._require(wanted, gaps=False)
     return wanted
 
 

@@ -36,12 +36,12 @@ NO_SAY = (
 def accuracy_of(scene: Rendering, number: int) -> Accuracy:
     """Return what a frame takes and looks like with other hand-overs."""
     scene = expect_scene(scene)
-    frame = scene.program.frame(scene.time_of(number))
+    frame = scene._program.frame(scene._time_of(number))
     mixed = [isinstance(e, (Snow, Rain)) and e.method != "simulated" for e in scene.effects]
     if not any(mixed):
         why = "no effect of the scene draws near flakes over a texture, as Snow and Rain do"
         return Accuracy(number, (), why)
-    depths = [_depth(effect, frame) if mixes and scene.lap is None else None
+    depths = [_depth(effect, frame) if mixes and scene._lap is None else None
               for effect, mixes in zip(scene.effects, mixed, strict=True)]  # fmt: skip
     known = any(depth is not None for depth in depths)
     settings = []

@@ -52,7 +52,7 @@ class DepthMap:
     >>> import numpy as np, flurries as fl
     >>> painted = np.array([[255, 0]], np.uint8)
     >>> scene = fl.Scene(size=(2, 1), depth=fl.scene.DepthMap(painted, near=2.0, far=50.0))
-    >>> scene.depth_at(0).tolist()
+    >>> scene._depth_at(0).tolist()
     [[2.0, 50.0]]
     """
 

@@ -42,7 +42,7 @@ class Sources:
     _mattes: Mattes | None
     _distance: Planes | None
 
-    def slate(self, t: float) -> Slate:
+    def _slate(self, t: float) -> Slate:
         """Return the slate of the background's frame floor(t), at the scene's rate."""
         rate = frame_rate(self.fps)
         files = self._backdrop.files
@@ -65,7 +65,7 @@ class Sources:
         return found.at(rate)
 
     @property
-    def frames(self) -> int | None:
+    def _frames(self) -> int | None:
         """The number of the background's frames; None for a still."""
         return self._backdrop.count
 
@@ -76,16 +76,16 @@ class Sources:
         return None if files is None or files.span is None else (files.span.first, files.span.last)
 
     @property
-    def spans(self) -> list[Span]:
+    def _spans(self) -> list[Span]:
         """The frame numbers of all that has any: files and a camera from a file."""
-        found = [files.span for files in self.files.values() if files.span is not None]
+        found = [files.span for files in self._files.values() if files.span is not None]
         ends = extent(self.camera)
         if ends is not None:
             found.append(Span("camera", *ends, "hold" if self._holds else "stop"))
         return found
 
     @property
-    def files(self) -> dict[str, Numbered]:
+    def _files(self) -> dict[str, Numbered]:
         """The files that frames are made of, by the argument that names them."""
         found: dict[str, Numbered] = {}
         if self._backdrop.files is not None:
@@ -98,13 +98,13 @@ class Sources:
     def _holds(self) -> bool:
         return self.extend == "hold" and extent(self.camera) is not None
 
-    def require(self, frames: Sequence[int], *, gaps: bool = True) -> None:
+    def _require(self, frames: Sequence[int], *, gaps: bool = True) -> None:
         """Refuse frame numbers that a file or the camera does not have; files missing: `gaps`."""
-        for span in self.spans:
+        for span in self._spans:
             if outside := span.outside(frames):
                 asked = words_of(frames)
                 raise ValueError(f"frames {asked} are asked for; {span.complaint(outside)}")
-        for name, files in self.files.items() if gaps else ():
+        for name, files in self._files.items() if gaps else ():
             if missing := files.gaps(list(frames)):
                 assert files.span is not None
                 raise FileNotFoundError(
@@ -113,7 +113,7 @@ class Sources:
                     files.source.spec,
                 )
 
-    def look(self, t: float) -> None:
+    def _look(self, t: float) -> None:
         """Read background, depth and mattes of a frame, as `render` will; raise what it would."""
         time = real("t", t)
         self._backdrop.frame(time)
@@ -123,13 +123,13 @@ class Sources:
             self._mattes.frame(time)
 
     @property
-    def film(self) -> Any:
+    def _film(self) -> Any:
         """The source of a background that is a video; None for others."""
         source = self._source
         return source if isinstance(source, VideoSource) else None
 
     @property
-    def held(self) -> set[int]:
+    def _held(self) -> set[int]:
         """Frames rendered so far whose background is that of an earlier one."""
         files = self._backdrop.files
         first = 0 if files is None or files.span is None else files.span.first
@@ -142,7 +142,7 @@ class Sources:
         return None if files is None else files.source
 
     @property
-    def deep(self) -> bool:
+    def _deep(self) -> bool:
         """Whether the background has more than 8 bits a color."""
         return self._backdrop.deep
 
@@ -153,12 +153,12 @@ def frames_of(scene: Rendering, frames: Frames) -> list[int]:
     # files; of a still those of the first that has numbers of camera, depth and foreground; else
     # three seconds from 1 on.
     if frames is None:
-        if scene.lap is not None:
-            return list(range(scene.lap.first, scene.lap.end))
+        if scene._lap is not None:
+            return list(range(scene._lap.first, scene._lap.end))
         if scene.range is not None:
             return list(range(scene.range[0], scene.range[1] + 1))
         # The camera is the last of them, and goes before depth and foreground.
-        for span in reversed(scene.spans):
+        for span in reversed(scene._spans):
             return list(range(span.first, span.last + 1))
         return list(range(1, math.ceil(DEFAULT_SECONDS * scene.fps) + 1))
     if isinstance(frames, str):

@@ -110,7 +110,7 @@ class Inputs:
         self._sequences: list[Any] = []
         self._stills: dict[Path, str] = {}
         for name, spec in specs.items():
-            files = scene.files.get(name)
+            files = scene._files.get(name)
             # A frame of a background that holds may be that of any file.
             holds = files is not None and getattr(files.source, "damaged", "stop") == "hold"
             if files is None or Path(spec).is_file() or holds:
@@ -146,7 +146,7 @@ def _values(scene: Scene) -> dict[str, Any]:
 
 def _specs(scene: Scene) -> dict[str, str]:
     """Return the files that a scene reads, by the argument that names them."""
-    found = {name: files.source for name, files in scene.files.items()}
+    found = {name: files.source for name, files in scene._files.items()}
     return {
         name: str(Path(source.spec).absolute())
         for name, source in found.items()

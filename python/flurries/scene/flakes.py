@@ -44,7 +44,7 @@ def flakes(scene: Scene, t: float = 0.0) -> npt.NDArray[Any]:
     True
     """
     expect_scene(scene)
-    program, time = scene.program, scene.time_of(t)
+    program, time = scene._program, scene._time_of(t)
     frame = program.frame(time)
     found = [drawn_of(part.effect, replace(frame, seed=part.seed)) for part in program.parts]
     known = [one for one in found if one is not None]

@@ -88,7 +88,7 @@ def looped_scene(scene: Rendering, lap: Lap) -> Looped:
     tilts = any(isinstance(effect, (ConeRain, ConeSnow)) for effect in effects)
     path, of_camera = looped_path(path, lap.first, lap.frames, fps, stays=stays, tilts=tilts)
     bent += of_camera
-    if scene.frames is not None:
+    if scene._frames is not None:
         bent.append(
             f"background: it is shown from frame {lap.first} to {lap.end - 1} and begins again, as "
             "it is"

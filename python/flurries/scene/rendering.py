@@ -61,12 +61,12 @@ class Rendering(Sources):
         return height, width
 
     @cached_property
-    def color(self) -> ColorSpace | None:
+    def _color(self) -> ColorSpace | None:
         """The background's color space, where it is said."""
         return None if self.colorspace is None else ColorSpace.of("colorspace", self.colorspace)
 
     @property
-    def linear(self) -> bool:
+    def _linear(self) -> bool:
         """Whether layers are mixed in linear light."""
         if self.space == "auto":
             local = any(is_local(getattr(effect, "color", None)) for effect in self.effects)
@@ -82,21 +82,21 @@ class Rendering(Sources):
         return camera.derive(center=(left + x, top + y))
 
     @property
-    def lap(self) -> Lap | None:
+    def _lap(self) -> Lap | None:
         """Which frames come over and over, of a scene with a `period`."""
         if self.period is None:
             return None
         return Lap(0 if self.range is None else self.range[0], self.period)
 
-    def time_of(self, t: float) -> float:
+    def _time_of(self, t: float) -> float:
         """Return the time that is shown at `t`: another one where a scene has a `period`."""
         time = real("t", t)
-        return time if self.lap is None else self.lap.place(time)
+        return time if self._lap is None else self._lap.place(time)
 
     @cached_property
     def _looped(self) -> Looped:
-        assert self.lap is not None
-        return looped_scene(self, self.lap)
+        assert self._lap is not None
+        return looped_scene(self, self._lap)
 
     @property
     def bent(self) -> tuple[str, ...]:
@@ -104,7 +104,7 @@ class Rendering(Sources):
         return () if self.period is None else self._looped.bent
 
     @cached_property
-    def program(self) -> Program:
+    def _program(self) -> Program:
         """The program of each frame, resolved when it is first asked for."""
         parts = (self.effects, self._path, self.lights, self.lens)
         effects, path, lights, lens = parts if self.period is None else self._looped[:4]
@@ -118,11 +118,11 @@ class Rendering(Sources):
             backdrop=self._backdrop,
             distance=self._distance,
             mattes=self._mattes,
-            linear=self.linear,
-            primaries=None if self.color is None else self.color.working.from_rec709(),
+            linear=self._linear,
+            primaries=None if self._color is None else self._color.working.from_rec709(),
             lights=lights,
             lens=lens,
-            lap=self.lap,
+            lap=self._lap,
             still=self.still,
             found=self._found,
         )
@@ -150,7 +150,7 @@ class Rendering(Sources):
             (:func:`flurries.settings`).
         """
         time, window, eyes = self._asked(t, region, [eye])
-        return images(self.program, time, eyes, window)[0]
+        return images(self._program, time, eyes, window)[0]
 
     def layers(
         self, t: float, *, region: Region | None = None, eye: Camera | None = None
@@ -167,7 +167,7 @@ class Rendering(Sources):
         Rendered
         """
         time, window, eyes = self._asked(t, region, [eye])
-        return truth(self.program, time, eyes, window)[0]
+        return truth(self._program, time, eyes, window)[0]
 
     def stereo(
         self, t: float, *, distance: float, convergence: float | None = None,
@@ -203,7 +203,7 @@ class Rendering(Sources):
             if isinstance(texture, Texture):
                 texture.warn_ambiguous(self.shape, self.camera.camera.focal, distance, index)
         time, window, both = self._asked(t, region, pair[:1] if pair[0] == pair[1] else pair)
-        seen = images(self.program, time, both, window)
+        seen = images(self._program, time, both, window)
         return seen[0], seen[-1]
 
     def _asked(
@@ -213,18 +213,18 @@ class Rendering(Sources):
         for eye in views:
             if eye is not None and not isinstance(eye, Camera):
                 raise TypeError(f"eye must be a Camera, got {eye!r}")
-        time, window = self.time_of(t), parse_region(region, self.shape)
+        time, window = self._time_of(t), parse_region(region, self.shape)
         if self.camera.extend == "stop":
-            self.require([math.floor(time)], gaps=False)
+            self._require([math.floor(time)], gaps=False)
         return time, window, [None if eye is None else self._in_frame(eye) for eye in views]
 
-    def depth_at(self, t: float) -> Array | None:
+    def _depth_at(self, t: float) -> Array | None:
         """Return the background's planar depth at `t`, (H, W) float32, or None.
 
         World units, infinity where nothing stands. A sequence of depths goes by frames as the
         background does.
         """
-        return None if self._distance is None else self.program.depth_at(self.time_of(t))
+        return None if self._distance is None else self._program.depth_at(self._time_of(t))
 
     def plan(self, frames: Frames = None, *, probe: bool = True, accuracy: bool = False) -> Plan:
         """Return the plan of rendering: its steps, their times and memory, and what is left out.
@@ -251,7 +251,7 @@ class Rendering(Sources):
         from flurries.scene.accuracy import accuracy_of
 
         numbers = frames_of(self, frames)
-        plan = plan_of(self.program, numbers, probe=probe)
+        plan = plan_of(self._program, numbers, probe=probe)
         if not accuracy:
             return plan
         return replace(plan, accuracy=accuracy_of(self, numbers[(len(numbers) - 1) // 2]))

@@ -202,9 +202,9 @@ class Scene(Rendering):
         numbers: dict[str, Any] = {"extend": extend, "start": self.start}
         wanted = None if size is None else parse_size(size)
         found = backdrop(background, wanted, **numbers)
-        if self.color is not None and space == "display":
+        if self._color is not None and space == "display":
             raise ValueError("space must not be 'display' where a colorspace is given")
-        settle("_backdrop", found if self.color is None else found.decoded(self.color))
+        settle("_backdrop", found if self._color is None else found.decoded(self._color))
         # Arrays are copied: the caller's may change.
         settle(
             "background", found.source.given if isinstance(background, np.ndarray) else background
@@ -215,13 +215,13 @@ class Scene(Rendering):
         if start is None and self.range is not None:
             numbers["start"] = self.range[0]
         numbers["display"] = found.display
-        usual = Camera(DEFAULT_FOCAL * self.display[2], aspect=found.aspect)
+        usual = Camera(DEFAULT_FOCAL * self._display[2], aspect=found.aspect)
         settle("camera", as_path(usual if camera is None else camera, usual.focal))
-        if self.camera.widest.focal < SHORTEST_FOCAL * self.display[2]:
+        if self.camera.widest.focal < SHORTEST_FOCAL * self._display[2]:
             warn(
                 f"camera has a focal length of {self.camera.widest.focal:g} px for a picture "
-                f"{self.display[2]} px wide; lengths in millimetres are multiplied by the width in "
-                "pixels over that of the sensor"
+                f"{self._display[2]} px wide; lengths in millimetres are multiplied by the width "
+                "in pixels over that of the sensor"
             )
         if lens == "usual":
             short = self.camera.longest_focal < LONGEST_FOCAL * self.display[2]
@@ -244,7 +244,7 @@ class Scene(Rendering):
         return page_of(self)
 
     @property
-    def display(self) -> Display:
+    def _display(self) -> Display:
         """The display window in the frame: (left, top, width, height), px.
 
         All of it, but for a background with overscan. Cameras count from its first pixel.
@@ -252,7 +252,7 @@ class Scene(Rendering):
         return self._backdrop.display or (0, 0, *self.size)
 
     @property
-    def pixel_aspect(self) -> float:
+    def _pixel_aspect(self) -> float:
         """Width of a pixel over its height, as the background says."""
         return self._backdrop.aspect
 
@@ -267,7 +267,7 @@ class Scene(Rendering):
         # A still stays one, unless it gets a rate or becomes a film.
         return replace(self, **({"fps": None} if self.still else {}) | changes)
 
-    def derive(self, **changes: Any) -> Scene:
+    def _derive(self, **changes: Any) -> Scene:
         """Return the scene with some attributes changed, without checks."""
         made = object.__new__(Scene)
         # What runs belongs to the scene that it was found for.
@@ -276,7 +276,7 @@ class Scene(Rendering):
         own = {
             name: value
             for name, value in vars(self).items()
-            if name not in ("program", "fine", "_looped")
+            if name not in ("_program", "_fine", "_looped")
         }
         vars(made).update(own, **changes)
         return made
@@ -296,7 +296,7 @@ class Scene(Rendering):
         """
         return self.replace(period=integer("frames", frames, low=2, high=MOST_FRAMES))
 
-    def holding(self) -> Scene:
+    def _holding(self) -> Scene:
         """Return the scene with a background that holds its last good frame where one is bad."""
         source = self._source
         if not isinstance(source, Source) or source.damaged == "hold":
@@ -306,11 +306,11 @@ class Scene(Rendering):
         )
 
     @cached_property
-    def fine(self) -> Scene:
+    def _fine(self) -> Scene:
         """The scene with a background of 8 bits in 16: weather over it has their steps."""
-        return self if self.deep else self.derive(_backdrop=self._backdrop.fine())
+        return self if self._deep else self._derive(_backdrop=self._backdrop.fine())
 
-    def anew(self) -> Scene:
+    def _anew(self) -> Scene:
         """Return the scene with nothing kept of its files: all are read again."""
         # A copy of an opened source forgets its pictures.
         given = self.background

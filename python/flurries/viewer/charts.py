@@ -37,7 +37,7 @@ def chart(scene: Scene, t: float, index: int, at: tuple[float, float]) -> Chart 
     if not 0 <= index < len(scene.effects):
         return None
     effect = scene.effects[index]
-    frames = [frame for one, frame in scene.program.views(t) if one is effect]
+    frames = [frame for one, frame in scene._program.views(t) if one is effect]
     field = field_of(effect)
     if field is None or not frames:
         return None

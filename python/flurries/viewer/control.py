@@ -75,7 +75,7 @@ def dressed(scene: Scene, values: Mapping[str, Any]) -> Scene:
         effects[index] = type(effect)(looks.checked(name), **kept)
     if not effects:
         return scene
-    return scene.derive(effects=tuple(effects.get(i, e) for i, e in enumerate(scene.effects)))
+    return scene._derive(effects=tuple(effects.get(i, e) for i, e in enumerate(scene.effects)))
 
 
 def preset_of(

@@ -28,7 +28,7 @@ def save(scene: Scene, path: Path) -> None:
     if isinstance(scene.depth, np.ndarray):
         files["depth"] = path.with_name(f"{path.stem}-depth.exr")
         write_layers(files["depth"], {"depth": scene.depth.astype(np.float32)})
-    scene.derive(**files).save(path)
+    scene._derive(**files).save(path)
 
 
 def film(scene: Scene, path: Path) -> Path:

@@ -49,7 +49,7 @@ class Preview:
         if self.scale < 1.0:
             rest["camera"] = rest["camera"].resize(self.scale)
             rest["effects"] = tuple(scaled(effect, self.scale) for effect in rest["effects"])
-        return base.derive(**rest)
+        return base._derive(**rest)
 
 
 def scaled(effect: Any, scale: float) -> Any:

@@ -50,7 +50,7 @@ class Session:
         self.save_path = Path(save)
         self.values: dict[str, Any] = {}
         # A page plays on beyond a film's end.
-        self._preview = Preview(scene.replace(extend="hold") if scene.spans else scene, size)
+        self._preview = Preview(scene.replace(extend="hold") if scene._spans else scene, size)
         self._air: dict[str, _Air] = {}
         # Sources of files decode one frame at a time.
         self._lock = threading.Lock()
@@ -64,7 +64,7 @@ class Session:
             "height": height,
             "full": list(self.scene.size or ()),
             "fps": self.scene.fps,
-            "frames": self.scene.frames,
+            "frames": self.scene._frames,
             "effects": names(self.scene),
             "textured": [field_of(effect) is not None for effect in self.scene.effects],
             "controls": [asdict(control) for control in controls],
@@ -177,13 +177,13 @@ def _carried(
         return scene, here
     start, rate = path.place(t, fps=scene.fps) + offset, path.rate(t, fps=scene.fps)
     keys = Keys([(t, tuple(start)), (t + 1.0, tuple(start + rate))])
-    moved = scene.derive(camera=replace(path, position=keys, velocity=None))
+    moved = scene._derive(camera=replace(path, position=keys, velocity=None))
     return moved, _places(moved, t)
 
 
 def _places(scene: Scene, t: float) -> list[Any]:
     """Return camera minus air for each effect that moves, three numbers each."""
-    frame = scene.program.frame(t)
+    frame = scene._program.frame(t)
 
     def place(effect: Any) -> Any:
         wind = effect.wind.steady if isinstance(effect.wind, Wind) else effect.wind

@@ -172,9 +172,9 @@ def _camera(text: SceneText, table: Any, scene: Scene) -> CameraPath:
     values = {key: _value(text, value, "camera", key) for key, value in given.items()}
     way = {key: values.pop(key) for key in WAY if key in values}
     ending = values.pop("extend", None)
-    _, _, width, height = scene.display
+    _, _, width, height = scene._display
     values.setdefault("focal", DEFAULT_FOCAL * width)
-    values.setdefault("aspect", scene.pixel_aspect)
+    values.setdefault("aspect", scene._pixel_aspect)
     zoom = values["focal"] if isinstance(values["focal"], (Keys, tuple)) else None
     if zoom is not None:
         values["focal"] = 1.0
