@@ -28,7 +28,7 @@ def save(name: str, picture: np.ndarray, width: int) -> None:
 
 def flight() -> None:
     """The demo's flying camera: a contact sheet, a difference and a mean of frames."""
-    picture = demo.photograph(1024)
+    picture = io.photograph("rocket", size=(1024, 1024))
     scene = demo.flight(picture)
     frames = [scene.render(t) for t in range(1, 31)]
     rows = [np.hstack([frames[10 * row + 3 * col] for col in range(3)]) for row in range(2)]
@@ -52,7 +52,7 @@ def looks() -> None:
 
 def paper() -> None:
     """The paper's own map, its texture as we map it, and a texture of flakes."""
-    picture = demo.photograph(1024)
+    picture = io.photograph("rocket", size=(1024, 1024))
     region = np.s_[300:700, 250:650]
     looks = [fl.effects.TentSnow("paper"), fl.effects.TentSnow("heavy"), fl.Snow("heavy")]
     scenes = [fl.Scene(picture, effects=[look]) for look in looks]
@@ -63,7 +63,9 @@ def sizes() -> None:
     """One look at 512, 1024 and 2160 px: the middles, brought to one size."""
     parts = []
     for size in (512, 1024, 2160):
-        scene = fl.Scene(demo.photograph(size), effects=[fl.effects.TentSnow("heavy")])
+        scene = fl.Scene(
+            io.photograph("rocket", size=(size, size)), effects=[fl.effects.TentSnow("heavy")]
+        )
         low, high = round(0.3 * size), round(0.7 * size)
         parts.append(io.fit(scene.render(31, region=np.s_[low:high, low:high]), (512, 512)))
     save("sizes.jpg", np.hstack(parts), 1536)
@@ -92,7 +94,9 @@ def rain() -> None:
         picture = io.fit(photograph, (1024, 1024))
         scenes = [fl.Scene(picture, effects=[fl.effects.TentRain(name)]) for name in RAINS]
         rows.append(np.hstack([scene.render(31, region=region) for scene in scenes]))
-    scene = fl.Scene(demo.photograph(1024), effects=[fl.effects.TentRain("rain")])
+    scene = fl.Scene(
+        io.photograph("rocket", size=(1024, 1024)), effects=[fl.effects.TentRain("rain")]
+    )
     frames = [scene.render(t, region=region).astype(float) for t in range(1, 31)]
     step = np.clip(128.0 + 3.0 * (frames[1] - frames[0]), 0, 255)
     mean = np.mean(frames, axis=0)
@@ -154,7 +158,9 @@ def depth() -> None:
 
 def stereo() -> None:
     """Two eyes, the right one's picture on the left: to be looked at cross-eyed."""
-    scene = fl.Scene(demo.photograph(768), effects=[fl.effects.TentSnow("heavy")])
+    scene = fl.Scene(
+        io.photograph("rocket", size=(768, 768)), effects=[fl.effects.TentSnow("heavy")]
+    )
     left, right = scene.stereo(31, distance=0.05, convergence=6.0)
     save("stereo.jpg", np.hstack([right, left]), 1200)
 

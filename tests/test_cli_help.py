@@ -89,9 +89,3 @@ def test_shells_complete(
     assert main() == 0
     values = set(re.split(r"[,\t\n]", capfd.readouterr().out))
     assert found <= values and ("heavy" in values) is ("heavy" in found)
-
-
-def test_bash_takes_the_script(run: Run):
-    _, script, _ = run("completion", "bash")
-    done = subprocess.run(["bash", "-c", f"{script}\ncomplete -p flurries"], capture_output=True)
-    assert b"-F _flurries_completion" in done.stdout, done.stderr

@@ -183,7 +183,7 @@ def test_a_photograph_has_the_usual_lens_and_a_still_s_exposure(tmp_path: Any):
     assert fl.Scene("#5a5a5a").lens is None and flakes().lens is None
 
     def exposure(scene: fl.Scene) -> float:
-        frame = scene.program.views(3.0)[0][1]
+        frame = scene._program.views(3.0)[0][1]
         return float(scene.effects[0].parts.flakes.weather.motion.exposure(frame)) / scene.fps
 
     assert exposure(still) == pytest.approx(1 / 250) and exposure(film) == pytest.approx(1 / 60)

@@ -140,17 +140,6 @@ def test_only_the_part_that_is_seen_is_made(kind: str, front: str):
         assert trace.counts.get("tiles", 0) < full.counts["tiles"]
 
 
-def test_one_eye_for_two_at_distance_0():
-    scene = fl.Scene(BYTES, effects=[TentSnow()])
-    with tracing() as trace:
-        left, right = scene.stereo(4, distance=0.0)
-    assert trace.calls["texture"] == 1
-    assert np.array_equal(left, right) and np.array_equal(left, scene.render(4))
-    with tracing() as trace:
-        left, right = scene.stereo(4, distance=0.06)
-    assert trace.calls["texture"] == 2 and not np.array_equal(left, right)
-
-
 @pytest.mark.parametrize("way", ["render", "layers"])
 def test_what_never_moves_is_made_once(way: str):
     planned, whole = both(TentSnow(**STILL))

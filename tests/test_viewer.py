@@ -19,6 +19,7 @@ import flurries as fl
 import twin
 from flurries.effects import TentRain, TentSnow
 from flurries.effects.kinds import OURS
+from flurries.io import write_picture
 from flurries.viewer.charts import chart
 from flurries.viewer.controls import applied, controls_of
 from flurries.viewer.preview import Preview
@@ -293,6 +294,57 @@ def test_save_and_python_make_the_scene_of_the_sliders(tmp_path: Path):
     wanted = applied(scene, values).render(9)
     assert np.array_equal(fl.open(tmp_path / "mine.toml").render(9), wanted)
     assert np.array_equal(session.tuned.render(9), wanted)
-    made: dict[str, Any] = {"picture": picture, "depth": scene.depth}
-    exec(session.answer({"kind": "python", "values": values})[0]["text"], made)
-    assert np.array_equal(made["scene"].render(9), wanted)
+
+
+def random_scene(seed: int) -> fl.Scene:
+    """A scene with whatever one may have: keys, arrays, files, a way, lamps, two mattes."""
+    rng = np.random.default_rng(seed)
+
+    def maybe(value: Any, other: Any = None) -> Any:
+        return value if rng.random() < 0.4 else other
+
+    picture = rng.integers(0, 255, (30, 44, 3), np.uint8)
+    background: Any = [picture, (picture / 255.0).astype(np.float32), "#304050", (0.1, 0.2, 0.3),
+                       "plate.png"][seed % 5]  # fmt: skip
+    keys = fl.Keys([(0, 0.2), (9, 1.0)])
+    wind = fl.Wind((1.0, 0.0, 0.2), gusts=0.5) if rng.random() < 0.5 else (0.1 + seed / 7, 0.0, 0.0)
+    effects: list[Any] = [
+        fl.Snow("heavy", density=30.0, far=12.0, wind=wind, amount=maybe(keys, 1.0)),
+        fl.Rain("drizzle", far=12.0, seed=maybe(4)),
+        fl.Mist("fog", color=maybe("ambient", (0.1, 0.2, 0.3))),
+        fl.effects.TentSnow(
+            flakes=40, flake_size=(0.003, 1 / 300), color=maybe((0.3, 0.4, 1.0), 1.0)
+        ),
+        fl.effects.ConeRain(amount=0.7),
+    ]
+    picked = [one for one in effects if rng.random() < 0.5]
+    ways = ({"velocity": (1 / 3, 0.0, 2.0)}, {"position": rng.normal(size=(30, 3)).cumsum(axis=0)})
+    camera = fl.Camera(50.0 + 1.0 / 3.0, rotation=maybe((0.01, 0.0, 0.1), (0.0, 0.0, 0.0)))
+    return fl.Scene(
+        background, size=(44, 30), effects=picked, seed=int(rng.integers(0, 99)), fps=24,
+        camera=maybe(camera, fl.CameraPath(camera, **ways[seed % 2])), period=maybe(20),
+        foreground=maybe([fl.scene.Foreground(rng.random((30, 44)), depth=3.0), "plate.png"]),
+        depth=maybe(rng.uniform(2, 40, (30, 44)).astype(np.float32), maybe(9.5)),
+        sun=maybe(fl.scene.Sun((0.2, 1.0, 0.3), ambient=1 / 3)),
+        lights=maybe([fl.scene.Lamp((0.0, -1.0, 5.0), power=keys)], []),
+        lens=maybe(fl.camera.Lens(focus=float("inf"), f_stop=2.8)),
+        space=maybe("linear", "auto"), output=fl.scene.Output(bits=maybe(16)),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_what_is_copied_makes_the_same_picture(
+    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    write_picture("plate.png", np.full((30, 44, 4), 90 + seed, np.uint8))
+    scene = random_scene(seed)
+    session = Session(scene, save=tmp_path / "mine.toml")
+    asked = {"kind": "python", "values": {} if seed % 3 else {"camera.rise": 0.5}}
+    text = session.answer(asked)[0]["text"]
+    want = session.tuned.render(7)
+    monkeypatch.chdir("/")
+    made: dict[str, Any] = {}
+    exec(text, made)
+    assert np.array_equal(made["scene"].render(7), want)
+    assert made["scene"].output == scene.output

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
+from scenes import spelled
 
 import flurries as fl
-from flurries.effects.kinds import spelled
 from flurries.io.photographs import NAMES
 
 SIZE = (480, 320)

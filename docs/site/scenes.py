@@ -13,7 +13,7 @@ from typing import Any
 from numpydoc.docscrape import ClassDoc
 
 import flurries as fl
-from flurries.effects.kinds import OURS, spelled
+from flurries.effects.kinds import METHODS, OURS
 from flurries.scene.toml import reader as tables
 
 TABLES = (
@@ -63,6 +63,11 @@ wind = {mean = [1.0, 0.0, 0.0], gusts = 0.8}
 ...]}`, linear between its keys and held outside. Files are named from the scene file's own folder. Each
 `[[effects]]` table has a `kind`, may have a `preset`, and then any of the fields below.
 """
+
+
+def spelled(kind: type) -> str:
+    """Return how a class of effects, or of what they are made of, is called in Python."""
+    return f"fl.{'effects.' * any(kind in own.values() for own in METHODS.values())}{kind.__name__}"
 
 
 def write(folder: Path) -> None:

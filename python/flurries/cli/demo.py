@@ -1,10 +1,4 @@
-"""`flurries demo`: the two experiments of Langer 2004 on a photograph, with today's snow.
-
-(a) A still camera, three pictures side by side: few flakes; the same flakes before the paper's
-texture, as in their Fig. 2; and heavy `Snow`, whose texture is made of flakes. (b) A camera that
-flies forward and upward through it (their Fig. 3 and 5): the snow streams away from the focus of
-expansion.
-"""
+"""`flurries demo`: the two experiments of Langer 2004 on a photograph, with today's snow."""
 
 from __future__ import annotations
 
@@ -56,7 +50,7 @@ def run(
     words = words or Words(quiet=True)
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
-    picture = photograph(side)
+    picture = io.photograph("rocket", size=(side, side))
     flying, layers = flight(picture), target / "flight.exr"
     files = [
         *_film(target / "three.mp4", three(picture), count, words),
@@ -66,10 +60,6 @@ def run(
     middle = (count + 1) // 2
     flying.replace(space="linear").write(layers, [middle], layers=True, overwrite=True)
     return files
-
-
-def photograph(size: int) -> Array:
-    return io.photograph("rocket", size=(size, size))
 
 
 def three(picture: Array, *, seed: int = 1) -> list[Scene]:

@@ -100,8 +100,3 @@ def kind_of(effect: object) -> str | None:
 
 def _entry_points() -> Iterator[EntryPoint]:
     return iter(entry_points(group=GROUP))
-
-
-def spelled(kind: type) -> str:
-    """Return how a class of effects, or of what they are made of, is called in Python."""
-    return f"fl.{'effects.' * any(kind in own.values() for own in METHODS.values())}{kind.__name__}"

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields, is_dataclass
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flurries.effects.kinds import spelled
+import flurries as fl
 from flurries.io import write_layers, write_picture
+from flurries.io.sources import Source
 from flurries.scene.scene import Scene
 
 # Seconds of the film.
 LENGTH = 3.0
+
+# Fields that may name a file, and how many numbers of an array stand in the text itself.
+_FILES, _FEW = ("background", "foreground", "depth", "source"), 64
 
 
 def save(scene: Scene, path: Path) -> None:
@@ -38,48 +44,55 @@ def film(scene: Scene, path: Path) -> Path:
     return target
 
 
-def python_of(scene: Scene) -> str:
-    """Return Python that makes a scene; arrays are called `picture` and `depth`."""
-    lines = ["import flurries as fl", ""]
-    effects = [f"    {call(effect)}," for effect in scene.effects]
-    path = scene.camera
-    own = [name for name in ("velocity", "orientation", "focal") if getattr(path, name) is not None]
-    way = "".join(f", {name}={call(getattr(path, name))}" for name in own)
-    lines += ["effects = [", *effects, "]", f"camera = fl.CameraPath({call(path.camera)}{way})"]
-    given = scene.background
-    background = "picture" if isinstance(given, np.ndarray) else repr(str(given))
-    more = "" if scene.seed == 0 else f", seed={scene.seed}"
-    more += f", lights={call(scene.lights)}" if scene.lights else ""
-    more += f", lens={call(scene.lens)}" if scene.lens or scene._backdrop.photograph else ""
-    if scene.depth is not None:
-        plain = isinstance(scene.depth, (int, float))
-        said = scene.depth if plain else str(scene.depth)
-        named = plain or isinstance(scene.depth, (str, Path))
-        more += f", depth={said!r}" if named else ", depth=depth"
-    more += f", space={scene.space!r}" if scene.space != "auto" else ""
-    lines.append(f"scene = fl.Scene({background}, size={scene.size}, camera=camera, "
-                 f"effects=effects, fps={scene.fps:g}{more})")  # fmt: skip
-    return "\n".join(lines) + "\n"
+def python_of(scene: Scene, path: Path) -> str:
+    """Return Python that makes the scene; its larger arrays are written beside `path`."""
+    return _Python(path.resolve()).of(scene)
 
 
-def call(value: Any) -> str:
-    """Return the call that makes an effect or a wind, with the fields that are not usual."""
-    if isinstance(value, tuple) and any(map(is_dataclass, value)):
-        return "(" + "".join(f"{call(part)}, " for part in value) + ")"
-    if not is_dataclass(value):
-        return f"fl.{value!r}" if type(value).__name__ == "Keys" else _plain(value)
-    shown = [f for f in fields(value) if f.init and f.repr and not f.name.startswith("_")]
-    given = [
-        f"{f.name}={call(getattr(value, f.name))}"
-        for f in shown
-        if repr(getattr(value, f.name)) != repr(f.default)
-    ]
-    return f"{spelled(type(value))}({', '.join(given)})"
+class _Python:
+    """Calls that make objects again, with the fields that are not usual."""
 
+    def __init__(self, path: Path) -> None:
+        self.path, self.arrays, self.imports = path, 0, {"import flurries as fl"}
 
-def _plain(value: Any) -> str:
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, (tuple, list)):
-        return "(" + ", ".join(map(_plain, value)) + ("," if len(value) == 1 else "") + ")"
-    return f"{value:.6g}" if isinstance(value, float) else repr(value)
+    def of(self, scene: Scene) -> str:
+        given = "".join(f"    {said},\n" for said in self.fields(scene))
+        return "\n".join(sorted(self.imports)) + f"\n\nscene = fl.Scene(\n{given})\n"
+
+    def fields(self, value: Any) -> list[str]:
+        """Return "name=value" for each field that is not as it is by default."""
+        usual = {name: one.default for name, one in signature(type(value)).parameters.items()}
+        return [
+            f"{f.name}={self.said(getattr(value, f.name), file=f.name in _FILES)}"
+            for f in fields(value)
+            if f.init and f.name in usual and repr(getattr(value, f.name)) != repr(usual[f.name])
+        ]
+
+    def said(self, value: Any, *, file: bool = False) -> str:
+        """Return Python for a value; a name that is one of a file is made absolute."""
+        if isinstance(value, Source):
+            more = f", damaged={value.damaged!r}, overscan={value.overscan!r}"
+            return f"fl.io.open_background({self.said(value.spec, file=True)}{more})"
+        if is_dataclass(value):
+            return f"{self.named(type(value))}({', '.join(self.fields(value))})"
+        if isinstance(value, np.ndarray) and (value.size > _FEW or value.dtype != np.float64):
+            self.arrays += 1
+            self.imports.add("import numpy as np")
+            array = self.path.with_name(f"{self.path.stem}-{self.arrays}.npy")
+            np.save(array, value)
+            return f"np.load({str(array)!r})"
+        if isinstance(value, (tuple, list, np.ndarray)):
+            said = [self.said(part, file=file) for part in value]
+            return f"({', '.join(said)}{',' if len(said) == 1 else ''})"
+        if isinstance(value, (str, Path)) and file:
+            here = not str(value).startswith("#") and "://" not in str(value)
+            return repr(str(Path(value).resolve() if here else value))
+        value = value.item() if isinstance(value, np.generic) else value
+        return f"float('{value}')" if value in (math.inf, -math.inf) else repr(value)
+
+    def named(self, kind: type) -> str:
+        for way in ("", "effects.", "scene.", "camera."):
+            if getattr(getattr(fl, way[:-1]) if way else fl, kind.__name__, None) is kind:
+                return f"fl.{way}{kind.__name__}"
+        self.imports.add(f"from {kind.__module__} import {kind.__name__}")
+        return kind.__name__

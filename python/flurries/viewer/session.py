@@ -92,7 +92,7 @@ class Session:
                     return {"film": str(film(shown, self.save_path))}, []
                 self.values = dict(values)
                 if kind == "python":
-                    return {"text": python_of(self.tuned)}, []
+                    return {"text": python_of(self.tuned, self.save_path)}, []
                 save(self.tuned, self.save_path)
                 text = self.save_path.read_text(encoding="utf-8")
                 return {"saved": str(self.save_path), "text": text}, []
