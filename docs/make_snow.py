@@ -1,29 +1,24 @@
-"""The README's moving picture: docs/images/snow.webp, heavy snow at 1:1.
+"""Pack the README's film, docs/images/snow.webp, from frames that `flurries render` has made.
 
-python docs/make_snow.py
+python examples/street.py
+flurries render examples/street.toml --frames 0-47 -o street/%04d.png
+python docs/make_snow.py street
 """
 
+import sys
 from pathlib import Path
 
-import numpy as np
 from PIL import Image
 
-import flurries as fl
-
 FILE = Path(__file__).parent / "images" / "snow.webp"
-FRAMES = 36
 
 
-def main() -> None:
-    picture = fl.io.photograph(size=(560, 373))
-    snow = fl.Snow("heavy", color=0.98, wind=fl.Wind((0.6, 0.0, 0.0), gusts=0.6, scale=4.0))
-    scene = fl.Scene(picture, effects=[snow], fps=25, seed=4)
-    pages = [Image.fromarray(np.asarray(scene.render(50 + n))) for n in range(FRAMES)]
-    pages[0].save(
-        FILE, quality=48, method=4, save_all=True, append_images=pages[1:], duration=40, loop=0
-    )
+def main(folder: Path) -> None:
+    pages = [Image.open(file) for file in sorted(folder.glob("*.png"))]
+    rest = {"save_all": True, "append_images": pages[1:], "duration": 1000 // 24, "loop": 0}
+    pages[0].save(FILE, quality=80, method=4, **rest)
     print(FILE, FILE.stat().st_size)
 
 
 if __name__ == "__main__":
-    main()
+    main(Path(sys.argv[1]))

@@ -178,7 +178,9 @@ def test_a_photograph_has_the_usual_lens_and_a_still_s_exposure(tmp_path: Any):
     fl.io.write_picture(tmp_path / "plate.png", np.full((48, 64, 3), 90, np.uint8))
     still = fl.Scene(tmp_path / "plate.png", effects=[fl.Snow()])
     film = still.replace(fps=still.fps)
-    assert still.still and still.replace(seed=3).still and not (film.still or still.loop(48).still)
+    assert (
+        still._still and still.replace(seed=3)._still and not (film._still or still.loop(48)._still)
+    )
     assert still.lens == fl.camera.Lens(focus=10.0, f_stop=5.6)
     assert fl.Scene("#5a5a5a").lens is None and flakes().lens is None
 
@@ -191,7 +193,7 @@ def test_a_photograph_has_the_usual_lens_and_a_still_s_exposure(tmp_path: Any):
     for made in (still, film, still.replace(lens=None)):
         made.save(tmp_path / "scene.toml")
         again = fl.open(tmp_path / "scene.toml")
-        assert (again.still, again.lens) == (made.still, made.lens)
+        assert (again._still, again.lens) == (made._still, made.lens)
 
 
 def test_nothing_of_shapes_and_lens_where_they_are_not_asked_for():

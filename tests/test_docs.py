@@ -7,12 +7,18 @@ import importlib
 import importlib.util
 import pkgutil
 import re
+import runpy
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 import flurries
+from flurries.cli import main
+from flurries.io import read_picture
 
 README = Path(__file__).parents[1] / "README.md"
 RUN = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -94,6 +100,24 @@ def missing(page: Path, text: str) -> list[str]:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(README.parent)))
 def test_links_and_files_of_a_page_are_there(page: Path):
     assert missing(page, page.read_text(encoding="utf-8")) == []
+
+
+def test_the_readmes_film_is_what_the_commands_below_it_make(tmp_path: Path):
+    said = re.findall(
+        r"^((?:python|flurries render) examples.*?) +#", README.read_text("utf-8"), re.M
+    )
+    draw, render = (command.split() for command in said)
+    shutil.copy(README.parent / "examples" / "street.toml", tmp_path)
+    runpy.run_path(str(README.parent / draw[1]))["main"](tmp_path)
+    scene = [str(tmp_path / Path(render[2]).name), "--frames", "0,20", *render[5:]]
+    assert main(["render", *scene]) == 0
+    film = Image.open(README.parent / "docs" / "images" / "snow.webp")
+    for number, other in ((0, 10), (20, 30)):
+        made = read_picture(f"street/{number:04d}.png").pixels.astype(float)
+        film.seek(number)
+        off = np.abs(np.asarray(film.convert("RGB")) - made).mean()
+        film.seek(other)
+        assert 2.0 * off < np.abs(np.asarray(film.convert("RGB")) - made).mean()
 
 
 def test_a_lost_link_and_a_lost_file_would_be_seen():

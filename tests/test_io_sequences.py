@@ -56,7 +56,7 @@ def hostile_patterns():
     """What must not pass: other tokens, tokens elsewhere, folders, control characters."""
     words = """
         %s %n %x %% % %*d %-4d %+d %4d %.4d %#d %ld %1$d %(a)d %04D %0d %00d %0999999999d %013d %04
-        {:04d} ##.## @@@@ $F4.$F $FF * ? <UDIM> %V %d%d %d.%d %d_%s %n%04d %%%d %d%%
+        {:04d} ##.## @ $F4.$F $FF * ? <UDIM> %V %d%d %d.%d %d_%s %n%04d %%%d %d%%
     """
     for token in [*words.split(), "% d", ""]:
         yield from (f"{token}.exr", f"out/frame.{token}.png", f"{token}/frame.exr")

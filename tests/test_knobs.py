@@ -14,7 +14,6 @@ import pytest
 from scipy import integrate
 
 import flurries as fl
-from flurries.cli import main
 from flurries.effects.resolution import map_at, power_share
 from measure import cover
 
@@ -123,13 +122,6 @@ def test_a_knob_leaves_what_is_given_and_is_written_out(kind: Any, tmp_path: Pat
     text = f'format = 3\n[[effects]]\nkind = "{kinds[kind]}"\nseverity = 3\n'
     (tmp_path / "own.toml").write_text(text)
     assert fl.open(tmp_path / "own.toml").effects == (plain,)
-
-
-def test_knobs_on_the_command_line(capsys: pytest.CaptureFixture[str]):
-    assert main(["plan", "#203040", "--size", "64x48", "--snow", "severity=3", "--json"]) == 0
-    for wrong in ("rat=3", "severity=9", "severity=x", "rate="):
-        assert main(["plan", "#203040", "--rain", wrong]) == 2
-        assert "Traceback" not in capsys.readouterr().err
 
 
 # Sizes of the picture ----------------------------------------------------------------------------

@@ -233,6 +233,8 @@ def test_a_file_of_another_format_says_how_to_convert_it(tmp_path: Path):
     for text, words in {
         "size = [8, 8]\n": "scene.toml: format must be 3, got none: write format = 3",
         "size = [8, 8]\nformat = 2\n": "scene.toml, line 2: format must be 3, got 2",
+        "fromat = 3\n": "line 1: unknown key 'fromat' in the scene; did you mean 'format'",
+        "sise = [8, 8]\n": "unknown key 'sise' in the scene; did you mean 'size'",
         "format = 3.0\n": "line 1: format must be 3, got 3.0",
         "colour = 1\n": "format must be 3, .* color for colour",
         SNOW.replace("tent_", ""): "tent_snow and tent_rain for snow",

@@ -46,15 +46,10 @@ HUGE = 1.7e308
 EXTREME: dict[str, Callable[[], Any]] = {
     **{f"drift {v}": lambda v=v: textured.field((40, 30), **{**FRAME, "drift": (v, -v)})
        for v in (1e-310, 1e15, 1e100, HUGE)},
-    "drift and shift": lambda: textured.field((40, 30), **{**FRAME, "drift": (HUGE, HUGE)},
-                                       shift=(HUGE, HUGE)),
     "velocity, cut": lambda: textured.field((40, 30), **FRAME, velocity=(HUGE, HUGE), alias="cut"),
     "velocity": lambda: textured.field((40, 30), **FRAME, velocity=(HUGE, HUGE), shutter=1.0),
     "shift_rate": lambda: textured.field((40, 30), **FRAME, velocity=(1.0, 1.0),
                                   shift_rate=(HUGE, -HUGE), shutter=1.0),
-    "shutter": lambda: textured.field((40, 30), **FRAME, velocity=(1.0, 1.0), shutter=HUGE),
-    "velocity times shutter": lambda: textured.field((40, 30), **FRAME, velocity=(1e200, 1e200),
-                                              shutter=1e200),
     "tent_rate": lambda: S.tent_rate((16, 16), (HUGE, HUGE), wavelength_max=1e-300),
     "tent_rate, tiny": lambda: S.tent_rate((16, 16), (1.0, 1.0), wavelength_max=5e-324),
     "advance_phase": lambda: S.advance_phase(ONES, (1e300, 1.0), wavelength_max=1e-10),

@@ -12,8 +12,7 @@ NAMES = {field.name for field in fields(spectral.Texture)}
 
 def _parted(given: dict[str, Any]) -> dict[str, Any]:
     rest = {name: value for name, value in given.items() if name not in NAMES}
-    own = {name: given[name] for name in given.keys() - rest}
-    return {**rest, "texture": spectral.Texture(**own)}
+    return {**rest, "texture": spectral.Texture(**{n: given[n] for n in given.keys() - rest})}
 
 
 def field(shape: Any, **given: Any) -> Any:

@@ -32,11 +32,7 @@ FLIGHT = (0.0, -0.3, 5.0)
 @THREADS
 @voice
 def demo(words: Words, output: str, size: int, frames: int) -> None:
-    """Let it snow on a photograph: two films, two stills, and an EXR with layers.
-
-    three.* has few flakes, the same with the paper's texture behind them, and heavy snow of flakes
-    near and far; flight.* a camera that flies through it. Prints the files.
-    """
+    """Let it snow on a photograph: films and stills of three ways, a flight, its layers."""
     for file in run(output, size=size, frames=frames, words=words):
         print(file)
 

@@ -15,6 +15,7 @@ from click.shell_completion import shell_complete
 from flurries import __version__
 from flurries._contract import suggestion
 from flurries.cli.words import plain_warnings, say
+from flurries.io.sequences import VIDEO_EXTENSIONS
 
 __all__ = ["main"]
 
@@ -47,8 +48,9 @@ class Commands(click.Group):
         return getattr(module, name, None)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        if not args and not ctx.resilient_parsing:
-            raise click.UsageError(f"COMMAND is missing: {', '.join(COMMANDS)}", ctx)
+        if not ctx.resilient_parsing and (not args or args[0] == "help"):
+            # `flurries`, `flurries help` and `flurries help render`.
+            args = [*args[1:], "--help"]
         return super().parse_args(ctx, args)
 
     def resolve_command(
@@ -108,7 +110,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             os.dup2(nowhere.fileno(), sys.stdout.fileno())
         return CLOSED_PIPE
     except KeyboardInterrupt:
-        say("stopped; finished files stay, run again to go on")
+        film = any(word.lower().endswith(VIDEO_EXTENSIONS) for word in given)
+        left = "nothing is left of a film" if film else "finished files stay, run again to go on"
+        say(f"stopped; {left}")
         return INTERRUPTED
     except Exception as error:
         if {"-v", "--verbose"} & set(given):

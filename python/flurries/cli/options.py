@@ -17,6 +17,17 @@ from flurries.cli.words import Words
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
+# Options by what they are about, where a command has more than a few; the others come first.
+_FEW = 20
+GROUPS = {title: frozenset(f"--{name}" for name in names.split()) for title, names in {
+    "More on the weather": "amount color density loop method near rate shutter",
+    "Camera and picture": "camera colorspace extend fly foreground lens linear start",
+    "Files": "alone bits codec compression damaged deep layers motion no-sound output-colorspace "
+    "quality",
+    "Work": "dask dask-patience quiet reproducible threads verbose",
+}.items()}  # fmt: skip
+
+
 class OneOf(click.Choice):  # type: ignore[type-arg]  # not generic in click 8.1
     """A word out of some; the refusal of another one suggests the nearest."""
 
@@ -47,6 +58,18 @@ class Command(click.Command):
             for word, after in zip(args, [*args, ""][1:], strict=True)
         ]
         return super().parse_args(ctx, joined)
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write what most people use first, and the rest by what it is about."""
+        rows = {one.opts[-1]: one.get_help_record(ctx) for one in self.get_params(ctx)}
+        first = (
+            set(rows) if len(rows) < _FEW else set(rows) - {n for g in GROUPS.values() for n in g}
+        )
+        groups = {"Options": first, **({} if len(rows) < _FEW else GROUPS)}
+        for title, names in groups.items():
+            if said := [row for name, row in rows.items() if row and name in names]:
+                with formatter.section(title):
+                    formatter.write_dl(said)
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Examples"):
@@ -105,19 +128,13 @@ def numbers(length: int) -> Callable[[str], tuple[float, ...]]:
 
 FILE = click.Path()
 
-# What kinds of weather are called in the help, where the option does not say it all.
-WORDS = {
-    "cone-snow": "snow drawn on a cone", "cone-rain": "rain drawn on a cone",
-    "tent-snow": "snow as Langer's paper has it", "tent-rain": "rain as Langer's paper has it",
-}  # fmt: skip
-
 
 def weather_options(presets: Mapping[str, Sequence[str]]) -> Iterator[Callable[[Any], Any]]:
     """Yield an option for each kind of weather."""
     for name, known in presets.items():
         yield option(
-            f"--{name}", cls=Bare, pattern=r"\w[\w -]*|\w+=.*", words=known, metavar="PRESET",
-            unset="none", example=known[-1], help=f"{WORDS.get(name, name)}: {', '.join(known)}; "
+            f"--{name}", cls=Bare, pattern=r"\w[\w -]*", words=known, metavar="PRESET",
+            unset="none", example=known[-1], help=f"{name}: {', '.join(known)}; "
             "alone the usual look, or that of --severity or --rate",
         )  # fmt: skip
 
@@ -155,14 +172,11 @@ def dask(unset: str) -> Callable[[Function], Function]:
 
 
 def _apply(ctx: click.Context, param: click.Parameter, value: Any) -> None:
-    """Set what holds wherever a file is read, and for the workers that it may start."""
-    if value is None or value is False:
-        return
-    if param.name == "threads":
+    """Set what holds for all work, and for the workers that it may start."""
+    if param.name == "threads" and value is not None:
         settings(threads=value)
-    else:
-        os.environ[f"FLURRIES_{str(param.name).upper()}"] = str(int(value))
-    if param.name == "reproducible":
+    elif param.name == "reproducible" and value:
+        os.environ["FLURRIES_REPRODUCIBLE"] = "1"
         settings(reproducible=True)
 
 
@@ -178,18 +192,7 @@ REPRODUCIBLE = option(
 )  # fmt: skip
 
 
-def _most(what: str, usual: str, example: str) -> Callable[[Function], Function]:
-    return option(
-        f"--max-{what}", type=click.IntRange(min=1), metavar="N", expose_value=False,
-        callback=_apply, unset=f"FLURRIES_MAX_{what.upper()}, or {usual}", example=example,
-        help=f"{what} that a picture may have that is read; larger ones are refused unread",
-    )  # fmt: skip
-
-
-WORK = join(
-    _most("pixels", "2^28", "600000000"), _most("bytes", "2^32", "8000000000"), THREADS,
-    REPRODUCIBLE,
-)  # fmt: skip
+WORK = join(THREADS, REPRODUCIBLE)
 
 
 def voice(function: Callable[..., Any]) -> Callable[..., Any]:

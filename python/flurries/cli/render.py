@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import click
-
 from flurries._trace import tracing
 from flurries.cli.options import FILE, FRAMES, OVERWRITE, WORK, OneOf, command, dask, option, voice
 from flurries.cli.weather import scene_of, scene_options
@@ -14,7 +12,7 @@ from flurries.io.films.codecs import CODECS, QUALITIES
 from flurries.io.pictures.writer import COMPRESSIONS
 from flurries.io.sequences import with_percent
 from flurries.output.write import Summary
-from flurries.scene.output import BITS, DAMAGED, MOTION
+from flurries.scene.output import BITS, DAMAGED, MOTION, OutputFields
 
 SKIPPED = 3
 
@@ -41,7 +39,6 @@ NAMED = 10
         unset="the scene's, else half in EXR, else the picture's",
         help="of a color: half or float in EXR, 8 or 16 in PNG "
         "and TIFF, 8, 10 or 16 in DPX and in a video, as its codec has them")  # fmt: skip
-@option("--float", "full", is_flag=True, help="the same as --bits float")
 @option("--compression", unset="the scene's, else zip", example="dwaa",
         type=OneOf(tuple(COMPRESSIONS)),
         help="how EXR packs pixels; dwaa and dwab lose what is hard to see")  # fmt: skip
@@ -73,20 +70,18 @@ NAMED = 10
 @voice
 def render(
     words: Words, output: str, frames: str | None, overwrite: bool, bits: str | None,
-    full: bool, output_colorspace: str | None, compression: Any, codec: str | None,
-    motion: Any, layers: bool | None, alone: bool | None, deep: bool | None, quality: Any,
-    damaged: Any, no_sound: bool,
-    dask: str | None, dask_patience: float, **given: Any,
+    no_sound: bool, output_colorspace: str | None, dask: str | None, dask_patience: float,
+    **given: Any,
 ) -> int:  # fmt: skip
     """Render weather over a picture, a film, a sequence, a color such as #203040, or a scene.toml.
 
     Prints the files that are there. Run again, it makes only the frames that are missing.
     """
-    if full and bits not in (None, "float"):
-        raise click.UsageError(f"--float and --bits {bits} must not both be given")
-    kind: Any = "float" if full else int(bits) if bits is not None and bits.isdigit() else bits
+    names = OutputFields.__annotations__
+    files: Any = {name: given.pop(name) for name in names if name in given if name != "colorspace"}
+    files["bits"] = int(bits) if bits is not None and bits.isdigit() else bits
     scene = scene_of(**given)
-    if scene.still and (frames is not None or "%" in with_percent(output)):
+    if scene._still and (frames is not None or "%" in with_percent(output)):
         scene = scene.replace(fps=scene.fps)
     for line in scene.bent:
         words.say(line)
@@ -96,10 +91,8 @@ def render(
         words.say(f"{width} x {height} px, {scene.fps:g} frames a second: {weather}")
     with tracing() as trace:
         summary = scene.write(
-            output, frames, bits=kind, codec=codec, motion=motion, compression=compression,
-            layers=layers, alone=alone, deep=deep, colorspace=output_colorspace,
-            overwrite=overwrite, damaged=damaged, sound=False if no_sound else None,
-            quality=quality,
+            output, frames, colorspace=output_colorspace, overwrite=overwrite,
+            sound=False if no_sound else None, **files,
             dask=None if dask is None else dask or True, dask_patience=dask_patience,
             progress=words.progress("frame"),
         )  # fmt: skip

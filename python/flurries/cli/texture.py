@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import click
-
 from flurries.cli.options import (
     FILE,
     OVERWRITE,
@@ -20,7 +18,7 @@ from flurries.cli.options import (
 from flurries.cli.words import Words
 from flurries.effects import TentSnow
 from flurries.scene.arguments import parse_size
-from flurries.spectral import BANDS, export_loop
+from flurries.spectral import export_loop
 
 
 @command(
@@ -33,8 +31,8 @@ from flurries.spectral import BANDS, export_loop
 @option("--size", default="512x512", metavar="WxH", help="size in pixels", example="256x256")
 @option("--velocity", type=numbers(2), default="0.5,2", metavar="X,Y", example="-1,3",
         help="pixels per frame of the longest wave, y down")  # fmt: skip
-@option("--band", default="paper", metavar="NAME|SHORT,LONG", example="4,32",
-        help=f"wavelengths in pixels: {', '.join(BANDS)}, or two numbers")  # fmt: skip
+@option("--band", type=numbers(2), default="4,32", metavar="SHORT,LONG", example="2,16",
+        help="wavelengths in pixels")  # fmt: skip
 @option("--look", default="paper", metavar="PRESET", help=f"opacity: {', '.join(TentSnow.PRESETS)}",
         shell_complete=offer(TentSnow.PRESETS), example="heavy")  # fmt: skip
 @option("--shutter", type=float, default=0.0, metavar="S", help="exposure in frames", example="0.5")
@@ -46,7 +44,7 @@ from flurries.spectral import BANDS, export_loop
 @THREADS
 @voice
 def texture(
-    words: Words, output: str, frames: int, size: str, velocity: tuple[float, float], band: str,
+    words: Words, output: str, frames: int, size: str, velocity: tuple[float, float], band: Any,
     look: str, shutter: float, seed: int, bits: str | None, half: bool, overwrite: bool,
 ) -> None:  # fmt: skip
     """Write a loop of snow as textures that repeat in x, y and time, and a JSON that describes it.
@@ -57,22 +55,10 @@ def texture(
     # The presets' numbers are plain ones.
     opacity: Any = TentSnow(look)  # type: ignore[arg-type]
     made = export_loop(
-        output, frames, (height, width), velocity, seed=seed, wavelengths=_band(band),
+        output, frames, (height, width), velocity, seed=seed, wavelengths=band,
         exponent=opacity.exponent, shutter=shutter, mean=opacity.mean, spread=opacity.spread,
         power=opacity.power, amount=opacity.texture, bits=None if bits is None else int(bits),
         half=half, overwrite=overwrite, progress=words.progress("group"),
     )  # fmt: skip
     for file in made:
         print(file)
-
-
-def _band(text: str) -> tuple[float, float]:
-    if text in BANDS:
-        return BANDS[text]
-    try:
-        low, high = (float(part) for part in text.split(","))
-    except ValueError:
-        raise click.UsageError(
-            f"--band wants {', '.join(BANDS)}, or two numbers like 4,32, got {text!r}"
-        ) from None
-    return low, high

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
@@ -10,9 +11,10 @@ from typing import Any
 import click
 
 from flurries.camera import importers
+from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.cli.options import FILE, OneOf, join, numbers, option, weather_options
-from flurries.effects import ConeRain, ConeSnow, Mist, Rain, Snow, TentRain, TentSnow
+from flurries.effects import Mist, Rain, Snow
 from flurries.io import open_background
 from flurries.io.files import file_of
 from flurries.io.sequences import EXTEND
@@ -21,24 +23,32 @@ from flurries.scene.foreground import Foreground
 from flurries.scene.scene import Scene, open_scene
 
 # Back to front.
-KINDS: dict[str, type[Any]] = {
-    "mist": Mist, "cone-snow": ConeSnow, "snow": Snow, "cone-rain": ConeRain, "rain": Rain,
-    "tent-snow": TentSnow, "tent-rain": TentRain,
-}  # fmt: skip
+KINDS: dict[str, Any] = {"mist": Mist, "snow": Snow, "rain": Rain}
 # In the order of the help: what most users want comes first.
-PRESETS = {
-    kind: tuple(KINDS[kind].PRESETS)
-    for kind in ("snow", "rain", "mist", "tent-snow", "tent-rain", "cone-snow", "cone-rain")
-}
+PRESETS = {kind: tuple(KINDS[kind].PRESETS) for kind in ("snow", "rain", "mist")}
 
 # Options that are an effect's arguments of these names.
-KNOBS = {"severity": "severity", "rate": "rate"}
-FIELDS = ("amount", "wind")
+KNOBS = ("severity", "rate")
+FIELDS = ("amount", "wind", "color")
+# And those of what falls.
+FALLING = ("density", "shutter", "near", "method")
+
+METHODS = ("flakes", "tent", "cone", "simulated")
 
 MISSING = (
     "a picture needs weather: add --snow PRESET, such as --snow heavy, --rain PRESET or "
     "--mist PRESET"
 )
+
+
+def _color(text: str) -> Any:
+    return numbers(3)(text) if "," in text else text
+
+
+def _lens(text: str) -> Lens | bool:
+    focus, stop = (math.inf, 1.0) if text == "none" else numbers(2)(text)
+    return text != "none" and Lens(focus, f_stop=stop)
+
 
 scene_options: Callable[[Any], Any] = join(
     click.argument("source", metavar="SCENE|PICTURE", type=FILE),
@@ -53,6 +63,19 @@ scene_options: Callable[[Any], Any] = join(
            help="how much of the weather is there, 0 to 1"),
     option("--wind", type=numbers(3), metavar="X,Y,Z", example="-2,0,0", unset="the preset's",
            help="wind in metres per second: right, down, away"),
+    option("--density", type=float, metavar="N", example="200", unset="the preset's",
+           help="flakes or drops in a cubic metre"),
+    option("--color", type=_color, metavar="#RRGGBB|local", example="#dfe8ff", unset="the preset's",
+           help="color of the weather; local: that of the picture's own light"),
+    option("--shutter", type=float, metavar="S", example="0.5", unset="the preset's",
+           help="how long a flake or drop is exposed, frames: its streak"),
+    option("--near", type=float, metavar="METRES", example="0.5", unset="the preset's",
+           help="how near flakes and drops come"),
+    option("--method", type=OneOf(METHODS), example="tent", unset="flakes",
+           help="how snow and rain are made: flakes near and far; tent, Langer's texture; cone, "
+           "drawn on a cone; simulated, every flake drawn"),
+    option("--lens", type=_lens, metavar="METRES,F_STOP", example="4,2", unset="a photograph's "
+           "for a still", help="focus and opening of the lens; none: all is sharp"),
     option("--fly", type=numbers(3), metavar="X,Y,Z", example="0,-0.3,5", unset="it stands",
            help="velocity of the camera in metres per second: right, down, forward"),
     option("--camera", type=FILE, metavar="FILE", example="shot.chan", unset="it stands",
@@ -89,6 +112,8 @@ scene_options: Callable[[Any], Any] = join(
 def scene_of(source: str, **options: Any) -> Scene:
     """Return the scene that `scene_options` describe."""
     changes = _given(options, ("seed", "size", "fps", "extend", "start", "colorspace"))
+    if options["lens"] is not None:
+        changes["lens"] = options["lens"] or None
     if options["foreground"]:
         changes["foreground"] = [_matte(text) for text in options["foreground"]]
     if options["linear"]:
@@ -113,7 +138,7 @@ def scene_of(source: str, **options: Any) -> Scene:
 
 
 def _new(source: str, changes: dict[str, Any], options: dict[str, Any]) -> Scene:
-    kinds = [kind for kind in KINDS if options[kind.replace("-", "_")] is not None]
+    kinds = [kind for kind in KINDS if options[kind] is not None]
     if not kinds and any(options[knob] is not None for knob in KNOBS):
         options = {**options, "snow": ""}
     effects = _effects(options)
@@ -129,10 +154,14 @@ def _changed(scene: Scene, changes: dict[str, Any], options: dict[str, Any]) -> 
     common = _given(options, FIELDS)
     if effects := _effects(options):
         changes["effects"] = effects
-    elif common:
+    else:
+        common |= _given(options, FALLING)
+        known = [{f.name for f in fields(effect)} for effect in scene.effects]
+        for name in common.keys() - {one for names in known for one in names}:
+            raise click.UsageError(f"--{name} needs --snow or --rain, or a scene that has them")
         changes["effects"] = [
-            replace(effect, **common) if set(common) <= {f.name for f in fields(effect)} else effect
-            for effect in scene.effects
+            replace(effect, **{name: common[name] for name in common.keys() & names})
+            for effect, names in zip(scene.effects, known, strict=True)
         ]
     if "size" in changes and scene.size is not None:
         # The focal length belongs to the picture's width: keep the angle of view.
@@ -143,39 +172,30 @@ def _changed(scene: Scene, changes: dict[str, Any], options: dict[str, Any]) -> 
 
 def _effects(options: dict[str, Any]) -> list[Any]:
     """Return the weather of the options, back to front."""
-    knobs = {KNOBS[name]: value for name, value in _given(options, tuple(KNOBS)).items()}
+    knobs = _given(options, KNOBS)
     common = _given(options, FIELDS)
     effects, used = [], set()
     for name, kind in KINDS.items():
-        look = options[name.replace("-", "_")]
+        look = options[name]
         if look is not None:
-            own = {knob: v for knob, v in knobs.items() if knob in getattr(kind, "KNOBS", ())}
+            own = {knob: v for knob, v in knobs.items() if knob in kind.KNOBS}
             used |= set(own)
-            far = _given(options, ("visibility",)) if kind is Mist else {}
-            effects.append(_effect(kind, look, {**own, **common, **far}))
-    for name, knob in KNOBS.items():
-        if knob in knobs and knob not in used:
-            takers = [f"--{one}" for one in KINDS if knob in getattr(KINDS[one], "KNOBS", ())]
-            raise click.UsageError(f"--{name} needs one of {', '.join(takers)}")
+            more = _given(options, ("visibility",) if kind is Mist else FALLING)
+            given = {**own, **common, **more}
+            effects.append(kind(look, **given) if look else kind(**given))
+    if (
+        effects
+        and (lost := _given(options, FALLING))
+        and options["snow"] is options["rain"] is None
+    ):
+        raise click.UsageError(f"--{next(iter(lost))} needs --snow or --rain")
+    for knob in knobs:
+        if knob not in used:
+            takers = [f"--{one}" for one in KINDS if knob in KINDS[one].KNOBS]
+            raise click.UsageError(f"--{knob} needs one of {', '.join(takers)}")
     if options["visibility"] is not None and options["mist"] is None:
         raise click.UsageError("--visibility is one of mist: add --mist PRESET, such as --mist fog")
     return effects
-
-
-def _effect(kind: type[Any], look: str, given: dict[str, Any]) -> Any:
-    """Return an effect by a preset's name, by a knob such as "severity=3", or plain."""
-    knob, is_knob, value = look.partition("=")
-    if not is_knob:
-        return kind(look, **given) if look else kind(**given)
-    known: tuple[str, ...] = getattr(kind, "KNOBS", ())
-    if knob not in known:
-        names = " or ".join(f"{one}=NUMBER" for one in known) or "none"
-        raise click.UsageError(f"{look!r}: knobs of {kind.NAME} are {names}")
-    try:
-        number: float | int = int(value) if knob == "severity" else float(value)
-    except ValueError:
-        raise click.UsageError(f"{knob} must be a number, got {value!r}") from None
-    return kind(**{knob: number}, **given)
 
 
 def _given(options: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:

@@ -20,7 +20,7 @@ _PART = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9})(?:x([0-9]{1,9}))?)?")
 _TOKEN = re.compile(r"%(?:0([0-9]{1,2}))?d")
 
 # The tokens of compositing programs: a digit for each "#", and Houdini's.
-_OTHER_TOKENS = re.compile(r"#+|\$F[0-9]?(?![A-Za-z0-9])")
+_OTHER_TOKENS = re.compile(r"#+|@{2,}|\$F[0-9]?(?![A-Za-z0-9])")
 
 
 def frame_range(text: str) -> list[int]:
@@ -30,13 +30,12 @@ def frame_range(text: str) -> list[int]:
     ----------
     text : str
         Parts with commas between them: a frame, ``first-last`` with both ends included, or
-        ``first-lastxstep``. Frames are whole numbers from 0.
+        ``first-lastxstep``; "9-1" runs backwards. Frames are whole numbers from 0.
 
     Raises
     ------
     ValueError, TypeError
-        If the text is not of this form, a range runs backwards, a step is 0, or there are more
-        than 10 million frames.
+        If the text is not of this form, a step is 0, or there are more than 10 million frames.
     """
     if not isinstance(text, str):
         raise TypeError(f"frames must be a text like '1-60', got {text!r}")
@@ -60,11 +59,9 @@ def _range(part: str, text: str) -> range:
     first = int(matched[1])
     last = first if matched[2] is None else int(matched[2])
     step = 1 if matched[3] is None else int(matched[3])
-    if last < first:
-        raise ValueError(f"frames {part!r} run backwards: write '{last}-{first}'")
     if step == 0:
         raise ValueError(f"frames {part!r} have a step of 0; it must be at least 1")
-    return range(first, last + 1, step)
+    return range(first, last + 1, step) if first <= last else range(first, last - 1, -step)
 
 
 def _short(text: str) -> str:

@@ -48,7 +48,7 @@ class Rendering(Sources):
     sun: Sun | None
     lights: tuple[Lamp, ...]
     lens: Lens | None
-    still: bool
+    _still: bool
     space: str
     colorspace: str | None
     _path: CameraPath
@@ -123,7 +123,7 @@ class Rendering(Sources):
             lights=lights,
             lens=lens,
             lap=self._lap,
-            still=self.still,
+            still=self._still,
             found=self._found,
         )
 

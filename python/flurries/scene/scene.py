@@ -153,7 +153,7 @@ class Scene(Rendering):
     colorspace: str | None
     lights: tuple[Lamp, ...]
     lens: Lens | None
-    still: bool = field(init=False)  # Whether it is one picture, exposed as a photograph is.
+    _still: bool = field(init=False)  # Whether it is one picture, exposed as a photograph is.
     period: int | None
     output: Output
     _backdrop: Backdrop = field(init=False)
@@ -210,7 +210,7 @@ class Scene(Rendering):
             "background", found.source.given if isinstance(background, np.ndarray) else background
         )
         settle("size", found.size)
-        settle("still", fps is None and found.count is None and period is None)
+        settle("_still", fps is None and found.count is None and period is None)
         settle("fps", rate_of(found.fps or DEFAULT_FPS) if rate is None else rate)
         if start is None and self.range is not None:
             numbers["start"] = self.range[0]
@@ -224,8 +224,8 @@ class Scene(Rendering):
                 "in pixels over that of the sensor"
             )
         if lens == "usual":
-            short = self.camera.longest_focal < LONGEST_FOCAL * self.display[2]
-            lens = USUAL if found.photograph and self.color is None and short else None
+            short = self.camera.longest_focal < LONGEST_FOCAL * self._display[2]
+            lens = USUAL if found.photograph and self._color is None and short else None
         settle("lens", one_or_none("lens", lens, Lens))
         path = holding(self.camera) if self._holds else self.camera
         settle("_path", replace(path, camera=self._in_frame(path.camera)))
@@ -259,13 +259,13 @@ class Scene(Rendering):
     def __reduce__(self) -> tuple[Any, ...]:
         # What it was made from, not what was made of it: a color is not a picture of it.
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
-        values["fps"] = None if self.still else self.fps
+        values["fps"] = None if self._still else self.fps
         return partial(Scene, **values), ()
 
     def replace(self, **changes: Any) -> Scene:
         """Return the scene with some arguments changed."""
         # A still stays one, unless it gets a rate or becomes a film.
-        return replace(self, **({"fps": None} if self.still else {}) | changes)
+        return replace(self, **({"fps": None} if self._still else {}) | changes)
 
     def _derive(self, **changes: Any) -> Scene:
         """Return the scene with some attributes changed, without checks."""

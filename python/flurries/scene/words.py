@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def line_of(scene: Scene) -> str:
     """Return size, rate, background, camera and effects in one line."""
     width, height = scene.size
-    rate = "a still" if scene.still else f"{scene.fps:g} fps"
+    rate = "a still" if scene._still else f"{scene.fps:g} fps"
     names = ", ".join(type(effect).__name__ for effect in scene.effects) or "none"
     return (
         f"Scene({width} x {height} px, {rate}, background={_value(scene.background)}, "

@@ -56,7 +56,9 @@ class _Python:
         self.path, self.arrays, self.imports = path, 0, {"import flurries as fl"}
 
     def of(self, scene: Scene) -> str:
-        given = "".join(f"    {said},\n" for said in self.fields(scene))
+        # A rate would make a film of a still.
+        said = [one for one in self.fields(scene) if not (scene._still and one[:4] == "fps=")]
+        given = "".join(f"    {one},\n" for one in said)
         return "\n".join(sorted(self.imports)) + f"\n\nscene = fl.Scene(\n{given})\n"
 
     def fields(self, value: Any) -> list[str]:

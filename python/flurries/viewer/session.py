@@ -46,7 +46,7 @@ class Session:
         if not isinstance(scene, Scene):
             raise TypeError(f"scene must be a flurries.Scene, got {type(scene).__name__}")
         # What plays is a film.
-        self.scene = scene = scene.replace(fps=scene.fps) if scene.still else scene
+        self.scene = scene = scene.replace(fps=scene.fps) if scene._still else scene
         self.save_path = Path(save)
         self.values: dict[str, Any] = {}
         # A page plays on beyond a film's end.

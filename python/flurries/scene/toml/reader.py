@@ -60,6 +60,9 @@ def load(path: str | os.PathLike[str]) -> Scene:
         # Also numbers of thousands of digits, and brackets nested as deep.
         raise ValueError(f"{file}: not a TOML file: {error}") from None
     scene = SceneText(file, text)
+    # A key that is no scene's is told first: it may be a mistyped "format".
+    if "format" not in values and "colour" not in values:
+        scene.table(values, (*SCENE, "format"), "the scene")
     _require_format(scene, values.pop("format", None))
     return _scene(scene, values)
 
@@ -168,6 +171,8 @@ def _depth(text: SceneText, value: Any, *at: str | int) -> Any:
 
 
 def _camera(text: SceneText, table: Any, scene: Scene) -> CameraPath:
+    if isinstance(table, str):
+        table = {"path": table}
     given = text.table(table, (*LENS, "path", *WAY, "extend"), "camera", "camera")
     values = {key: _value(text, value, "camera", key) for key, value in given.items()}
     way = {key: values.pop(key) for key in WAY if key in values}

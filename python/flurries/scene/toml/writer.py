@@ -25,7 +25,7 @@ def describe(
 ) -> dict[str, Any]:
     """Return the scene as plain values, as a scene file holds them."""
     table: dict[str, Any] = {"format": FORMAT, "size": list(scene.size or ())}
-    table |= ({} if scene.still else {"fps": scene.fps}) | {"seed": scene.seed}
+    table |= ({} if scene._still else {"fps": scene.fps}) | {"seed": scene.seed}
     if scene.background is not None and "background" not in leave_out:
         table["background"] = _background("background", scene.background, folder)
     if scene.foreground is not None:
