@@ -31,7 +31,8 @@ def test_without_the_library_for_films_the_error_names_the_extra(call: str, tmp_
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
     )
     assert "pip install 'flurries[video]'" in ran.stdout
-    assert {file.name for file in tmp_path.iterdir()} == {"film.mkv", "still.png"}
+    left = {"film.mkv", "still.png", "flurries.jsonl"}
+    assert {file.name for file in tmp_path.iterdir()} == left
 
 
 def test_the_citation_is_of_this_version_and_names_the_four_papers():

@@ -151,11 +151,10 @@ def _new(source: str, changes: dict[str, Any], options: dict[str, Any]) -> Scene
 
 
 def _changed(scene: Scene, changes: dict[str, Any], options: dict[str, Any]) -> Scene:
-    common = _given(options, FIELDS)
+    common = _given(options, FIELDS + FALLING)
     if effects := _effects(options):
         changes["effects"] = effects
-    else:
-        common |= _given(options, FALLING)
+    elif common:
         known = [{f.name for f in fields(effect)} for effect in scene.effects]
         for name in common.keys() - {one for names in known for one in names}:
             raise click.UsageError(f"--{name} needs --snow or --rain, or a scene that has them")
@@ -183,11 +182,8 @@ def _effects(options: dict[str, Any]) -> list[Any]:
             more = _given(options, ("visibility",) if kind is Mist else FALLING)
             given = {**own, **common, **more}
             effects.append(kind(look, **given) if look else kind(**given))
-    if (
-        effects
-        and (lost := _given(options, FALLING))
-        and options["snow"] is options["rain"] is None
-    ):
+    lost = _given(options, FALLING)
+    if effects and lost and options["snow"] is options["rain"] is None:
         raise click.UsageError(f"--{next(iter(lost))} needs --snow or --rain")
     for knob in knobs:
         if knob not in used:
