@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields, is_dataclass
+from importlib import import_module
 from inspect import signature
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import flurries as fl
 from flurries.io import write_layers, write_picture
 from flurries.io.sources import Source
 from flurries.scene.scene import Scene
@@ -93,6 +93,7 @@ class _Python:
         return f"float('{value}')" if value in (math.inf, -math.inf) else repr(value)
 
     def named(self, kind: type) -> str:
+        fl = import_module("flurries")  # The names as users reach them.
         for way in ("", "effects.", "scene.", "camera."):
             if getattr(getattr(fl, way[:-1]) if way else fl, kind.__name__, None) is kind:
                 return f"fl.{way}{kind.__name__}"
