@@ -78,20 +78,23 @@ _MODULES = {
 _FROM = {name: module for module, names in _MODULES.items() for name in names}
 
 
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        # It stands in Cargo.toml alone. Asking the installed package takes tens of milliseconds.
-        from importlib.metadata import version
+# For who checks types only the names above are there.
+if not TYPE_CHECKING:
 
-        found: Any = version("flurries")
-    elif name in _FROM:
-        found = getattr(import_module(f"flurries.{_FROM[name]}"), name)
-    elif name in __all__:
-        found = import_module(f"flurries.{name}")
-    else:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = found
-    return found
+    def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            # It stands in Cargo.toml alone; to ask the installed package takes some time.
+            from importlib.metadata import version
+
+            found: Any = version("flurries")
+        elif name in _FROM:
+            found = getattr(import_module(f"flurries.{_FROM[name]}"), name)
+        elif name in __all__:
+            found = import_module(f"flurries.{name}")
+        else:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = found
+        return found
 
 
 def __dir__() -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal, overload
 
 import numpy.typing as npt
 
@@ -19,6 +19,18 @@ from flurries.augment.slices import labels_of
 
 class Weather(Several):
     """Weather as a function of a picture. The fields are described in the weathers themselves."""
+
+    @overload
+    def __call__(
+        self, image: npt.ArrayLike, *, index: int | None = None, time: float | None = None,
+        depth: Depth = None, return_layer: Literal[False] = False, out: Array | None = None,
+    ) -> Array: ...  # fmt: skip
+
+    @overload
+    def __call__(
+        self, image: npt.ArrayLike, *, index: int | None = None, time: float | None = None,
+        depth: Depth = None, return_layer: Literal[True], out: Array | None = None,
+    ) -> tuple[Array, Array]: ...  # fmt: skip
 
     def __call__(
         self,

@@ -93,8 +93,8 @@ scene_options: Callable[[Any], Any] = join(
     option("--start", type=int, metavar="N", example="1001", unset="that of the files, else 0",
            help="number of the first frame of films, which have no numbers of their own"),
     option("--loop", type=int, metavar="N", example="96", unset="the scene's, else never",
-           help="after so many frames the film begins again, without a jump; what is "
-           "bent for it is said"),
+           help="after so many frames the film begins again, without a jump; the "
+           "command says what it changes for that"),
     option("--seed", type=int, metavar="N", example="7", unset="the scene's, else 0",
            help="which of all snowfalls of this kind"),
     option("--size", metavar="WxH", example="1920x1080", unset="the picture's",
