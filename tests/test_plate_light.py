@@ -19,7 +19,7 @@ W, H = 320, 240
 
 
 def scene(plate: Array, effect: Any, **more: Any) -> fl.Scene:
-    return fl.Scene(plate, effects=[effect], seed=5, **more)
+    return fl.Scene(plate, effects=[effect], seed=5, lens=None, **more)
 
 
 def phase(asymmetry: float, cosine: Array) -> Array:
