@@ -57,7 +57,7 @@ def inside(runs: int) -> None:
     fl.set_threads(1)
     plate = np.full((768, 1024, 3), 128, np.uint8)
     ramp = np.repeat(np.linspace(3.0, 60.0, 768)[:, None], 1024, axis=1)
-    fog = fl.Mist("fog", visibility=20.0, wind=(1.0, 0.0, 0.0))
+    fog = fl.Mist("fog", count=1674, radius=2.16, box=24.0, wind=(1.0, 0.0, 0.0))
     bank = fl.Mist("bank", visibility=20.0, wind=(1.0, 0.0, 0.0))
     flat = fl.Scene(plate, effects=[fog])
     deep = fl.Scene(plate, effects=[fog], depth=ramp)

@@ -98,7 +98,6 @@ def _kernels(dtype: Any) -> dict[str, Callable[[], Any]]:
         "gas.splat, by ray": lambda: gas(dtype, footprint="volume", edge="square"),
         "gas.splat, viewpoint": lambda: gas(dtype, footprint="viewpoint", error=0.01),
         "gas.splat, table": lambda: gas(dtype, footprint="table"),
-        "gas.splat, smooth": lambda: gas(dtype, smooth=8.0),
         "cone.layer": lambda: fl.cone.layer(
             SHAPE, LENS, tile, axis=axis, phase=0.3, stretch=2.5, dtype=dtype
         ),

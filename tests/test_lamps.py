@@ -21,14 +21,17 @@ def rows(*lamps: fl.scene.Lamp) -> Array:
     return np.array([lamp.row(0.0, np.eye(3), EYE) for lamp in lamps])
 
 
-def by_hand(point: Array, lamp: Array, power: float, optics: Optics) -> float:
-    """Return albedo times phase function times irradiance, each factor by its definition."""
+def by_hand(
+    point: Array, lamp: Array, power: float, optics: Optics, air: tuple[float, float] = (0.0, 0.0)
+) -> float:
+    """Return albedo, phase function, irradiance and what air leaves on both ways, multiplied."""
     way = point - lamp
     square = float(way @ way)
     cosine = float(way @ -point) / math.sqrt(square * float(point @ point))
     g = optics.asymmetry
     share = (1.0 - g * g) / (4.0 * math.pi * (1.0 + g * g - 2.0 * g * cosine) ** 1.5)
-    return optics.albedo * share * power / square
+    left = math.exp(-air[0] * math.sqrt(square) - air[1] * math.sqrt(float(point @ point)))
+    return optics.albedo * share * power / square * left
 
 
 @pytest.mark.parametrize("optics", [FLAKES, DROPS])
@@ -41,18 +44,22 @@ def test_radiance_at_three_places(optics: Optics):
         assert np.abs(row / (wanted * np.array([1.0, 0.5, 0.25])) - 1.0).max() < 1e-12
 
 
-def test_drawn_flakes_have_that_radiance():
+def test_drawn_flakes_have_that_radiance_in_mist():
     lamp = fl.scene.Lamp((0.7, -1.0, 5.0), power=9.0)
     snow = fl.Snow(
         density=1.5, flake_size=(0.08, 0.08, 0.08), color=0.0, wind=(0.0, 0.0, 0.0), fall=0.0,
-        near=1.0, far=5.0, shape="round", method="simulated",
+        near=1.0, far=5.0, shape="round", method="simulated", seed=2,
     )  # fmt: skip
     scene = fl.Scene(
-        "#000000", size=(160, 120), camera=fl.Camera(150.0), effects=[snow], lights=[lamp],
-        space="linear", seed=2,
+        "#000000", size=(160, 120), camera=fl.Camera(150.0), lights=[lamp], space="linear",
+        effects=[fl.Mist(visibility=12.0), snow, fl.Mist(visibility=50.0)],
     )  # fmt: skip
     seen = scene.layers(0)
-    light, alpha, ids = seen.layers["snow"].rgba[..., 0], seen.alpha, seen.layers["snow"].ids
+    layer = seen.layers["snow"]
+    light, alpha, ids = layer.rgba[..., 0], layer.alpha, layer.ids
+    # The mist behind the flakes is on both ways; the one before covers them.
+    behind, front = (-math.log(0.05) / far for far in (12.0, 50.0))
+    air = behind + front + 1.5 * snow.opacity * math.pi / 4 * 0.08**2, behind
     places = {int(one["id"]): one["place"] for one in fl.flakes(scene, 0)}
     # Where a flake is alone its light is that of its own place.
     checked = 0
@@ -60,7 +67,7 @@ def test_drawn_flakes_have_that_radiance():
         inside = (ids == number) & (alpha > 0.3)
         if not inside.any():
             continue
-        wanted = by_hand(place, np.array([0.7, -1.0, 5.0]), 9.0, FLAKES)
+        wanted = by_hand(place, np.array([0.7, -1.0, 5.0]), 9.0, FLAKES, air)
         assert np.median(light[inside] / alpha[inside]) == pytest.approx(wanted, rel=1e-3)
         checked += 1
     assert checked >= 3

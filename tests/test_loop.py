@@ -28,7 +28,7 @@ CAMERAS: dict[str, Any] = {
 WEATHERS: dict[str, Any] = {
     "snow": fl.Snow(density=20.0, fall=1.4, haze=0.2, far=30.0),
     "rain": fl.Rain(far=20.0),
-    "mist": fl.Mist("fog", wind=(1.5, 0.0, 0.3)),
+    "mist": fl.Mist("fog", method="particles", wind=(1.5, 0.0, 0.3)),
     "valley": fl.Mist("valley", visibility=250.0, wind=(1.5, 0.0, 0.3), color=0.9),
     "tent snow": fl.effects.TentSnow(flakes=300),
     "tent rain": fl.effects.TentRain(),

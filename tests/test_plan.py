@@ -162,7 +162,7 @@ def test_what_never_moves_is_made_once(way: str):
 
 
 def test_gas_of_one_color_is_not_sorted():
-    gas = fl.Mist("mist", wind=(0.3, 0.0, 0.0))
+    gas = fl.Mist("mist", method="particles", wind=(0.3, 0.0, 0.0))
     sun = fl.scene.Sun((0.0, 1.0, 0.0), 1.0, ambient=1.0)
     plain = fl.Scene(BYTES, effects=[gas])
     image, trace = traced(plain)

@@ -197,7 +197,7 @@ def test_a_picture_with_a_depth_lies_in_the_weather():
     picture = np.zeros((height, width, 4), np.float32)
     picture[:, 20:] = (0.0, 0.8, 0.0, 1.0)
     base = {"size": (width, height), "background": (0.0, 0.0, 0.0)}
-    fog = fl.Mist("fog", seed=3)
+    fog = fl.Mist("fog", seed=3, color=0.7)
     stood = fl.Scene(**base, effects=[fog], foreground=fl.scene.Foreground(picture, depth=2.0))
     plate = fl.Scene(
         np.ascontiguousarray(picture[..., :3]), size=(width, height), effects=[fog], depth=2.0

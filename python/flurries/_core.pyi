@@ -41,6 +41,7 @@ __all__ = [
     "flake_rows",
     "gas_alpha",
     "gas_draw",
+    "gas_glow",
     "gas_light",
     "gas_slices",
     "gas_sort",
@@ -83,6 +84,7 @@ __all__ = [
     "veil",
     "volume",
     "wave_depth",
+    "whiten",
     "wind_waves",
 ]
 
@@ -169,6 +171,7 @@ def shade_add(
     alpha: _Array,
     colors: tuple[_Array, float, int, int],
 ) -> None: ...
+def whiten(light: _Array) -> None: ...
 def encode_bytes(out: _Array, values: _Array, light: _Array, edges: _Array) -> None: ...
 def veil(
     out: _Array,
@@ -322,14 +325,14 @@ def gas_splat(
     gas: Gas,
     colors: _Float64,
     lens: tuple[float, float, float, tuple[float, float, float]],
-    manner: tuple[str, str, float, str, bool, float, float],
+    manner: tuple[str, str, float, str, bool, float],
     depth: _Array | None,
 ) -> None: ...
 def gas_alpha(
     out: _Array,
     gas: Gas,
     lens: tuple[float, float, float, tuple[float, float, float]],
-    manner: tuple[str, str, float, str, bool, float, float],
+    manner: tuple[str, str, float, str, bool, float],
     depth: _Array | None,
 ) -> None: ...
 
@@ -342,7 +345,7 @@ def gas_sort(
     gas: Gas,
     colors: _Float64,
     lens: tuple[float, float, float, tuple[float, float, float]],
-    manner: tuple[str, str, float, str, bool, float, float],
+    manner: tuple[str, str, float, str, bool, float],
 ) -> SortedGas: ...
 def gas_draw(
     out: _Array,
@@ -350,13 +353,17 @@ def gas_draw(
     window: tuple[int, int, int, int],
     depth: _Array | None = None,
 ) -> None: ...
-def gas_slices(
+
+# Slices of gas: extinction on a coarse grid, edges, what ends them, slopes of columns and rows.
+_Bank = tuple[_Array, Sequence[float], _Array | None, tuple[_Array, _Array]]
+
+def gas_slices(out: _Array, bank: _Bank, detail: tuple[_Array, float] | None) -> None: ...
+def gas_glow(
     out: _Array,
-    density: _Array,
-    edges: Sequence[float],
-    detail: tuple[_Array, float],
-    ground: _Array | None,
-    slopes: tuple[_Array, _Array] | None,
+    bank: _Bank,
+    lamps: _Float64,
+    optics: tuple[float, float],
+    eye: tuple[float, float, float],
 ) -> None: ...
 def gas_light(
     out: _Float64,

@@ -1,9 +1,10 @@
 //! Lamps and suns: the radiance that a small particle sends to the eye.
 //!
-//! radiance = albedo * phase(angle) * irradiance, the phase function of Henyey and Greenstein (1941)
+//! radiance = albedo * phase(angle) * irradiance * exp(-air's extinction * way), both ways, the phase function of Henyey and Greenstein (1941)
 //! per steradian, so that light of radiance L from all sides makes a particle of radiance albedo * L.
 
 use super::error::Error;
+use super::normal::{Normal, least};
 use super::pixel::smoothstep;
 use super::simd::dispatch;
 
@@ -20,6 +21,8 @@ pub struct Lamp {
     pub cone: (f64, f64),
     /// Its radius, metres: nothing is lit more than at its surface.
     pub radius: f64,
+    /// Extinction of the air from it to a particle, and from there to the eye, per metre.
+    pub air: (f64, f64),
 }
 
 /// All lamps of a frame, and what particles do with their light.
@@ -33,8 +36,8 @@ pub struct Lamps {
     pub eye: [f64; 3],
 }
 
-/// Numbers of a lamp in a row: kind (0 lamp, 1 sun), place, way, color, cosines, radius.
-pub const ROW: usize = 13;
+/// Numbers of a lamp in a row: kind (0 lamp, 1 sun), place, way, color, cosines, radius, air.
+pub const ROW: usize = 15;
 
 impl Lamps {
     /// Lamps of rows of numbers.
@@ -51,9 +54,18 @@ impl Lamps {
                 color: three(row, 7),
                 cone: (row[10], row[11]),
                 radius: row[12],
+                air: (row[13], row[14]),
             })
             .collect();
         Ok(Self { lamps, asymmetry, albedo, eye })
+    }
+
+    /// The phase function per steradian, times the albedo.
+    #[inline(always)]
+    pub fn phase<P: Normal>(&self, cosine: P) -> P {
+        let (g, one) = (P::of(self.asymmetry), P::one());
+        let base = one + g * g - (g + g) * cosine;
+        P::of(self.albedo / (4.0 * std::f64::consts::PI)) * (one - g * g) / (base * base.sqrt())
     }
 }
 
@@ -68,7 +80,7 @@ pub fn light<const LEVEL: u8>(lamps: &Lamps, points: &[[f64; 3]], out: &mut [[f6
         for (k, point) in points.iter().enumerate() {
             (0..3).for_each(|axis| lanes[axis][k] = point[axis]);
         }
-        let found = block(lamps, &lanes);
+        let found = block::<LANES, LEVEL>(lamps, &lanes);
         for (k, out) in out.iter_mut().enumerate() {
             (0..3).for_each(|c| out[c] = found[c][k]);
         }
@@ -77,9 +89,7 @@ pub fn light<const LEVEL: u8>(lamps: &Lamps, points: &[[f64; 3]], out: &mut [[f6
 
 /// The radiances of N particles: red, green and blue. Loops over lanes are plain ones, which vectorise.
 #[inline(always)]
-fn block<const N: usize>(lamps: &Lamps, points: &[[f64; N]; 3]) -> [[f64; N]; 3] {
-    let g = lamps.asymmetry;
-    let top = lamps.albedo * (1.0 - g * g) / (4.0 * std::f64::consts::PI);
+fn block<const N: usize, const LEVEL: u8>(lamps: &Lamps, points: &[[f64; N]; 3]) -> [[f64; N]; 3] {
     let (mut back, mut away) = ([[0.0; N]; 3], [0.0; N]);
     for k in 0..N {
         for axis in 0..3 {
@@ -102,20 +112,27 @@ fn block<const N: usize>(lamps: &Lamps, points: &[[f64; N]; 3]) -> [[f64; N]; 3]
                 }
                 let part = (dot(at(&way, k), lamp.way) - outer) / soft;
                 let inside = if inner <= -1.0 { 1.0 } else { smoothstep(part) };
-                irradiance[k] = inside / square.max(least);
+                irradiance[k] =
+                    inside / square.max(least) * left::<f64, LEVEL>(lamp.air.0 * distance);
             }
         }
         for k in 0..N {
             let along = dot(at(&way, k), at(&back, k)) / away[k];
             let cosine = if away[k] > 0.0 { along } else { 1.0 };
-            let base = 1.0 + g * g - 2.0 * g * cosine;
-            let radiance = top / (base * base.sqrt()) * irradiance[k];
+            let radiance = lamps.phase(cosine) * irradiance[k];
+            let radiance = radiance * left::<f64, LEVEL>(lamp.air.1 * away[k]);
             for (sum, color) in sum.iter_mut().zip(lamp.color) {
                 sum[k] += radiance * color;
             }
         }
     }
     sum
+}
+
+/// What air of an optical depth leaves of light.
+#[inline(always)]
+pub fn left<P: Normal, const LEVEL: u8>(thick: P) -> P {
+    P::exp_at::<LEVEL>(-least(thick, P::of(80.0)))
 }
 
 #[inline(always)]

@@ -5,6 +5,7 @@ use ndarray::{ArrayView2, ArrayView3, ArrayViewMut3, Axis};
 use super::coding::Coding;
 use super::grid::{Grid, Run};
 use crate::base::error::{Cancel, Error, layout};
+use crate::base::normal::most;
 use crate::base::pool;
 use crate::base::simd::dispatch;
 
@@ -49,10 +50,25 @@ pub fn over_bytes(
             tables.decode(light, back);
             let layer = layer.from(part * PIXELS);
             lay_finite(light, layer.alpha, layer.colors, layer.glow);
+            whiten(light);
             tables.encode(out, light);
         }
     })
 }
+
+/// Turns light (n, 3) that is brighter than white to white, as far as it is brighter. Clipped channel by
+/// channel the light of an orange lamp would have a yellow ring.
+#[dispatch]
+pub fn whiten<const LEVEL: u8>(light: &mut [f32]) {
+    for color in light.as_chunks_mut::<3>().0 {
+        let [red, green, blue] = color.map(|c| if c > BRIGHTEST { BRIGHTEST } else { c });
+        let scale = 1.0 / most(most(red, most(green, blue)), 1.0);
+        *color = [red, green, blue].map(|c| c * scale + (1.0 - scale) * (1.0 - c * scale));
+    }
+}
+
+/// Light that is white whatever its color.
+const BRIGHTEST: f32 = 1e6;
 
 /// Pixels of a row that are read, mixed and written at a time.
 const PIXELS: usize = 256;

@@ -9,10 +9,9 @@
 
 use super::batch::{Batch, TILE, Tile, vectors};
 use super::cut::{self, Cut};
-use super::lattice::Lattice;
 use super::ray::{Canvas, Source, finished};
 use super::sprite::{Form, Look, Sprite};
-use crate::base::error::{Cancel, Error, pushed};
+use crate::base::error::{Cancel, Error};
 use crate::base::normal::Normal;
 use crate::base::simd::dispatch;
 
@@ -39,22 +38,11 @@ pub struct Drawing<'a> {
 #[dispatch]
 pub fn draw<const LEVEL: u8, P: Normal>(
     tile: &mut Tile<'_, P>,
-    lattice: Option<&mut Lattice<P>>,
     list: &[Entry],
     drawing: &Drawing<'_>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let error = P::of(drawing.look.error);
-    let mut rest = Vec::new();
-    let list = if let Some(lattice) = lattice {
-        slow::<P, LEVEL>(tile, lattice, list, drawing, &mut rest, cancel)?;
-        if finished(&tile.through.0, error) {
-            return Ok(());
-        }
-        &rest
-    } else {
-        list
-    };
     let (look, [left, top]) = (drawing.look, tile.origin);
     let ground = tile.ground.map(|ground| ground.range);
     let (mut drawn, mut filled) = (0, false);
@@ -91,57 +79,6 @@ pub fn draw<const LEVEL: u8, P: Normal>(
         }
     }
     batch.draw::<LEVEL>(tile);
-    Ok(())
-}
-
-/// Draws what changes slowly on the lattice, and the tile from it; the others are left in `rest`.
-///
-/// If particles differ in color only those that lie before all others are: order matters then.
-#[inline(always)]
-fn slow<P: Normal, const LEVEL: u8>(
-    tile: &mut Tile<'_, P>,
-    lattice: &mut Lattice<P>,
-    list: &[Entry],
-    drawing: &Drawing<'_>,
-    rest: &mut Vec<Entry>,
-    cancel: &Cancel,
-) -> Result<(), Error> {
-    let (look, left) = (drawing.look, tile.origin[0]);
-    let [top, bottom] = [tile.origin[1], tile.origin[1] + TILE];
-    let ground = tile.ground.map(|ground| ground.range);
-    let colored = tile.light.is_some();
-    if let Some(ground) = tile.ground {
-        lattice.stand::<LEVEL>(ground);
-    }
-    let mut drawn = 0;
-    for entry in list {
-        if entry.right as usize <= left || entry.left as usize >= left + TILE {
-            continue;
-        }
-        let sprite = &drawing.sprites[entry.sprite as usize];
-        if sprite.rows[1] as usize <= top || sprite.rows[0] as usize >= bottom {
-            continue;
-        }
-        let cut = cut::cut::<P>(sprite, look, &tile.sheet, TILE - 1, ground);
-        let Some(cut) = cut else { continue };
-        let slow = sprite.smooth && (!colored || rest.is_empty());
-        match slow.then(|| lattice.cut(sprite, look, cut)).flatten() {
-            None => pushed(rest, *entry)?,
-            Some(None) => {}
-            Some(Some(cut)) => {
-                let color = colored.then(|| drawing.color::<P>(sprite));
-                lattice.draw::<LEVEL>(sprite, look, cut, color);
-                drawn += 1;
-                if drawn % LOOK == 0 {
-                    cancel.check()?;
-                    if lattice.finished(P::of(look.error)) {
-                        break;
-                    }
-                }
-            }
-        }
-    }
-    lattice.spread::<LEVEL>(tile.through, tile.light.as_deref_mut());
     Ok(())
 }
 

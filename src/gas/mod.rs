@@ -4,7 +4,7 @@ pub mod batch;
 pub mod cut;
 pub mod draw;
 pub mod footprint;
-pub mod lattice;
+pub mod glow;
 pub mod light;
 pub mod picture;
 pub mod ray;

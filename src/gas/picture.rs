@@ -7,7 +7,6 @@ use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 use super::batch::{Plane, TILE, Tile};
 use super::cut::Ground;
 use super::draw::{Drawing, Entry, draw};
-use super::lattice::Lattice;
 use super::rays::{Rays, Sheet};
 use super::sprite::{Eye, Form, Sprite};
 use crate::base::error::{Cancel, Error, collected, layout, pushed};
@@ -32,7 +31,6 @@ pub struct Touched {
     /// For each row of tiles what touches it, in drawing order. Not for each tile: a particle near the
     /// eye covers thousands of tiles, and few bands.
     bands: Vec<Vec<Entry>>,
-    smooth: bool,
     by_ray: bool,
     colored: bool,
 }
@@ -43,17 +41,16 @@ impl Touched {
         let colored = colors.iter().any(|color| *color != colors[0]);
         let order = order(sprites, colored)?;
         let mut bands = vec![Vec::new(); height.div_ceil(TILE)];
-        let (mut smooth, mut by_ray) = (false, false);
+        let mut by_ray = false;
         for place in order {
             let seen = &sprites[place as usize];
             let ([top, bottom], [left, right]) = (seen.rows.map(|row| row as usize), seen.columns);
             for band in &mut bands[top / TILE..bottom.div_ceil(TILE)] {
                 pushed(band, Entry { sprite: place, left, right })?;
             }
-            smooth |= seen.smooth;
             by_ray |= seen.form == Form::Ray;
         }
-        Ok(Self { bands, smooth, by_ray, colored })
+        Ok(Self { bands, by_ray, colored })
     }
 }
 
@@ -72,7 +69,6 @@ struct Scratch<P> {
     light: Option<Box<[Plane<P>; 3]>>,
     depth: Option<Box<Plane<P>>>,
     rays: Option<Box<Rays<P, TILE>>>,
-    lattice: Option<Box<Lattice<P>>>,
 }
 
 fn nothing<P: Normal>() -> Plane<P> {
@@ -81,13 +77,12 @@ fn nothing<P: Normal>() -> Plane<P> {
 
 impl<M: Real> Picture<'_, M> {
     fn scratch<P: Normal>(&self) -> Scratch<P> {
-        let Touched { smooth, by_ray, colored, .. } = *self.touched;
+        let Touched { by_ray, colored, .. } = *self.touched;
         Scratch {
             through: Box::new(nothing()),
             light: colored.then(|| Box::new([nothing(), nothing(), nothing()])),
             depth: self.depth.map(|_| Box::new(nothing())),
             rays: by_ray.then(|| Box::new(Rays::none())),
-            lattice: smooth.then(|| Box::new(Lattice::none())),
         }
     }
 
@@ -114,10 +109,6 @@ impl<M: Real> Picture<'_, M> {
             _ => None,
         };
         let corner = origin.map(|place| place as f64 + 0.5);
-        let mut lattice = scratch.lattice.as_deref_mut();
-        if let Some(lattice) = &mut lattice {
-            lattice.begin(self.eye, origin);
-        }
         let mut tile = Tile {
             origin,
             through: &mut scratch.through,
@@ -126,7 +117,7 @@ impl<M: Real> Picture<'_, M> {
             rays: scratch.rays.as_deref_mut(),
             ground: ground.as_ref(),
         };
-        draw(&mut tile, lattice, &self.touched.bands[top / TILE], &self.drawing, cancel)
+        draw(&mut tile, &self.touched.bands[top / TILE], &self.drawing, cancel)
     }
 
     /// Draws a part of the frame, `channels` numbers to a pixel; `store` writes a row of a tile from

@@ -28,83 +28,109 @@ pub struct Slices<'a> {
     pub density: ArrayView3<'a, f32>,
     /// Where they begin and end, planar depth; one more than slices.
     pub edges: &'a [f32],
-    /// Short waves (H, W) and their strength: the density of all is multiplied by 1 + strength * waves,
-    /// no less than 0.
-    pub detail: (ArrayView2<'a, f32>, f32),
     /// What ends them, planar depth (H, W).
     pub ground: Option<ArrayView2<'a, f32>>,
-    /// Slopes of the rays of columns (W,) and rows (H,); without, planar depth counts.
-    pub slopes: Option<(&'a [f32], &'a [f32])>,
+    /// Slopes of the rays of columns (W,) and rows (H,).
+    pub slopes: (&'a [f32], &'a [f32]),
+}
+
+impl Slices<'_> {
+    /// Refuses slices that do not fit a picture (H, W).
+    pub fn check(&self, (height, width): (usize, usize)) -> Result<(), Error> {
+        let (count, rows, columns) = self.density.dim();
+        let room = |side: usize| side.div_ceil(COARSE) + 2 * MARGIN;
+        let fits = (rows, columns) == (room(height), room(width))
+            && self.edges.len() == count + 1
+            && self.ground.is_none_or(|ground| ground.dim() == (height, width))
+            && (self.slopes.0.len(), self.slopes.1.len()) == (width, height);
+        if fits && self.density.is_standard_layout() {
+            return Ok(());
+        }
+        Err(Error::Internal("slices of gas do not fit the picture".into()))
+    }
+
+    /// Writes where each pixel of a row ends; nothing ends those beyond the picture's border.
+    pub fn ends(&self, row: usize, end: &mut [f32]) -> Result<(), Error> {
+        end.fill(f32::INFINITY);
+        if let Some(ground) = self.ground {
+            end[..ground.ncols()].copy_from_slice(pool::line(ground, row)?);
+        }
+        Ok(())
+    }
+
+    /// Calls `each` with the coarse line of every slice at a row, and where the slice begins and ends.
+    pub fn lines(
+        &self,
+        row: usize,
+        line: &mut [f32],
+        mut each: impl FnMut(&[f32], [f32; 2]),
+    ) -> Result<(), Error> {
+        let (columns, first) = (line.len(), row / COARSE + MARGIN - 1);
+        let weights = WEIGHTS.map(|pixels| pixels[row % COARSE]);
+        for (slice, ends) in self.density.outer_iter().zip(self.edges.windows(2)) {
+            let samples = slice.to_slice().ok_or_else(layout)?;
+            between(line, &samples[first * columns..(first + 3) * columns], weights);
+            each(line, [ends[0], ends[1]]);
+        }
+        Ok(())
+    }
 }
 
 /// Adds their optical depth to `out` (H, W).
+///
+/// `detail` are short waves (H, W) of the logarithm of all slices' densities, and their strength in one:
+/// where several slices show, the waves that they share stand for as many of their own.
 pub fn add(
     mut out: ArrayViewMut2<'_, f32>,
     slices: &Slices<'_>,
+    detail: Option<(ArrayView2<'_, f32>, f32)>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    let (height, width) = out.dim();
-    let (count, rows, columns) = slices.density.dim();
-    let room = |side: usize| side.div_ceil(COARSE) + 2 * MARGIN;
-    let fits = (rows, columns) == (room(height), room(width))
-        && slices.edges.len() == count + 1
-        && slices.detail.0.dim() == (height, width)
-        && slices.ground.is_none_or(|ground| ground.dim() == (height, width))
-        && slices.slopes.is_none_or(|(x, y)| (x.len(), y.len()) == (width, height));
-    if !fits || !slices.density.is_standard_layout() {
-        return Err(Error::Internal("slices of gas do not fit the picture".into()));
+    slices.check(out.dim())?;
+    if detail.is_some_and(|(waves, _)| waves.dim() != out.dim()) {
+        return Err(Error::Internal("short waves do not fit the picture".into()));
     }
+    let columns = slices.density.dim().2;
     let tasks: Vec<_> = out.axis_chunks_iter_mut(Axis(0), 32).enumerate().collect();
     pool::for_each(tasks, |(number, mut band)| {
         cancel.check()?;
-        let mut line = zeroed::<f32>(columns)?;
-        let (mut sum, mut end) = (zeroed(columns * COARSE)?, zeroed(columns * COARSE)?);
+        let (mut line, mut end) = (zeroed::<f32>(columns)?, zeroed::<f32>(columns * COARSE)?);
+        let (mut sum, mut squares) = (zeroed(columns * COARSE)?, zeroed(columns * COARSE)?);
         for (row, mut out) in band.outer_iter_mut().enumerate() {
             let row = 32 * number + row;
-            let first = row / COARSE + MARGIN - 1;
-            let weights = WEIGHTS.map(|pixels| pixels[row % COARSE]);
-            if let Some(ground) = slices.ground {
-                end[..width].copy_from_slice(pool::line(ground, row)?);
-            }
-            line.fill(0.0);
+            slices.ends(row, &mut end)?;
             sum.fill(0.0);
-            for (slice, ends) in slices.density.outer_iter().zip(slices.edges.windows(2)) {
-                let samples = slice.to_slice().ok_or_else(layout)?;
-                let three = &samples[first * columns..(first + 3) * columns];
-                let thick = ends[1] - ends[0];
-                let scale = if slices.ground.is_none() { thick } else { 1.0 };
-                between(&mut line, three, weights.map(|weight| weight * scale));
-                if slices.ground.is_some() {
-                    spread(&mut sum, &line, Some((&end, ends[0], thick)));
-                    line.fill(0.0);
-                }
-            }
-            if slices.ground.is_none() {
-                spread(&mut sum, &line, None);
-            }
-            let detail = (pool::line(slices.detail.0, row)?, slices.detail.1);
-            let slopes = slices.slopes.map(|(x, y)| (x, 1.0 + y[row] * y[row]));
-            finish(out.as_slice_mut().ok_or_else(layout)?, &sum, detail, slopes);
+            squares.fill(0.0);
+            slices.lines(row, &mut line, |line, ends| {
+                spread(&mut sum, &mut squares, line, &end, ends);
+            })?;
+            let waves = match detail {
+                Some((waves, strength)) => Some((pool::line(waves, row)?, strength)),
+                None => None,
+            };
+            let down = slices.slopes.1[row];
+            let slopes = (slices.slopes.0, 1.0 + down * down);
+            finish(out.as_slice_mut().ok_or_else(layout)?, (&sum, &squares), waves, slopes);
         }
         Ok(())
     })
 }
 
-/// Adds to a line of coarse samples what lies between three of them.
+/// Writes the coarse samples that lie between three lines of them.
 #[dispatch]
 fn between<const LEVEL: u8>(line: &mut [f32], three: &[f32], weights: [f32; 3]) {
     let columns = line.len();
     let (before, rest) = three.split_at(columns);
     let (at, after) = rest.split_at(columns);
     for (((line, &before), &at), &after) in line.iter_mut().zip(before).zip(at).zip(after) {
-        let value = multiply_add::<f32, LEVEL>(weights[0], before, *line);
-        let value = multiply_add::<f32, LEVEL>(weights[1], at, value);
+        let value = multiply_add::<f32, LEVEL>(weights[1], at, weights[0] * before);
         *line = multiply_add::<f32, LEVEL>(weights[2], after, value);
     }
 }
 
+/// The pixels of a coarse sample, of it and its neighbours.
 #[inline(always)]
-fn pixels<const LEVEL: u8>(three: [f32; 3]) -> [f32; COARSE] {
+pub fn pixels<const LEVEL: u8>(three: &[f32]) -> [f32; COARSE] {
     let mut values = [0.0_f32; COARSE];
     for sample in 0..3 {
         for pixel in 0..COARSE {
@@ -115,48 +141,46 @@ fn pixels<const LEVEL: u8>(three: [f32; 3]) -> [f32; COARSE] {
     values
 }
 
-/// The pixels that follow from a line of coarse samples; before a ground they are added, times the
-/// part of the slice before it.
+/// Adds the pixels that follow from a line of coarse samples, times the part of the slice that they see.
 #[dispatch]
-fn spread<const LEVEL: u8>(sum: &mut [f32], line: &[f32], ground: Option<(&[f32], f32, f32)>) {
-    let (cells, _) = sum.as_chunks_mut::<COARSE>();
-    let count = cells.len().min(line.len() - 2);
-    let Some((ground, first, thick)) = ground else {
-        for (cell, four) in cells[..count].iter_mut().enumerate() {
-            *four = pixels::<LEVEL>([line[cell], line[cell + 1], line[cell + 2]]);
-        }
-        return;
-    };
-    let (ground, _) = ground.as_chunks::<COARSE>();
-    let ground = &ground[..count];
-    for (cell, four) in cells[..count].iter_mut().enumerate() {
-        let values = pixels::<LEVEL>([line[cell], line[cell + 1], line[cell + 2]]);
+fn spread<const LEVEL: u8>(
+    sum: &mut [f32],
+    squares: &mut [f32],
+    line: &[f32],
+    end: &[f32],
+    ends: [f32; 2],
+) {
+    let thick = ends[1] - ends[0];
+    let cells = sum.as_chunks_mut::<COARSE>().0.iter_mut();
+    let cells = cells.zip(squares.as_chunks_mut::<COARSE>().0).zip(end.as_chunks::<COARSE>().0);
+    for (((sum, squares), end), three) in cells.zip(line.windows(3)) {
+        let values = pixels::<LEVEL>(three);
         for pixel in 0..COARSE {
-            let part = least(most(ground[cell][pixel] - first, 0.0), thick);
-            four[pixel] = multiply_add::<f32, LEVEL>(values[pixel], part, four[pixel]);
+            let optical = values[pixel] * least(most(end[pixel] - ends[0], 0.0), thick);
+            sum[pixel] += optical;
+            squares[pixel] = multiply_add::<f32, LEVEL>(optical, optical, squares[pixel]);
         }
     }
 }
 
-/// Adds a row, times its short waves and the length of its rays.
+/// Adds a row with its short waves, times the length of its rays.
 #[dispatch]
 fn finish<const LEVEL: u8>(
     out: &mut [f32],
-    sum: &[f32],
-    waves: (&[f32], f32),
-    slopes: Option<(&[f32], f32)>,
+    sums: (&[f32], &[f32]),
+    waves: Option<(&[f32], f32)>,
+    slopes: (&[f32], f32),
 ) {
-    let (waves, strength) = waves;
-    let dense =
-        |sum: f32, wave: f32| sum * most(multiply_add::<f32, LEVEL>(strength, wave, 1.0), 0.0);
-    let Some((slopes, down)) = slopes else {
-        for ((out, &sum), &wave) in out.iter_mut().zip(sum).zip(waves) {
-            *out += dense(sum, wave);
+    let length = |x: f32| multiply_add::<f32, LEVEL>(x, x, slopes.1).sqrt();
+    let Some((waves, strength)) = waves else {
+        for ((out, &sum), &x) in out.iter_mut().zip(sums.0).zip(slopes.0) {
+            *out = multiply_add::<f32, LEVEL>(sum, length(x), *out);
         }
         return;
     };
-    for (((out, &sum), &wave), &x) in out.iter_mut().zip(sum).zip(waves).zip(slopes) {
-        let length = multiply_add::<f32, LEVEL>(x, x, down).sqrt();
-        *out = multiply_add::<f32, LEVEL>(dense(sum, wave), length, *out);
+    let pixels = out.iter_mut().zip(sums.0).zip(sums.1).zip(waves).zip(slopes.0);
+    for ((((out, &sum), &squares), &wave), &x) in pixels {
+        let dense = most(multiply_add::<f32, LEVEL>(strength * wave, squares.sqrt(), sum), 0.0);
+        *out = multiply_add::<f32, LEVEL>(dense, length(x), *out);
     }
 }

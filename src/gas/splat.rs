@@ -67,7 +67,6 @@ pub fn estimate(shape: (usize, usize), cloud: &Cloud<'_>, eye: &Eye, look: &Look
         .map(|sprite| {
             let length = |[low, high]: [u32; 2]| f64::from(high - low);
             let cost = match sprite.form {
-                _ if sprite.smooth => 0.1,
                 Form::Ray => 1.0,
                 _ => 0.2,
             };

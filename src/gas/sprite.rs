@@ -76,8 +76,6 @@ pub struct Look {
     pub hard: bool,
     /// A pixel that lets through less than this is finished.
     pub error: f64,
-    /// Footprints whose sigma is no less than this (px) are drawn on a lattice; infinity for none.
-    pub smooth: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -157,8 +155,6 @@ pub struct Sprite {
     pub away: f64,
     /// World units.
     pub sigma: f64,
-    /// Whether it changes so slowly over the picture that a lattice of samples says all of it.
-    pub smooth: bool,
     /// Of its middle, near fade included.
     pub opacity: f64,
     /// What it is sorted by, front to back.
@@ -177,7 +173,6 @@ impl Sprite {
         place: [0.0; 3],
         away: 0.0,
         sigma: 0.0,
-        smooth: false,
         opacity: 0.0,
         key: 0.0,
         index: 0,
@@ -252,13 +247,6 @@ impl Sprite {
                 [mx - size, mx + size, my - size, my + size]
             }
         };
-        // An angle has the most pixels to it off the axis, so this is the narrowest that it can be.
-        let spread = match sprite.form {
-            Form::Ray => eye.focal * sprite.sigma / away.max(sprite.sigma),
-            Form::Point => sprite.radius / 3.0,
-            Form::Box | Form::Table => 0.0,
-        };
-        sprite.smooth = spread >= look.smooth && look.edge == Edge::Taper;
         let range = |range: Range<usize>| [range.start as u32, range.end as u32];
         sprite.columns = range(pixels(bounds[0], bounds[1], shape.1)?);
         sprite.rows = range(pixels(bounds[2], bounds[3], shape.0)?);

@@ -227,6 +227,16 @@ pub fn encode_bytes(
     gate::run(py, 3.0 * values.len() as f64, |cancel| coding::bytes(out, values, &coding, cancel))
 }
 
+/// Turns linear light (n,), three values to a pixel, that is brighter than white to white.
+#[pyfunction]
+pub fn whiten(py: Python<'_>, mut light: PyReadwriteArray1<'_, f32>) -> PyResult<()> {
+    let light = light.as_slice_mut()?;
+    gate::run(py, light.len() as f64, |_| {
+        shade::whiten(light);
+        Ok(())
+    })
+}
+
 /// Numbers of flakes (h, w), opacities of flakes and of the texture behind them.
 type Planes<'py> =
     (PyReadonlyArray2<'py, i32>, PyReadonlyArray2<'py, f32>, Option<PyReadonlyArray2<'py, f32>>);

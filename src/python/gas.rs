@@ -8,8 +8,10 @@ use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut, arrays, each_map, either};
 use crate::base::error::{Error, named};
+use crate::base::lamps::Lamps;
 use crate::gas::draw::Drawing;
 use crate::gas::footprint::Edge;
+use crate::gas::glow;
 use crate::gas::light;
 use crate::gas::picture::{Picture, Touched};
 use crate::gas::slices::{self, Slices};
@@ -43,14 +45,14 @@ impl Gas<'_> {
 /// (focal, cx, cy, offset)
 type Lens = (f64, f64, f64, [f64; 3]);
 
-/// (footprint, edge, near, near mode, hard, error, smooth)
-type Manner = (String, String, f64, String, bool, f64, f64);
+/// (footprint, edge, near, near mode, hard, error)
+type Manner = (String, String, f64, String, bool, f64);
 
 fn eye_of((focal, x, y, offset): Lens) -> Eye {
     Eye { focal, center: [x, y], offset }
 }
 
-fn look_of((footprint, edge, near, near_mode, hard, error, smooth): Manner) -> PyResult<Look> {
+fn look_of((footprint, edge, near, near_mode, hard, error): Manner) -> PyResult<Look> {
     let footprint = named(
         "footprint",
         &footprint,
@@ -68,7 +70,7 @@ fn look_of((footprint, edge, near, near_mode, hard, error, smooth): Manner) -> P
         &near_mode,
         &[("fade", NearMode::Fade), ("cull", NearMode::Cull), ("exact", NearMode::Exact)],
     )?;
-    Ok(Look { footprint, edge, near, near_mode, hard, error, smooth })
+    Ok(Look { footprint, edge, near, near_mode, hard, error })
 }
 
 fn colors_of(colors: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 3]>> {
@@ -218,27 +220,53 @@ pub fn gas_light(
     })
 }
 
-/// Adds the optical depth of slices to `out` (H, W): of their extinction on a coarse grid (n, rows,
-/// columns), where they begin and end (n + 1,), and short waves of all (H, W) with their strength.
-/// `slopes` are those of columns (W,) and rows (H,).
+/// Slices of gas: extinction on a coarse grid (n, rows, columns), where they begin and end (n + 1,), what ends
+/// them (H, W), and the slopes of columns (W,) and rows (H,).
+#[derive(FromPyObject)]
+pub struct Bank<'py>(
+    PyReadonlyArray3<'py, f32>,
+    Vec<f32>,
+    Option<PyReadonlyArray2<'py, f32>>,
+    (PyReadonlyArray1<'py, f32>, PyReadonlyArray1<'py, f32>),
+);
+
+impl Bank<'_> {
+    fn slices(&self) -> PyResult<Slices<'_>> {
+        Ok(Slices {
+            density: self.0.as_array(),
+            edges: &self.1,
+            ground: self.2.as_ref().map(|ground| ground.as_array()),
+            slopes: (self.3.0.as_slice()?, self.3.1.as_slice()?),
+        })
+    }
+}
+
+/// Adds the optical depth of slices to `out` (H, W), with short waves of all (H, W) and their strength.
 #[pyfunction]
 pub fn gas_slices(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, f32>,
-    density: PyReadonlyArray3<'_, f32>,
-    edges: Vec<f32>,
-    detail: (PyReadonlyArray2<'_, f32>, f32),
-    ground: Option<PyReadonlyArray2<'_, f32>>,
-    slopes: Option<(PyReadonlyArray1<'_, f32>, PyReadonlyArray1<'_, f32>)>,
+    bank: Bank<'_>,
+    detail: Option<(PyReadonlyArray2<'_, f32>, f32)>,
 ) -> PyResult<()> {
-    let out = out.as_array_mut();
-    let slopes = match &slopes {
-        Some((x, y)) => Some((x.as_slice()?, y.as_slice()?)),
-        None => None,
-    };
-    let (density, detail) = (density.as_array(), (detail.0.as_array(), detail.1));
-    let ground = ground.as_ref().map(|ground| ground.as_array());
-    let work = 2.0 * (out.len() * (1 + density.dim().0)) as f64;
-    let slices = Slices { density, edges: &edges, detail, ground, slopes };
-    gate::run(py, work, |cancel| slices::add(out, &slices, cancel))
+    let (out, slices) = (out.as_array_mut(), bank.slices()?);
+    let detail = detail.as_ref().map(|(waves, strength)| (waves.as_array(), *strength));
+    let work = 2.0 * (out.len() * (1 + slices.density.dim().0)) as f64;
+    gate::run(py, work, |cancel| slices::add(out, &slices, detail, cancel))
+}
+
+/// Adds the light of lamps that slices scatter to `out` (H, W, 3).
+#[pyfunction]
+pub fn gas_glow(
+    py: Python<'_>,
+    mut out: PyReadwriteArray3<'_, f32>,
+    bank: Bank<'_>,
+    lamps: PyReadonlyArray2<'_, f64>,
+    optics: (f64, f64),
+    eye: [f64; 3],
+) -> PyResult<()> {
+    let lamps = Lamps::of(lamps.as_slice()?, optics.0, optics.1, eye)?;
+    let (out, slices) = (out.as_array_mut(), bank.slices()?);
+    let work = (20 * out.len() * lamps.lamps.len() * slices.density.dim().0) as f64;
+    gate::run(py, work, |cancel| glow::add(out, &slices, &lamps, cancel))
 }

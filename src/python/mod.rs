@@ -35,10 +35,12 @@ mod core {
     #[pymodule_export]
     use super::frame::{
         encode_bytes, join, layer_finish, layer_rgba, layer_seen, over, plate_cells, shade_add,
-        shade_over, snow, veil,
+        shade_over, snow, veil, whiten,
     };
     #[pymodule_export]
-    use super::gas::{SortedGas, gas_alpha, gas_draw, gas_light, gas_slices, gas_sort, gas_splat};
+    use super::gas::{
+        SortedGas, gas_alpha, gas_draw, gas_glow, gas_light, gas_slices, gas_sort, gas_splat,
+    };
     #[pymodule_export]
     use super::gate::{
         InternalError, reproducible, set_reproducible, set_scope, set_threads, threads,

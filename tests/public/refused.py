@@ -141,7 +141,6 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
         "flow": (np.zeros((24, 30)), np.zeros((24, 30, 2), int)),
     },
     **{f"augment.{kind}": WEATHER for kind in ("Snowfall", "Rainfall", "Fog")},
-    "gas.alpha": {"smooth": (0.0, 7.9, -3.0)},
     "camera.tile_shift": {"rotation": ((0.0, 1.0), (0.0, NAN, 0.0), "x", None)},
     "stereo.eyes": {
         "camera": (3.0,), "distance": (-0.1, NAN, "x"), "convergence": (0.0, -2.0, INF),

@@ -1,9 +1,10 @@
-"""The texture of a slice of mist: one slope from the size of a frame down to four pixels.
+"""The texture of a slice of mist: one spectrum, k^(-11/3) from an outer scale down to the pixel.
 
-The amplitudes of its waves fall as k^(-11/6), so that nearly all of the power is in long waves.
-These are made at a quarter of the frame's size, where one tile holds all of it and has no seams,
-and the kernel finds the pixels between (`src/gas/slices.rs`); what is shorter, one or two per cent
-of the power, is made by tiles at the frame's own size, for half of the slices at a time.
+It is sampled at two resolutions. Nearly all of the power is in long waves, which are made on a grid
+of a quarter of the frame's size, where one tile holds all of it and has no seams; the kernel finds
+the pixels between (`src/gas/slices.rs`). Short ones are made by tiles at the frame's own size, for
+half of the slices at a time. Between two wavelengths one fades out as the other fades in: their
+powers sum to that of the spectrum, what the kernel's spline takes of long ones included.
 """
 
 from __future__ import annotations
@@ -24,11 +25,14 @@ from flurries.motion.keys import Vector
 from flurries.spectral.request import request
 from flurries.spectral.texture import Texture
 
-# Amplitudes fall as k^(-11/6), their squares as k^(-11/3), down to waves of 4 px.
-EXPONENT, SHORTEST = 11.0 / 6.0, 4.0
+# Amplitudes fall as k^(-11/6), their squares as k^(-11/3).
+EXPONENT = 11.0 / 6.0
 
-# Waves of at least so many pixels are made on a coarse grid, one of whose samples is 4 px.
-LONG, COARSE = 32.0, 4
+# The shortest wave, and those between which the finer grid hands over to the coarser one, px.
+SHORTEST, LOWER, UPPER = 2.0, 16.0, 32.0
+
+# Pixels to a coarse sample.
+COARSE = 4
 
 # Tiles and what they share, px of their grid: the largest of the coarse one, and where the air
 # comes nearer and flows apart; those of the short waves, and the same.
@@ -41,8 +45,12 @@ ROOM = 1.12
 # Coarse samples beyond the frame on each side, as the kernel reads them.
 MARGIN = 1
 
-# Rings of waves, each of which has one gain where the gas has an outer scale.
-RINGS = 24
+# Rings of waves that have one gain: in an octave of the hand-over, and beyond it.
+HANDED, RINGS = 8, 24
+
+# Edges of the rings in which the grids hand over, and of all that the finer one has, px.
+_HANDOVER = np.geomspace(LOWER, UPPER, HANDED + 1)
+_FINE_RINGS = np.append([SHORTEST, 4.0, 8.0], _HANDOVER)
 
 # Seeds of the slices lie this far apart; those of short waves begin beyond them.
 _STRIDE, _SHORT = 7919, 1_000_003
@@ -71,35 +79,37 @@ class Waves:
 
     def long(self, depth: float, number: int) -> Array:
         """Return the density of a slice over its mean in its long waves, coarse, float32."""
-        seed = (self._frame.seed + _STRIDE * number) % 2**62
-        band = (LONG / COARSE, float(max(self._tile)))
         field = np.empty(coarse_shape(self._frame), np.float32)
-        size = self._frame.camera.focal * self._outer / depth
-        self._fill(field, depth, (self._tile, self._overlap), band, seed, 1.0 / COARSE, size)
-        variance = self._spread * self._spread * (1.0 - _short_share(self._tile, size))
+        seed = (self._frame.seed + _STRIDE * number) % 2**62
+        outer = self._outer_px(depth)
+        edges = _rings(self._tile)
+        gains = _gains(edges, outer)[0] / _spline(edges)
+        self._fill(field, depth, (self._tile, self._overlap), edges / COARSE, gains, seed)
+        variance = self._spread * self._spread * _variances(self._tile, outer)[0]
         field *= np.float32(math.sqrt(variance))
-        np.exp(field, out=field)
-        inside = field[MARGIN:-MARGIN, MARGIN:-MARGIN]
-        field /= inside.mean() if math.isinf(self._outer) else np.float32(math.exp(0.5 * variance))
-        return field
+        field -= np.float32(0.5 * variance)
+        return np.asarray(np.exp(field, out=field))
 
-    def short(self, depths: list[float], half: int, out: Array) -> tuple[Array, float]:
-        """Fill `out` (H, W) with the short waves of slices, variance 1; add their size."""
-        # Long waves of n slices have a variance n times as small as those of one, which waves that
-        # all of them share must be told.
-        depth = sum(depths) / len(depths)
-        share = _short_share(self._tile, self._frame.camera.focal * self._outer / depth)
+    def short(self, depth: float, half: int) -> tuple[Array, float]:
+        """Return short waves of slices about a depth, (H, W) of variance 1, and their size."""
         seed = (self._frame.seed + _STRIDE * half + _SHORT) % 2**62
+        out = np.empty(self._frame.shape, np.float32)
         tiles = FINE_APART if self._flows else FINE
-        self._fill(out, depth, tiles, (SHORTEST, LONG), seed, 1.0, math.inf)
-        return out, self._spread * math.sqrt(share / len(depths))
+        outer = self._outer_px(depth)
+        self._fill(out, depth, tiles, _FINE_RINGS, _gains(_FINE_RINGS, outer)[1], seed)
+        share = _variances(self._tile, outer)[1]
+        return out, self._spread * math.sqrt(share)
+
+    def _outer_px(self, depth: float) -> float:
+        return float(self._frame.camera.focal * self._outer / depth)
 
     def _fill(
         self, out: Array, depth: float, tiles: tuple[tuple[int, int], int],
-        band: tuple[float, float], seed: int, scale: float, outer: float,
+        edges: Float64, gains: Float64, seed: int,
     ) -> None:  # fmt: skip
         """Fill a grid with a field of variance 1 that moves as the air does at a depth."""
         frame = self._frame
+        scale = 1.0 if out.shape == frame.shape else 1.0 / COARSE
         sizes: dict[str, Any] = {"tile": tiles[0], "overlap": tiles[1]}
 
         def shift(then: Frame) -> Float64:
@@ -111,10 +121,7 @@ class Waves:
                 moved = moved + tile_shift(out.shape, then.rotation(), camera, **sizes)
             return np.asarray(moved + scale * np.array(eye.center_shift))
 
-        edges = gains = None
-        if not math.isinf(outer):
-            edges = np.geomspace(*band, RINGS + 1)
-            gains = _gain(np.sqrt(edges[1:] * edges[:-1]), scale * outer)
+        band = (float(edges[0]), float(edges[-1]))
         texture = Texture(
             wavelengths=band, exponent=EXPONENT, ring_edges=edges, ring_gains=gains, **sizes
         )
@@ -127,25 +134,47 @@ class Waves:
         _core.field(out, asked, None, False)
 
 
+def _rings(tile: tuple[int, int]) -> Float64:
+    """Return the edges of the coarse grid's rings, px."""
+    return np.append(_HANDOVER, np.geomspace(UPPER, COARSE * max(tile), RINGS + 1)[1:])
+
+
+def _gains(edges: Float64, outer: float) -> tuple[Float64, Float64]:
+    """Return the amplitudes of waves in rings that the coarse grid has and the finer one, over
+    k^(-11/6), with an outer scale, px.
+    """
+    wave = np.sqrt(edges[1:] * edges[:-1])
+    part = np.clip(np.log(wave / LOWER) / math.log(UPPER / LOWER), 0.0, 1.0) * (0.5 * math.pi)
+    falls = (1.0 + (wave / outer) ** 2) ** (-0.5 * EXPONENT)
+    return falls * np.sin(part), falls * np.cos(part)
+
+
+def _spline(edges: Float64) -> Float64:
+    """Return what the kernel's quadratic spline leaves of the amplitude of waves in rings."""
+    return np.asarray(np.sinc(COARSE / np.sqrt(edges[1:] * edges[:-1])) ** 3)
+
+
 @kept(32)
-def _short_share(tile: tuple[int, int], outer: float) -> float:
-    """Return the share of the power below `LONG`, of a coarse tile and an outer scale, px."""
+def _variances(tile: tuple[int, int], outer: float) -> tuple[float, float]:
+    """Return the variances of long waves on their grid and of short ones, over that of the sum.
+
+    `tile` is the coarse one, `outer` the outer scale, px.
+    """
     height, width = (side * COARSE for side in tile)
-    ky = np.arange(-(height // LONG), height // LONG + 1.0) / height
-    kx = np.arange(-(width // LONG), width // LONG + 1.0) / width
+    ky = np.arange(-(height // LOWER), height // LOWER + 1.0) / height
+    kx = np.arange(-(width // LOWER), width // LOWER + 1.0) / width
     k = np.hypot(ky[:, None], kx[None, :])
-    k = k[(k > 0.0) & (k <= 1.0 / LONG)]
+    wave = 1.0 / k[(k > 0.0) & (k < 1.0 / LOWER)]
+    edges = _rings(tile)
+    ring = np.clip(np.searchsorted(edges, wave) - 1, 0, len(edges) - 2)
     # As much for each wave as there is room for in the plane of waves.
-    room = 1.0 / (height * width)
-    long_power = room * float((k ** (-2.0 * EXPONENT) * _gain(1.0 / k, outer) ** 2).sum())
-    power = 2.0 - 2.0 * EXPONENT
-    short_power = 2.0 * math.pi / -power * (LONG**-power - SHORTEST**-power)
-    return float(short_power / (short_power + long_power))
-
-
-def _gain(wavelength: Float64, outer: float) -> Float64:
-    """Return by how much an outer scale lowers the amplitude of waves."""
-    return np.asarray((1.0 + (wavelength / outer) ** 2) ** (-0.5 * EXPONENT))
+    power = wave ** (2.0 * EXPONENT) * _gains(edges, outer)[0][ring] ** 2 / (height * width)
+    made = float((power / _spline(edges)[ring] ** 2).sum())
+    fall = 2.0 * EXPONENT - 2.0
+    areas = 2.0 * math.pi / fall * np.diff(_FINE_RINGS**fall)
+    short = float((areas * _gains(_FINE_RINGS, outer)[1] ** 2).sum())
+    total = float(power.sum()) + short
+    return made / total, short / total
 
 
 def _quick(length: float) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -38,11 +37,6 @@ def local_shade(frame: Frame, optics: Optics | None) -> Shade:
     assert frame.plate is not None
     colors = _colors(frame.plate, frame.camera.focal, optics)
     return Shade(colors, frame.plate.cell, (frame.window[0], frame.window[2]))
-
-
-def whole(frame: Frame) -> Frame:
-    """Return a frame whose window is all of it."""
-    return replace(frame, window=(0, frame.shape[0], 0, frame.shape[1]))
 
 
 # A clear sun by day lights what lies across its rays some two times as much as the sky does.

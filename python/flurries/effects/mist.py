@@ -1,43 +1,52 @@
-"""Mist, fog and clouds: a box of splatted particles that the wind moves (Johnson 2005)."""
+"""Mist, fog and clouds, by their visibility; or a box of splatted particles (Johnson 2005)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field
 from functools import cached_property, partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from flurries._contract import choice, flag, integer, real, seed_of, vector
+from flurries.effects.bank import Bank
+from flurries.effects.bank_light import SCATTER, Law
 from flurries.effects.checks import Check, length, one_of, optional, part, settle, share
 from flurries.effects.color import AMBIENT, LOCAL, Color, as_color
 from flurries.effects.described import Described
 from flurries.effects.knobs import knobs, looks
 from flurries.effects.looks import LOOKS
-from flurries.effects.presets import BANKS, MIST, MistLook
+from flurries.effects.presets import MIST, PAPER_MIST, MistLook
 from flurries.effects.severity import visibility_of_severity
-from flurries.effects.sunlight import SCATTER, Law
-from flurries.effects.vapor import MOST, Vapor, values_of
+from flurries.effects.vapor import MOST, Vapor
 from flurries.gas.splatting import FOOTPRINTS, Footprint
-from flurries.motion.keys import Number, Vector, as_number, as_vector
+from flurries.motion.keys import Keys, Number, Vector, as_number, as_vector
+
+Method: TypeAlias = Literal["slices", "particles"]
 
 # The paper's fog: a radius of .45 in a box of 5.
 RADIUS = 0.09
 
-# A box whose fog hides what lies behind it, where a visibility is given and no box.
-REACH = 1.2
+# How far mist reaches, in visibilities, and at least, metres; and the wall where no depth is known.
+REACH, LEAST_REACH, BACKDROP = 2.0, 60.0, 60.0
 
+# The visibility of mist of which nothing is said, metres.
+VISIBILITY = 200.0
 
-_VISIBILITY: Check = optional(partial(as_number, above=0.0))
+# What only particles have: the paper's fog, in a box of 5, where nothing is said.
+PARTICLES = {"count": 1200, "radius": None, "density": 0.4}
+
 _CHECKS: dict[str, Check] = {
     "look": one_of(LOOKS),
     "amount": share,
-    "density": share,
+    "method": one_of(get_args(Method)),
+    "density": optional(share),
     "color": lambda _, value: as_color(value, (AMBIENT, LOCAL)),
     "wind": lambda name, value: as_vector(name, value, 3),
     "count": optional(partial(integer, low=0, high=MOST)),
-    "radius": length,
+    "radius": optional(length),
+    "backdrop": length,
     "center": optional(lambda name, value: tuple(vector(name, value, 3).tolist())),
     "depths": optional(lambda _, value: _depths(value)),
     "footprint": one_of(FOOTPRINTS),
@@ -71,19 +80,19 @@ class Mist(metaclass=Described):
     Parameters
     ----------
     preset : str, optional
-        A look: "clouds", "mist" and "fog" are the paper's, of particles (Johnson 2005, section 4);
-        "valley", "ground", "bank" and "cumulus" have structure. Given fields replace its own.
+        A look with structure: "mist", "fog", "clouds", "valley", "ground", "bank", "cumulus". Given
+        fields replace its own. Of particles "clouds", "mist" and "fog" are the paper's (Johnson
+        2005, section 4).
     amount : float
         Strength of the effect, 0 to 1; scales the density. Keyed.
-    count : int, optional
-        Particles in the box. If neither this nor `visibility` is given, the fog's 1200.
     visibility : float, optional
-        Distance in metres at which a black object keeps 5 % of its contrast, in place of a count.
-        Keyed: the density follows. With `count` the density follows from both.
-    radius : float, optional
-        Three sigma of a particle, metres; 0.09 of the box if not given.
-    density : float
-        Opacity in the middle of a particle, 0 to 1. Keyed.
+        Metres at which a black object keeps 5 % of its contrast, in the mean over a picture; 200 if
+        not given. Keyed.
+    structure : float
+        Detail at every scale, from the visibility, or the size of the bank, down to a pixel: the
+        root mean square of the logarithm of the density in a slice of the gas, 0 (even) to 2.
+    backdrop : float
+        Without a depth the background is a wall this far away, metres; a `center` lies before it.
     color : float, (r, g, b), "#rrggbb", "ambient" or "local"
         Display values, 0 to 1. Keyed. "ambient" is white in the background's own light. "local" is
         one color for the picture, that of its sky: fog is never darker than the sky, and at night
@@ -91,37 +100,39 @@ class Mist(metaclass=Described):
     wind : (x, y, z)
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed.
     box : float or (x, y, z), optional
-        Sides of the box that the gas fills, metres. If not given, 5, or 1.2 times the visibility.
+        Sides of the box of a bank with a `center`, and of particles, metres; 5 for particles. Mist
+        around the camera reaches as far as the last side: if not given, twice the visibility, and
+        at least 60 m. What is farther is seen through all of it.
     center : (x, y, z), optional
-        Middle of the box in the world, house axes, metres. If not given, the box goes with the
-        camera, which stands inside, and is as wide as the view at its far end.
+        Middle of the box in the world, house axes, metres. If not given, the gas is all around the
+        camera.
+    top, falloff : float
+        Height above which the mist thins, metres above the camera at frame 0, if any; and over how
+        many metres the density falls there from .73 to .27.
     depths : (near, far), optional
         Only the gas between these depths, metres: one effect can stand behind flakes, and another
         of the same seed in front of them.
-    footprint : str
-        See :func:`flurries.gas.splat`; particles nearer than four radii are line integrals.
-    near : float
-        Depth before which nothing is drawn, metres.
     lit : bool
-        Whether the scene's sun lights the gas, and the gas shades itself. Lamps always light it.
+        Whether the scene's sun lights the gas, not of particles; lamps always do.
     forward : float
-        Share of the sun's light that a particle passes on to those behind it, 0 to 1.
+        Share of the sun's light that the gas passes on to what is behind it, 0 to 1.
     scatter, asymmetry : {"rayleigh", "henyey", "even"}, float
         The phase function, see :func:`flurries.gas.phase`.
-    structure : float
-        Detail at every scale, from the size of the bank down to 4 px: the root mean square of the
-        logarithm of the density in a slice of the gas, 0 to 2. The gas is then no particles but a
-        bank with soft ends and the same mean extinction. 0 is the paper's gas.
-    top : float, optional
-        Height above which the mist thins, metres above the camera at frame 0, with `structure`.
-    falloff : float
-        Height in metres over which the density falls from .73 to .27 at the top.
+    method : {"slices", "particles"}, optional
+        Slices of depth, or the paper's particles; if not given, particles where they have a count,
+        radius or density.
+    count, radius, density : int, float, float, optional
+        Particles in the box, their three sigma in metres and the opacity of their middles, 0 to 1,
+        keyed; 1200, 0.09 of the box and 0.4 if not given.
+    footprint, near : str, float
+        Of particles, see :func:`flurries.gas.splat`; those nearer than four radii are line
+        integrals.
     look : {"v1"}
         Version of the presets, as in :class:`TentSnow`.
     seed : int, optional
         Seed of this effect; the scene's seed if not given.
     severity : int, optional
-        1 to 5 are visibilities of 1000, 500, 200, 100 and 50 m.
+        1 to 5 are visibilities of 1000, 500, 200, 100 and 50 m. Scene files hold those.
 
     Raises
     ------
@@ -132,87 +143,92 @@ class Mist(metaclass=Described):
     --------
     >>> import flurries as fl
     >>> fog = fl.Mist("fog", wind=(0.4, 0.0, 0.0))
-    >>> fog.count, round(fog.extinction(), 3)
-    (1200, 0.515)
+    >>> fog.visibility, round(fog.extinction(), 3)
+    (100.0, 0.03)
     """
 
     preset: InitVar[MistLook | None] = field(default=None, kw_only=False)
     amount: Number = 1.0
-    count: int | None = None
     visibility: Number | None = None
-    radius: float | None = None
-    density: Number = 0.4
+    structure: float = 0.0
+    backdrop: float = BACKDROP
     color: Color = "local"
     wind: Vector = (0.0, 0.0, 0.0)
     box: float | Sequence[float] | None = None
     center: Sequence[float] | None = None
+    top: float | None = None
+    falloff: float = 1.0
     depths: Sequence[float] | None = None
-    footprint: Footprint = "viewplane_c"
-    near: float = 0.1
     lit: bool = True
     forward: float = 0.5
     scatter: Law = "rayleigh"
     asymmetry: float = 0.6
-    structure: float = 0.0
-    top: float | None = None
-    falloff: float = 1.0
+    method: Method | None = None
+    count: int | None = None
+    radius: float | None = None
+    density: Number | None = None
+    footprint: Footprint = "viewplane_c"
+    near: float = 0.1
     look: str = "v1"
     seed: int | None = None
     severity: InitVar[int | None] = None
 
     NAME: ClassVar[str] = "mist"
-    PRESETS: ClassVar[dict[str, dict[str, Any]]] = {**MIST, **BANKS}
+    PRESETS: ClassVar[dict[str, dict[str, Any]]] = MIST
 
     def __post_init__(self, *_: Any) -> None:
-        if self.count is None and self.visibility is None:
-            object.__setattr__(self, "count", 1200)
-        object.__setattr__(self, "visibility", _VISIBILITY("visibility", self.visibility))
-        object.__setattr__(self, "box", self._sides())
-        if self.radius is None:
-            object.__setattr__(self, "radius", RADIUS * min(self.box))  # type: ignore[arg-type]
+        keep = partial(object.__setattr__, self)
+        own = [name for name in PARTICLES if getattr(self, name) is not None]
+        method: Any = self.method
+        if method is None:
+            method = "particles" if own else "slices"
+        for name in own if method == "slices" else ("visibility", "top", "structure", "depths"):
+            if getattr(self, name) not in (None, 0.0):
+                does = "is not of particles" if method == "particles" else "is of particles alone"
+                raise ValueError(f"{name} {does}; those have {', '.join(PARTICLES)}")
+        keep("method", method)
+        if method == "particles":
+            keep("box", self._sides(5.0))
+            fog = {**PARTICLES, "radius": RADIUS * min(self.box)}  # type: ignore[arg-type]
+            for name in set(PARTICLES) - set(own):
+                keep(name, fog[name])
+        else:
+            visible = VISIBILITY if self.visibility is None else self.visibility
+            keep("visibility", as_number("visibility", visible, above=0.0))
+            keep("box", self._sides(max(REACH * self.farthest, LEAST_REACH)))
         settle(self, _CHECKS)
-        if self.top is not None and self.structure == 0.0:
-            raise ValueError("top is of mist with structure: give a structure above 0 as well")
-        self.parts.require()
 
     @cached_property
-    def parts(self) -> Vapor:
+    def parts(self) -> Vapor | Bank:
         """The parts of the effect."""
-        return Vapor(self)
+        return Vapor(self) if self.method == "particles" else Bank(self)
 
-    def _sides(self) -> tuple[float, float, float]:
-        if self.box is None:
-            far = 5.0 if self.visibility is None else REACH * max(values_of(self.visibility))
-            return (far, far, far)
-        if np.ndim(self.box) == 0:
-            side = real("box", self.box, above=0.0)
-            return (side, side, side)
-        x, y, z = (real("box", side, above=0.0) for side in vector("box", self.box, 3).tolist())
+    @property
+    def farthest(self) -> float:
+        """The largest visibility at any time, metres."""
+        far: Any = self.visibility
+        return float(max(v for _, v in far.keys) if isinstance(far, Keys) else far)
+
+    def _sides(self, usual: float) -> tuple[float, float, float]:
+        box: Any = usual if self.box is None else self.box
+        sides = [box] * 3 if np.ndim(box) == 0 else vector("box", box, 3).tolist()
+        x, y, z = (real("box", side, above=0.0) for side in sides)
         return (x, y, z)
 
     @classmethod
     def of_preset(cls, name: str, changes: dict[str, Any]) -> dict[str, Any]:
         """Return the fields of a preset with changes."""
-        values: dict[str, Any] = dict(cls.PRESETS[choice("preset", name, tuple(cls.PRESETS))])
-        far = changes.get("visibility")
-        if changes.get("severity") is not None:
-            far = visibility_of_severity(changes["severity"])
-        if far is not None:
-            # The look keeps its grain: particles grow with the box.
-            values.pop("count", None)
-            values.pop("visibility", None)
-            if "radius" in values and "box" not in changes:
-                box = REACH * max(values_of(_VISIBILITY("visibility", far)))
-                values["radius"] = values["radius"] / 5.0 * box
+        values = cls.PRESETS[choice("preset", name, tuple(cls.PRESETS))]
+        own = changes.get("method") == "particles" or any(part in changes for part in PARTICLES)
+        if own and name in PAPER_MIST:
+            values = PAPER_MIST[name]
+        elif changes.get("severity"):
+            values = {key: value for key, value in values.items() if key != "visibility"}
         return {**values, **changes}
-
-    def particles_in_box(self) -> int:
-        """Return the number of particles in the box of the given sides."""
-        return self.parts.count
 
     def extinction(self, t: float = 0.0) -> float:
         """Return beta at `t`, per metre; see :func:`flurries.gas.extinction`."""
-        return self.parts.extinction(self.parts.density(t))
+        return self.parts.extinction(t)
 
 
 def _depths(depths: Any) -> tuple[float, float]:

@@ -85,6 +85,14 @@ class Precipitation(Generic[_Back]):
         """The part that draws the flakes."""
         return DrawnFlakes(self.flakes) if isinstance(self.flakes, Flakes) else self.flakes
 
+    def air(self, t: float) -> float:
+        """Return the extinction of the air at `t`, per metre: that of a population, 0 of others."""
+        weather: Any = getattr(self.front, "weather", None)
+        if not hasattr(weather, "population"):
+            return 0.0
+        shown = float(value_at(self.amount, t)) * float(value_at(weather.emission, t))
+        return shown * float(weather.population.extinction)
+
     def needs(self, frame: Frame) -> Needs:
         """Return the needs of a frame: the parts' steps, and "join", which makes them one plane."""
         amount = value_at(self.amount, frame.t)

@@ -65,28 +65,27 @@ CONE_SNOW: dict[str, dict[str, Any]] = {
     },
 }  # fmt: skip
 
+MistLook: TypeAlias = Literal["mist", "fog", "clouds", "valley", "ground", "bank", "cumulus"]
 # Johnson 2005, figures 14 to 16, in a box of 5 x 5 x 5.
-MistLook: TypeAlias = Literal["clouds", "mist", "fog", "valley", "ground", "bank", "cumulus"]
-MIST: dict[str, dict[str, Any]] = {
+PAPER_MIST: dict[str, dict[str, Any]] = {
     "clouds": {"count": 1500, "radius": 0.37, "density": 0.4, "color": 0.86},
     "mist": {"count": 1000, "radius": 0.45, "density": 0.15, "color": 0.6},
     "fog": {"count": 1200, "radius": 0.45, "density": 0.4, "color": 0.7},
 }  # fmt: skip
 
-# Mist with structure. A valley's mist lies below a camera on its edge, the ground's about its feet;
-# a bank drifts around it; a cumulus wants a `center`.
-BANKS: dict[str, dict[str, Any]] = {
+# A valley's mist lies below a camera on its edge, the ground's about its feet; a bank drifts around
+# it, clouds do in lumps with gaps between; a cumulus wants a `center`.
+MIST: dict[str, dict[str, Any]] = {
+    "mist": {"visibility": 300.0, "structure": 0.4, "wind": (0.5, 0.0, 0.0)},
+    "fog": {"visibility": 100.0, "structure": 0.5, "wind": (0.5, 0.0, 0.0)},
+    "clouds": {"visibility": 150.0, "structure": 1.4, "wind": (1.0, 0.0, 0.0)},
     "valley": {
-        "visibility": 700.0, "structure": 1.1, "box": (400.0, 400.0, 400.0),
-        "top": -6.0, "falloff": 5.0, "wind": (1.0, 0.0, 0.0),
+        "visibility": 700.0, "structure": 1.1, "top": -6.0, "falloff": 5.0, "wind": (1.0, 0.0, 0.0),
     },
     "ground": {
-        "visibility": 150.0, "structure": 1.1, "box": (80.0, 80.0, 80.0),
-        "top": -1.0, "falloff": 0.5, "wind": (0.4, 0.0, 0.0),
+        "visibility": 150.0, "structure": 1.1, "top": -1.0, "falloff": 0.5, "wind": (0.4, 0.0, 0.0),
     },
-    "bank": {
-        "visibility": 60.0, "structure": 0.7, "wind": (0.6, 0.0, 0.0),
-    },
+    "bank": {"visibility": 60.0, "structure": 0.7, "wind": (0.6, 0.0, 0.0)},
     "cumulus": {
         "visibility": 10.0, "structure": 1.0, "box": (30.0, 14.0, 20.0),
         "wind": (0.5, 0.0, 0.0), "forward": 0.6,

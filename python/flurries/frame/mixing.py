@@ -113,8 +113,12 @@ class Mix:
             return to_integer(working, 8 * dtype.itemsize) if dtype.kind == "u" else working
         if not self.linear:
             return to_linear(working, "display")
-        if dtype == np.uint8 and working.dtype == np.float32:
-            return encode_bytes(working)
+        if dtype.kind == "u":
+            single = working.dtype == np.float32
+            working = np.array(working, np.float32)
+            _core.whiten(working.reshape(-1))
+            if dtype == np.uint8 and single:
+                return encode_bytes(working)
         return to_integer(to_display(working, "linear"), 8 * dtype.itemsize)
 
     def over(self, working: Array, layer: Layer, into: Array | None = None) -> Array:

@@ -158,13 +158,14 @@ class Program:
         visible = None if front is None or dtype is None else front.visible
         nearer: Deep | None = None if front is None or not read else front.deep
         plate = self._plate(t) if "plate" in reads else None
-        found = []
-        for part, needs in runs:
+        found, airs = [], [air_of(part.renderer, t) if self.lights else 0.0 for part, _ in runs]
+        for number, (part, needs) in enumerate(runs):
             key = (part.place, camera, window, dtype is None, _core.reproducible())
             kept = self._kept if self.settled else None
             run = Run({step.name: step for step in needs.steps}, kept, key, visible)
             frame = base.derive(
                 seed=part.seed,
+                air=(sum(airs), sum(airs[:number])),
                 run=run,
                 whole=dtype is None,
                 depth=depth if "depth" in needs.reads else None,
@@ -244,6 +245,12 @@ class Program:
             there = self.found[find.__name__] = number, find(picture, self.backdrop.encoding)
         answer: _Found = there[1]
         return answer
+
+
+def air_of(renderer: Any, t: float) -> float:
+    """Return the extinction of an effect's air around the camera, per metre; 0 if not known."""
+    known = getattr(renderer, "air", None)
+    return 0.0 if known is None else float(known(t))
 
 
 def effect_seed(seed: int, index: int) -> int:

@@ -16,7 +16,7 @@ from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_vector
 from flurries.frame.matte import Deep
 from flurries.frame.needs import Run, needs_of
-from flurries.light.lamp import Lamp, Sun
+from flurries.light.lamp import ROW, Lamp, Sun
 from flurries.light.plate import PlateLight
 from flurries.motion.keys import Number, Vector
 
@@ -121,6 +121,9 @@ class Frame:
         The loop of a film that repeats; `t` is a frame of it.
     still : bool
         Whether the scene is one picture, exposed as a photograph is.
+    air : (float, float)
+        Extinction of the scene's effects, per metre: of them all, which the light of a lamp goes
+        through, and of those that lie behind this one and so do not cover it.
     run : Run or None
         What the plan lets the effect do; None where a frame was made without a plan.
     settled : bool
@@ -151,6 +154,7 @@ class Frame:
     lens: Lens | None = None
     lap: Lap | None = None
     still: bool = False
+    air: tuple[float, float] = (0.0, 0.0)
     run: Run | None = None
     settled: bool = False
     deep: bool = False
@@ -194,11 +198,16 @@ class Frame:
             return None
         return self.lens.blur(self.t, focal=self.camera.focal, width=self.shape[1])
 
-    def lamps(self) -> Float64:
-        """Return the lamps as they are now, as kernels read them, (n, 13); in the eye's axes."""
+    def lamps(self, without: float = 0.0) -> Float64:
+        """Return the lamps as they are now, as kernels read them, (n, 15); in the eye's axes.
+
+        `without` is extinction, per metre, that the kernel itself finds on the lamps' ways.
+        """
         matrix, place = self.camera.matrix(), self.path.place(self.t, fps=self.fps)
-        rows = [lamp.row(self.t, matrix, place) for lamp in self.lights]
-        return np.ascontiguousarray(rows, np.float64).reshape(-1, 13)
+        found = [lamp.row(self.t, matrix, place) for lamp in self.lights]
+        rows = np.ascontiguousarray(found, np.float64).reshape(-1, ROW)
+        rows[:, -2:] = max(self.air[0] - without, 0.0), self.air[1]
+        return rows
 
     @property
     def eye(self) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -42,13 +41,6 @@ OCCLUSIONS = get_args(Occlusion)
 # type can say of an opacity.
 FINISHED = {"float32": 1e-6, "float64": 1e-13}
 
-# Narrower footprints than this (px) fall between the samples of the lattice.
-LEAST_SMOOTH = 8.0
-
-# What scenes take: each particle errs by at most .0015 of its density, and a frame by less than
-# half a step of 8 bits (docs/gas.md).
-SMOOTH = 24.0
-
 
 @dataclass(frozen=True)
 class Gas:
@@ -74,7 +66,6 @@ def splat(
     depth: npt.ArrayLike | None = None,
     occlusion: Occlusion = "soft",
     error: float | None = None,
-    smooth: float | None = None,
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:
@@ -121,10 +112,6 @@ def splat(
     error : float, optional
         A tile of the picture is finished once no pixel lets through more than this, by which alpha
         then errs. If not given, 1e-6 for float32 and 1e-13 for float64.
-    smooth : float, optional
-        Tapered particles whose sigma is at least so many px, 8 or more, are drawn on a lattice, for
-        a fraction of the work; each errs by 41 / smooth^4 + .033 / smooth of its density. No
-        particle if not given.
 
     Returns
     -------
@@ -142,7 +129,7 @@ def splat(
     >>> fog.shape, bool(fog[..., 3].max() > 0.9)
     ((240, 320, 4), True)
     """
-    manner = footprint, edge, near, near_mode, occlusion, error, smooth
+    manner = footprint, edge, near, near_mode, occlusion, error
     gas = gas_of(centers, radius, density)
     return _drawn(shape, gas, colors_of(color, len(gas.centers)), camera, manner, depth, dtype, out)
 
@@ -161,7 +148,6 @@ def alpha(
     depth: npt.ArrayLike | None = None,
     occlusion: Occlusion = "soft",
     error: float | None = None,
-    smooth: float | None = None,
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:
@@ -170,7 +156,7 @@ def alpha(
     Parameters
     ----------
     shape, centers, radius, density, camera, footprint, edge, near, near_mode, depth, occlusion, \
-error, smooth, dtype
+error, dtype
         As in :func:`splat`.
 
     Returns
@@ -178,7 +164,7 @@ error, smooth, dtype
     (H, W) array
         1 - prod(1 - alpha_i), 0 to 1.
     """
-    manner = footprint, edge, near, near_mode, occlusion, error, smooth
+    manner = footprint, edge, near, near_mode, occlusion, error
     gas = gas_of(centers, radius, density)
     return _drawn(shape, gas, None, camera, manner, depth, dtype, out)
 
@@ -219,7 +205,7 @@ def sorted_gas(
 ) -> _core.SortedGas:  # fmt: skip
     """Return a gas whose parts `gas_draw` draws, near particles by their line integral."""
     kind = np.dtype(np.float32)
-    manner = manner_of(kind, footprint, "taper", near, "exact", "soft", None, SMOOTH)
+    manner = manner_of(kind, footprint, "taper", near, "exact", "soft", None)
     colors = colors_of(color, len(gas.centers))
     return _core.gas_sort(shape, gas, colors, lens_of(camera, shape), manner)
 
@@ -268,8 +254,8 @@ def lens_of(
 
 def manner_of(
     kind: np.dtype[Any], footprint: str, edge: str, near: float, near_mode: str, occlusion: str,
-    error: float | None, smooth: float | None,
-) -> tuple[str, str, float, str, bool, float, float]:  # fmt: skip
+    error: float | None,
+) -> tuple[str, str, float, str, bool, float]:  # fmt: skip
     """Return the manner in which gas is drawn, as plain values."""
     limit = FINISHED[kind.name] if error is None else real("error", error, low=0.0, high=0.999)
     return (
@@ -279,5 +265,4 @@ def manner_of(
         choice("near_mode", near_mode, NEAR_MODES),
         choice("occlusion", occlusion, OCCLUSIONS) == "hard",
         limit,
-        math.inf if smooth is None else real("smooth", smooth, low=LEAST_SMOOTH, high=LARGEST),
     )

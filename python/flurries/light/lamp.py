@@ -16,8 +16,9 @@ from flurries.motion.keys import Keys, Number, as_number, as_vector, value_at
 
 __all__ = ["Lamp", "Sun"]
 
-# Numbers of a lamp in a row for kernels: kind, place, way, color, two cosines, radius.
-_ROW = 13
+# Numbers of a lamp in a row for kernels: kind, place, way, color, two cosines, radius, and the
+# extinction of the air from the lamp to a particle and from there to the eye.
+ROW = 15
 
 
 @suggesting
@@ -125,7 +126,7 @@ class Lamp:
 
     def row(self, t: float, matrix: Float64, eye: Float64) -> Float64:
         """Return the lamp at frame `t` as kernels read it, in the axes of a camera at a place."""
-        row = np.zeros(_ROW)
+        row = np.zeros(ROW)
         turn = np.eye(3) if self.carried else matrix
         if self.place is None:
             row[0] = 1.0
