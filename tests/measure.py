@@ -9,13 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from math import factorial
 from typing import Any
 
 import numpy as np
-from numpy.polynomial.hermite_e import hermegauss, hermeval
 from numpy.typing import NDArray
-from scipy.special import j0
 
 import flurries as fl
 from flurries.frame.bands import whole
@@ -132,28 +129,6 @@ def parallax(pair: tuple[Floats, Floats]) -> Floats:
 
 
 # A film ---------------------------------------------------------------------------------------
-
-
-def kept(snow: fl.effects.TentSnow, times: Floats) -> float:
-    """Deviation of the mean of frames over that of one, were there waves in every direction.
-
-    A wave that moves at an angle beta has the rate c cos(beta), so that the field's likeness after
-    s frames is J0(2 pi c s); that of its opacity follows from the map's Hermite series.
-    """
-    speed = np.hypot(snow.wind[0], snow.wind[1] + snow.fall) / 30.0 * FOCAL / snow.near_depth
-    cycles = speed / snow.parts.texture.field.band((SIZE, SIZE))[1]
-    likeness = j0(2.0 * np.pi * cycles * (times[:, None] - times))
-    z, weight = hermegauss(200)
-    mapped = weight / weight.sum() * np.clip(snow.mean + z / (2.0 * snow.spread), 0, 1) ** 2
-    parts = [(mapped @ hermeval(z, [0.0] * n + [1.0])) ** 2 / factorial(n) for n in range(1, 25)]
-    mean = sum(part * (likeness**n).mean() for n, part in enumerate(parts, 1))
-    return float(np.sqrt(mean / sum(parts)))
-
-
-def stood(snow: fl.effects.TentSnow, times: Floats) -> float:
-    """The same, measured on frames."""
-    frames = np.array([picture(scene(snow), t) for t in times])
-    return float(frames.mean(axis=0).std() / frames.std(axis=(1, 2)).mean())
 
 
 def largest_changes(

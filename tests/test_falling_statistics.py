@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "benches"))
 import falling_statistics
 from falling_cases import Case
 from falling_contracts import identities
-from falling_statistics import QUOTIENTS, Figure, judged, page, table
+from falling_statistics import QUOTIENTS, judged, page, table
 
 
 def picture(method: str, seed: int) -> np.ndarray:
@@ -61,12 +61,6 @@ def test_a_case_is_judged_and_the_twin_passes_itself(monkeypatch: pytest.MonkeyP
     shown = page({"one": ours, "other": twin}, ["- a line"], 3)
     assert shown.count("\n| ") == len(ours) + 2 and "- a line" in shown
     assert "direction" in table(ours)
-
-
-def test_verdicts():
-    assert Figure(1.0, 1.0, 0.02, 0.0, 0.03).verdict == "pass"
-    assert Figure(1.0, 1.0, 0.05, 0.02, 0.03).verdict == "unsure"
-    assert Figure(1.0, 1.0, 0.05, 0.005, 0.03).verdict == "miss"
 
 
 @pytest.mark.parametrize("boxed", [False, True])

@@ -11,30 +11,6 @@ import flurries as fl
 import measure
 from measure import picture, scene
 
-# What stands still -----------------------------------------------------------------------------
-
-CLIPS = {
-    "60 frames": np.arange(60.0),
-    # With all waves moving 60 frames far apart are as good as independent.
-    "two minutes": np.sort(np.random.default_rng(0).uniform(0.0, 3600.0, 60)),
-}
-
-
-@pytest.mark.parametrize("times", CLIPS.values(), ids=CLIPS)
-@pytest.mark.parametrize("preset", ["moderate"])
-def test_no_part_of_the_texture_stands_still(preset: str, times: np.ndarray):
-    snow = fl.effects.TentSnow(preset, flakes=0, haze=0.0, color=1.0)
-    assert measure.stood(snow, times) < 1.1 * measure.kept(snow, times)
-
-
-@pytest.mark.parametrize("times", CLIPS.values(), ids=CLIPS)
-@pytest.mark.parametrize("preset", ["heavy"])
-def test_snow_that_falls_straight_down_would_be_caught(preset: str, times: np.ndarray):
-    # The waves across the fall, columns of every tile, never move.
-    snow = fl.effects.TentSnow(preset, flakes=0, haze=0.0, color=1.0, wind=(0.0, 0.0, 0.0))
-    assert measure.stood(snow, times) > 1.15 * measure.kept(snow, times)
-
-
 # What pops -------------------------------------------------------------------------------------
 
 CROWD = {"texture": 0.0, "haze": 0.0, "color": 1.0, "flakes": 2000, "flake_size": (0.03, 0.05),

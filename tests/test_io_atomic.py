@@ -69,12 +69,6 @@ def test_a_new_file_gets_the_permissions_of_any_new_file(target):
     assert stat.S_IMODE(target.stat().st_mode) == 0o640
 
 
-def test_nothing_written_is_an_error(target):
-    with pytest.raises(OSError, match=r"picture\.png: nothing was written"), replacing(target):
-        pass
-    assert target.read_bytes() == OLD and alone(target)
-
-
 @pytest.mark.parametrize("name", ["old.png", "new.png"])
 def test_what_an_ordinary_user_may_not_write_is_refused_by_name(name):
     with tempfile.TemporaryDirectory() as folder:

@@ -63,6 +63,10 @@ def test_integers_come_back_exactly(tmp_path, shape, dtype, name):
         alpha = alpha.astype(np.float32) / np.float32(np.iinfo(dtype).max)
     assert_reads_as(tmp_path / name, color, alpha, "display")
     assert not read_picture(tmp_path / name).premultiplied
+    # Grey stays one channel.
+    assert len(read_header(tmp_path / name).channels) == (
+        pixels.shape[2] if pixels.ndim == 3 else 1
+    )
 
 
 @pytest.mark.parametrize("compression", ["none", "rle", "zips", "zip", "piz", "dwaa", "dwab"])

@@ -1,7 +1,6 @@
 """Which frames, which files, and backgrounds that are stills or numbered pictures."""
 
 import copy
-import os
 import pickle
 from pathlib import Path
 
@@ -190,17 +189,3 @@ def test_what_cannot_be_opened(tmp_path, sequence):
     (tmp_path / "plate.0098.png").write_bytes(b"")
     with pytest.raises(OSError, match=r"plate\.0098\.png: the file is empty"):
         open_background(sequence)
-
-
-def test_a_forked_child_is_not_stopped_by_a_lock_that_a_lost_thread_holds(sequence):
-    source = open_background(sequence)
-    held = source._lock
-    held.acquire()
-    child = os.fork()
-    if child == 0:
-        os._exit(0 if (source.frame(2).pixels == 100).all() else 1)
-    assert os.waitpid(child, 0)[1] == 0
-    # The control: here the lock is held indeed.
-    assert source._lock is held
-    assert not held.acquire(blocking=False)
-    held.release()

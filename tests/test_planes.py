@@ -5,32 +5,9 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-import pytest
 
 import flurries as fl
-from flurries.frame import planes
 from flurries.frame.planes import plane
-
-SHAPE = (700, 701)
-
-
-def place(array: np.ndarray) -> int:
-    return array.__array_interface__["data"][0]
-
-
-def test_memory_is_used_again_once_its_last_view_is_gone(monkeypatch: pytest.MonkeyPatch):
-    first = plane(SHAPE)
-    where, view = place(first), first[1:, ::2].T
-    assert first.flags.c_contiguous and first.flags.writeable and first.dtype == np.float32
-    del first
-    assert place(plane(SHAPE)) != where
-    del view
-    assert place(plane((SHAPE[1], SHAPE[0]), np.int32)) == where
-    # No more than the limit is kept.
-    monkeypatch.setattr(planes, "MOST", 8 << 20)
-    held = [plane((1 << 20,)) for _ in range(5)]
-    held.clear()
-    assert sum(one.nbytes for one in planes._free) <= 8 << 20
 
 
 def test_threads_never_share():

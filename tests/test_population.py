@@ -68,16 +68,6 @@ def test_severities_are_rates():
             assert kind(severity=severity) == kind(rate=rain)
 
 
-def test_classes_share_out_all_flakes_and_their_area():
-    for count in (1, 2, 5):
-        classes = DENSE.classes(count)
-        assert sum(one.density for one in classes) == pytest.approx(50.0)
-        nodes = [SIZES.nodes(one.smallest, one.largest) for one in classes]
-        areas = [float(share @ at**2) for at, share in nodes]
-        assert areas == pytest.approx([SIZES.moment(2.0) / count] * count, rel=1e-3)
-        assert [one.fall for one in classes] == sorted(one.fall for one in classes)
-
-
 def test_slabs_cover_what_the_air_beyond_the_drawn_flakes_does():
     """By a sum over a million flakes in the pyramid behind a pixel."""
     focal, far, rng = 700.0, 40.0, np.random.default_rng(3)
@@ -218,29 +208,6 @@ def test_a_keyed_density_is_that_density(kind: Any):
     keyed = fl.Keys([(60, 40.0), (100, 10.0)])
     for density, frames in ((40.0, range(0, 60, 12)), (10.0, range(100, 160, 12))):
         assert depth(keyed, frames) == pytest.approx(depth(density, frames), rel=0.15)
-
-
-def test_keyed_sizes_are_those_of_their_keys():
-    small, large = (0.002, 0.004, 0.012), (0.006, 0.014, 0.04)
-    keyed = scene(flake_size=fl.Keys([(0, small), (80, large)]))
-    for frame, size in ((0, small), (80, large), (200, large)):
-        alone = alpha(scene(flake_size=size), frame).mean()
-        assert alpha(keyed, frame).mean() == pytest.approx(alone, rel=0.3)
-    assert len(keyed.layers(40).layers) == 2
-    steps = [keyed.render(t).astype(np.float64).mean() for t in (79.0, 79.9, 80.0, 80.1)]
-    assert np.ptp(steps) < 0.2 * np.mean(steps)
-
-
-def test_keys_are_saved_and_refused(tmp_path: Any):
-    sizes = fl.Keys([(0, (0.002, 0.004, 0.01)), (9, (0.003, 0.006, 0.02))])
-    shown = scene(density=fl.Keys([(0, 5.0), (9, 9.0)]), flake_size=sizes)
-    shown.save(tmp_path / "keys.toml")
-    again = fl.open(tmp_path / "keys.toml")
-    assert np.array_equal(again.render(4), shown.render(4))
-    with pytest.raises(ValueError, match="density"):
-        fl.Snow(density=fl.Keys([(0, -1.0), (9, 9.0)]))
-    with pytest.raises(ValueError, match="flake_size"):
-        fl.Snow(flake_size=fl.Keys([(0, 1.0), (9, 9.0)]))
 
 
 PROFILE = [(2.0, (1.0, 0.0, 0.0)), (9.0, (-3.0, 0.5, 0.0)), (25.0, (4.0, -0.3, 0.0))]

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.output.contents import weather
 
 W, H = 40, 30
 RNG = np.random.default_rng(21)
@@ -73,25 +72,14 @@ def test_color_by_pixel_is_mixed_in_either_light(space: str, kind: str, matte: A
         first, second = np.array(ONE.color), encode(STRAIGHT.astype(np.float64))
     want = over(over(behind, first, alpha), second, alpha)
     if kind == "bytes":
-        want = 255.0 * np.clip(want if space == "display" else encode(want), 0.0, 1.0)
+        # Light that is brighter than white turns white, as far as it is brighter.
+        scale = 1.0 / np.maximum(want.max(axis=2, keepdims=True), 1.0)
+        white = encode(scale * want + (1.0 - scale) * (1.0 - scale * want))
+        want = 255.0 * np.clip(want if space == "display" else white, 0.0, 1.0)
         assert np.abs(got - want).max() <= 1.01  # rounded after each layer
     else:
         want = want if space == "linear" else decode(want)
         assert np.abs(got / want - 1.0).max() <= 1e-5
-
-
-@pytest.mark.parametrize("space", ["display", "linear"])
-def test_the_layers_of_a_tuple_make_the_composite(space: str):
-    effects = [Given((ONE, MANY)), Given(ONE), fl.effects.TentSnow(flakes=50)]
-    got = fl.Scene(LIGHT, effects=effects, space=space).layers(2)
-    assert list(got.layers) == ["fog", "cloud", "fog2", "snow"]
-    whole = weather(got).astype(np.float64)
-    behind = LIGHT.astype(np.float64) if space == "linear" else encode(LIGHT.astype(np.float64))
-    values = whole[..., :3] + (1.0 - whole[..., 3:]) * behind
-    light = values if space == "linear" else decode(values)
-    assert np.abs(light / got.image - 1.0).max() < 1e-5
-    assert np.abs(whole[..., 3] - got.alpha).max() < 1e-6
-    assert np.array_equal(got.layers["cloud"].depth, FAR)
 
 
 def test_names_are_unique_and_none_is_taken():
@@ -126,22 +114,3 @@ def test_other_answers_are_refused_by_name(name: str):
 
     with pytest.raises(TypeError, match=r"effects: .*(Odd|'x')"):
         fl.Scene(BYTES, effects=[Odd()]).render(0)
-
-
-def test_effects_see_depth_and_sun():
-    seen: list[fl.effects.Frame] = []
-
-    @dataclass(frozen=True)
-    class Looks:
-        seed: int | None = None
-
-        def render(self, frame: fl.effects.Frame) -> fl.effects.Layer:
-            seen.append(frame)
-            return fl.effects.Layer("x", frame.crop(ALPHA))
-
-    sun = fl.scene.Sun((1.0, 0.0, 0.0))
-    fl.Scene(BYTES, effects=[Looks()], depth=FAR, sun=sun).render(0, region=np.s_[3:5, :])
-    fl.Scene(BYTES, effects=[Looks()]).render(0)
-    assert seen[0].depth is not None and np.array_equal(seen[0].depth, FAR)
-    assert not seen[0].depth.flags.writeable and seen[0].sun is sun
-    assert (seen[1].depth, seen[1].sun) == (None, None)
