@@ -6,6 +6,7 @@
 # make docs    build the documentation site into site/, notebooks and all, some minutes; QUICK=1 without outputs
 # make soak    kill, interrupt and damage by the hundred: docs/internals/reliability.md, some half an hour
 # make asan    the kernels' tests and random calls under AddressSanitizer: a nightly toolchain and gcc
+# make LICENSE-CRATES   the notices of all crates in the wheel
 # make audit   licences, sources and known holes of all crates, licences of all packages: cargo-deny
 # make test-lowest    the suite with the lowest versions that pyproject.toml lets in
 # make test-browser   test the viewer and the site's search in a real browser: chromium, from apt where it is missing
@@ -52,6 +53,18 @@ audit: $(VENV)/.tools
 	cargo deny --all-features check advisories \
 		|| { cargo deny fetch db >/dev/null 2>&1 && exit 1; echo "advisories: their database is out of reach"; }
 	$(BIN)/python tests/licences.py
+
+# The notices of the crates that the extension is compiled of, which the wheel carries; their MIT licence where there is a choice.
+LICENSE-CRATES: Cargo.lock Cargo.toml
+	cargo tree --locked --edges normal --features python --target all --prefix none --format '{p}|{l}' \
+	| sed -E 's/ \(\*\)$$//; s/ \(proc-macro\)//' | grep -v '^flurries' | sort -u | while IFS='|' read -r crate licence; do \
+		folder=$$(echo $${CARGO_HOME:-$$HOME/.cargo}/registry/src/*/$${crate% v*}-$${crate##* v}); \
+		printf '\n======== %s (%s)\n\n' "$$crate" "$$licence"; \
+		find "$$folder" -maxdepth 1 -iname 'licen[cs]e-mit*' -o -maxdepth 1 -iname 'licen[cs]e*unicode*' | sort | xargs -r -d '\n' cat > $@.part; \
+		test -s $@.part || find "$$folder" -maxdepth 1 -iname 'licen[cs]e*' | sort | xargs -r -d '\n' cat > $@.part; \
+		test -s $@.part || echo "$$crate has no licence file" >&2; \
+		cat $@.part; \
+	done > $@ && rm -f $@.part
 
 # In an environment of its own, .venv-lowest.
 test-lowest: $(VENV)/.made

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +24,7 @@ def mistakes() -> dict[str, tuple[list[str], str]]:
         ("--amount", "amount", ["nan", "2", "-0.1", "x"]),
         ("--wind", "wind", ["nan,0,0", "1,2", "a,b,c", "1e999,0,0"]),
         ("--fly", "", ["0,nan,0", "1"]),
-        ("--frames", "frames", ["one", "5--1", "-3", "1-5x0", "1-", ""]),
+        ("--frames", "frames", ["one", "5--1-", "-3-", "1-5x0", "1-", ""]),
         ("--seed", "seed", [str(2**63), "1.5", "x"]),
         ("--fps", "fps", ["0", "nan", "-24"]),
         ("--threads", "", ["0", "257", "two"]),
@@ -120,7 +122,7 @@ def test_ctrl_c_keeps_what_is_done_and_goes_on(here: Path):
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
-    assert "Traceback" not in err and "stopped; finished files stay" in err and out == ""
+    assert "Traceback" not in err and "stopped; what is finished stays" in err and out == ""
     done = sorted(p.name for p in (here / "out").glob("*.png"))
     assert not list((here / "out").glob(".*"))
     assert 3 <= len(done) < 5000 and done == [f"{n:04d}.png" for n in range(1, len(done) + 1)]
@@ -133,12 +135,52 @@ def test_ctrl_c_keeps_what_is_done_and_goes_on(here: Path):
         assert np.array_equal(pixels(here / "out" / f"{number:04d}.png"), scene.render(number))
 
 
-def test_ctrl_c_leaves_no_half_a_film(here: Path):
-    process = start(here, *RENDER[:-1], "out/film.mp4", "--frames", "1-5000")
+STOPPED = [("SIGINT", "mp4", 130), ("SIGTERM", "mov", 143), ("SIGKILL", "mkv", -9),
+           ("SIGKILL", "webm", -9)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "kind", "code"), STOPPED)
+def test_a_stopped_film_goes_on(name: str, kind: str, code: int, here: Path):
+    film, parts = here / "out" / f"film.{kind}", here / "out" / f"film.{kind}.parts"
+    words = [*RENDER[:-1], str(film), "--frames", "1-100"]
+    process = start(here, *words)
     end = time.monotonic() + 60
-    while not list(here.glob("out/.*")) and time.monotonic() < end:
+    while not (parts / "0000.npz").exists() and time.monotonic() < end:
         time.sleep(0.002)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(getattr(signal, name))
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 130 and "stopped; nothing is left of a film" in err, err
-    assert not list((here / "out").iterdir())
+    assert process.returncode == code, err
+    assert name == "SIGKILL" or not list((here / "out").rglob(".*"))
+    _, err = start(here, *words).communicate(timeout=60)
+    rendered, kept = re.search(r"(\d+) frames rendered, (\d+) were there already", err).groups()
+    assert int(kept) in (48, 96) and int(rendered) + int(kept) == 100
+    assert sorted(entry.name for entry in film.parent.iterdir()) == [film.name, "flurries.jsonl"]
+    Scene("plate.png", effects=[Snow("light")]).write(f"whole.{kind}", "1-100")
+    data = film.read_bytes()
+    assert Path(f"whole.{kind}").read_bytes() == data and str(here).encode() not in data
+
+
+def test_a_damaged_group_of_a_stopped_film_is_made_again(here: Path):
+    film, parts = here / "out" / "film.mkv", here / "out" / "film.mkv.parts"
+    scene = Scene(PLATE, effects=[Snow("light")])
+
+    def stop(frames: Iterable[int]) -> Iterator[int]:
+        for number in frames:
+            if number == 99:
+                raise KeyboardInterrupt
+            yield number
+
+    with pytest.raises(KeyboardInterrupt):
+        scene.write(film, "1-100", progress=stop)
+    assert sorted(part.name for part in parts.glob("*.npz")) == ["0000.npz", "0001.npz"]
+    data = bytearray((parts / "0001.npz").read_bytes())
+    data[len(data) // 2] ^= 1
+    (parts / "0001.npz").write_bytes(data)
+    summary = scene.write(film, "1-100")
+    assert summary.kept == [*range(1, 49)] and summary.written == [*range(49, 101)]
+    # A stranger's file is not touched.
+    parts.mkdir()
+    (parts / "0000.npz").write_bytes(b"mine")
+    with pytest.raises(ValueError, match=r"0000\.npz is there already and no journal"):
+        scene.write(film, "1-100", overwrite=True)
+    assert (parts / "0000.npz").read_bytes() == b"mine"

@@ -12,7 +12,6 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 import pytest
@@ -188,17 +187,8 @@ print(set(results), nested, same(), child(1, lock.acquire) == signal.SIGALRM)
 """
 
 
-@pytest.mark.parametrize("background", ["color", "video"])
-def test_forks_after_use(background: str, tmp_path: Any):
+def test_forks_after_use():
     scene = "scene = fl.Scene(size=(200, 150), effects=[fl.effects.TentSnow(flakes=200)])"
-    if background == "video":
-        from flurries.io import VideoWriter
-
-        with VideoWriter(tmp_path / "plate.mkv", (64, 48), 24) as video:
-            for level in (10, 60, 110):
-                video.write(np.full((48, 64, 3), level, np.uint8))
-        scene = f"scene = fl.Scene({str(tmp_path / 'plate.mkv')!r}, "
-        scene += "effects=[fl.effects.TentSnow(flakes=200)])"
     # Twenty children, some while another thread renders; the control is a lock that is never freed.
     assert python(FORKS.format(scene=scene)) == ["{0}", "0", "True", "True"]
 

@@ -2,18 +2,14 @@
 
 import os
 import resource
-import select
-import signal
 import stat
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from flurries.io import read_picture, remove_leftovers, replacing, write_picture
+from flurries.io import replacing, write_picture
 from flurries.io.pictures import rows
 
 OLD = b"the old file"
@@ -185,41 +181,3 @@ def test_a_picture_that_reads_back_wrong_is_not_kept(tmp_path, monkeypatch, name
     with pytest.raises(OSError, match=rf"{name}: (does not|cannot be) read back"):
         write_picture(path, pixels, **options)
     assert names(tmp_path) == []
-
-
-WRITER = """
-import itertools, sys
-import numpy as np
-from flurries.io import write_picture
-rows = np.random.default_rng(0).random((700, 500, 3)).astype(np.float32)
-for number in itertools.count():
-    write_picture(f"{sys.argv[1]}/{number % 3}.exr", rows + number % 3, half=False)
-    print(number, flush=True)
-"""
-
-
-def start(code, *arguments, **more):
-    return subprocess.Popen(
-        [sys.executable, "-c", code, *map(str, arguments)], text=True, stdout=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}, **more,
-    )  # fmt: skip
-
-
-def test_killed_writers_leave_no_partial_picture(tmp_path):
-    found = []
-    for kill in (1, 2, 4, 5):
-        with start(WRITER, tmp_path) as writer:
-            for _ in range(kill + 1):
-                assert writer.stdout.readline()
-            # Anywhere within the next picture.
-            select.select([], [], [], 0.004 * kill)
-            writer.send_signal(signal.SIGKILL)
-        assert writer.returncode == -signal.SIGKILL
-        for path in tmp_path.glob("[0-9].exr"):
-            pixels = read_picture(path).pixels
-            assert pixels.shape == (700, 500, 3)
-            assert int(pixels.min()) == int(path.stem)
-        found += remove_leftovers(tmp_path)
-        assert all(not name.startswith(".") for name in names(tmp_path))
-    # The control: kills did hit writers at work.
-    assert found

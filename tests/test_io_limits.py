@@ -17,6 +17,7 @@ import pytest
 
 import flurries as fl
 from flurries.camera import importers
+from flurries.camera.csv import read_path
 from flurries.cli import main
 from flurries.io import (
     Budget,
@@ -26,7 +27,6 @@ from flurries.io import (
     read_depth,
     read_header,
     read_layers,
-    read_path,
     read_picture,
     read_video,
     read_views,

@@ -2,7 +2,6 @@
 
 import os
 import struct
-import threading
 
 import av
 import numpy as np
@@ -52,23 +51,6 @@ def test_rotation_is_honoured(tmp_path, quarters):
     wanted = np.rot90(next(film(1)), -quarters)
     assert source.size == wanted.shape[1::-1]
     assert np.abs(source.frame(0).pixels.astype(int) - wanted).mean() < 4
-
-
-def test_threads_share_a_video(tmp_path):
-    path = encode(tmp_path / "a.mp4", "libx264", film(30), options={"g": "6"})
-    frames, source, wrong = list(read_video(path)), open_background(path), []
-
-    def look(seed):
-        for number in np.random.default_rng(seed).integers(0, 30, 20):
-            if not np.array_equal(source.frame(int(number)).pixels, frames[number]):
-                wrong.append(number)
-
-    threads = [threading.Thread(target=look, args=(seed,)) for seed in range(6)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert not wrong
 
 
 def test_children_and_their_parent_read_one_video(tmp_path):

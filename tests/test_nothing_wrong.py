@@ -252,16 +252,23 @@ def test_16_12_a_full_disk_says_so_with_the_frames_name(kind: str, tmp_path: Pat
     assert ".flurries-" not in line
 
 
-def test_21_a_cut_film_and_a_film_over_a_retouched_plate_are_made_again(
-    plate: Path, tmp_path: Path
-):
+def test_21_a_cut_film_and_a_film_over_a_retouched_plate_are_refused(plate: Path, tmp_path: Path):
     scene = fl.Scene(plate, size=(96, 64), effects=SNOW)
     film = tmp_path / "a.mkv"
     assert scene.write(film, "1-4", quality="draft").written == [1, 2, 3, 4]
     before = film.read_bytes()
     assert scene.write(film, "1-4", quality="draft").kept == [1, 2, 3, 4]
-    with pytest.raises(ValueError, match="of other frames"):
+    for harm in (before[:-40], before[:200] + b"x" + before[201:]):
+        film.write_bytes(harm)
+        with pytest.raises(ValueError, match=r"a\.mkv .* has been changed since it was written"):
+            scene.write(film, "1-4", quality="draft")
+        assert film.read_bytes() == harm
+    film.write_bytes(before)
+    with pytest.raises(ValueError, match="of another scene"):
         scene.write(film, "1-5", quality="draft")
     retouch(plate)
-    assert scene.write(film, "1-4", quality="draft").written == [1, 2, 3, 4]
+    with pytest.raises(ValueError, match="over other pictures"):
+        scene.write(film, "1-4", quality="draft")
+    assert film.read_bytes() == before
+    assert scene.write(film, "1-4", quality="draft", overwrite=True).written == [1, 2, 3, 4]
     assert film.read_bytes() != before and len(list(read_video(film))) == 4

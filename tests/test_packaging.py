@@ -13,6 +13,7 @@ import pytest
 import flurries as fl
 
 ROOT = Path(__file__).parents[1]
+PROJECT = (ROOT / "pyproject.toml").read_text()
 CORE = {"numpy", "openimageio", "pillow", "click", "fileseq", "tqdm", "tomli", "tomli-w"}
 
 
@@ -33,6 +34,19 @@ def test_without_the_library_for_films_the_error_names_the_extra(call: str, tmp_
     assert "pip install 'flurries[video]'" in ran.stdout
     left = {"film.mkv", "still.png", "flurries.jsonl"}
     assert {file.name for file in tmp_path.iterdir()} == left
+
+
+def test_the_wheel_carries_the_notices_of_its_crates():
+    lock = (ROOT / "Cargo.lock").read_text()
+    crates = dict(re.findall(r'^name = "(.*)"\nversion = "(.*)"$', lock, re.M))
+    notices = (ROOT / "LICENSE-CRATES").read_text()
+    told = re.findall(r"^={8} (\S+) v(\S+) \((.+)\)\n\n(.+)", notices, re.M)
+    # Ours, and what only builds: it leaves nothing in the extension.
+    others = {"autocfg", "pyo3-build-config", "target-lexicon"}
+    others |= {"flurries", "flurries-dispatch", "flurries-fft"}
+    assert {name for name, *_ in told} == set(crates) - others
+    assert all(crates[name] == version or name == "syn" for name, version, *_ in told)
+    assert "LICENSE-CRATES" in re.findall(r"^license-files = .*", PROJECT, re.M)[0]
 
 
 def test_the_citation_is_of_this_version_and_names_the_four_papers():

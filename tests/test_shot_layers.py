@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -69,3 +71,24 @@ def test_thick_fog_before_snow_tells_the_fog():
     np.testing.assert_array_equal(made.motion[thick], made.layers["mist"].motion[thick])
     np.testing.assert_array_equal(made.backward[thick], made.layers["mist"].backward[thick])
     assert made.weather_depth[thick].max() < 3.0
+
+
+def test_the_recipe_of_the_page_rebuilds_the_picture(tmp_path: Path, monkeypatch: Any):
+    monkeypatch.chdir(tmp_path)
+    plate = np.random.default_rng(1).uniform(0.0, 0.3, (H, W, 3)).astype(np.float32)
+    plate[20:24, 30:34] = 30.0
+    front = np.zeros((H, W, 4), np.float32)
+    front[50:] = (0.0, 0.4, 0.0, 0.5)
+    scene = fl.Scene(
+        plate, effects=[fl.Snow("heavy", color="local"), fl.Rain("downpour", color="local")],
+        depth=200.0, foreground=front,
+    )  # fmt: skip
+    scene.write("shot.%04d.exr", "12", layers=True, bits="float")
+    page = (Path(__file__).parents[1] / "docs" / "layers.md").read_text()
+    (recipe,) = re.findall(r"```python\n(import OpenImageIO.*?)```", page, re.S)
+    made: dict[str, Any] = {}
+    exec(recipe, made)
+    assert made["names"] == ["snow.veil", "snow", "rain.veil", "rain", "foreground"]
+    np.testing.assert_allclose(made["again"], made["layers"]["rgba"][..., :3], atol=1e-5)
+    # The control: the veil is no small matter.
+    assert made["layers"]["snow.veil"][..., 3].max() > 0.05

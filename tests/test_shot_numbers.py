@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 import flurries as fl
 from flurries import io
 from flurries.camera import importers
+from flurries.cli.main import main
+from flurries.io.films.reader import Tags
+from flurries.io.timecode import TimeCode
 
 RANGE = range(1001, 1009)
 SIZE = (24, 16)
@@ -159,6 +164,76 @@ def test_one_plain_name_is_no_place_for_a_range(shot: Path):
     assert io.read_picture("out.png").pixels[0, 0, 0] == 30
 
 
+def test_frames_before_0_are_frames(shot: Path):
+    assert io.frame_range("-2-1,-7--5x2") == [-2, -1, 0, 1, -7, -5]
+    plain = fl.Scene("#405060", size=SIZE, effects=[fl.Snow("heavy")])
+    assert (
+        main(
+            [
+                "render",
+                "plate.1001.png",
+                "--snow",
+                "heavy",
+                "--frames",
+                "-2-1",
+                "-o",
+                "early.%04d.png",
+            ]
+        )
+        == 0
+    )
+    names = [path.name for path in plain.write("new.%04d.exr", "-2-1").files]
+    assert names == ["new.-002.exr", "new.-001.exr", "new.0000.exr", "new.0001.exr"]
+    plates = fl.Scene("new.%04d.exr")
+    assert plates.range == (-2, 1) and len(list(shot.glob("early.*"))) == 4
+    np.testing.assert_array_equal(
+        plates.render(-2), io.read_picture("new.-002.exr").pixels[..., :3]
+    )
+
+
+def test_a_still_has_the_number_in_its_name(shot: Path):
+    still = fl.Scene("plate.1003.png", effects=[fl.Snow("heavy")])
+    assert still.write("out.%04d.png").files == [Path("out.1003.png")]
+    assert still.write("one.png").written == [1003]
+    assert len(still.write("out.mkv", quality="draft").written) == 90
+
+
+def test_time_codes_of_held_handles_count_on(shot: Path):
+    for name, rate in (("film.mov", 24), ("coded.%04d.exr", 30)):
+        code = TimeCode.of_text("01:00:00:00", Fraction(rate))
+        if rate == 24:
+            with io.VideoWriter(name, SIZE, rate, tags=Tags(timecode=code)) as film:
+                for _ in range(2):
+                    film.write(np.zeros((*SIZE[::-1], 3), np.uint8))
+        else:
+            for n in range(2):
+                slate = io.Slate().at(Fraction(rate), code.later(n))
+                io.write_picture(name % n, np.zeros((*SIZE[::-1], 3), np.float32), slate=slate)
+        held = fl.Scene(name, extend="hold", fps=rate)
+        for number in (-3, 0, 1, 7):
+            assert held._slate(number).timecode == code.later(number)
+        looped = fl.Scene(name, extend="loop", fps=rate)
+        assert looped._slate(7).timecode == code.later(1)
+
+
+@pytest.mark.parametrize("layers", [False, True])
+def test_a_plate_that_is_a_part_of_its_picture_remains_it(shot: Path, layers: bool):
+    crop = oiio.ImageSpec(10, 6, 3, "half")
+    crop.x, crop.y, crop.full_width, crop.full_height = 12, 8, *SIZE
+    made = oiio.ImageOutput.create("crop.1001.exr")
+    made.open("crop.1001.exr", crop)
+    made.write_image(np.full((6, 10, 3), 0.2, np.float32))
+    made.close()
+    part = fl.Scene("crop.1001.exr", effects=[fl.Snow("heavy")])
+    part.write("out.1001.exr", layers=layers, bits="float")
+    found = oiio.ImageInput.open("out.1001.exr")
+    spec = found.spec()
+    window = (spec.x, spec.y, spec.width, spec.height, spec.full_width, spec.full_height)
+    assert window == (12, 8, 10, 6, *SIZE)
+    shown = part.render(1001)[8:14, 12:22, :3]
+    np.testing.assert_allclose(found.read_image(0, 3, "float"), shown, atol=1e-6)
+
+
 # Mattes that stand in the air
 
 
@@ -179,17 +254,6 @@ def test_a_matte_with_a_depth_hides_only_what_is_behind_it():
     assert np.abs(stood.render(5)[left].astype(int) - plain.render(5)[left]).mean() < 2.0
     before = fl.Scene(size=(width, height), effects=snow, foreground=mask)
     assert (before.render(5)[right] == 0).all() and stood.render(5)[right].any()
-
-
-def test_half_a_matte_leaves_the_mean_of_both():
-    height, width = 32, 40
-    snow = [fl.Mist("fog", seed=3)]
-    base = {"size": (width, height), "background": (0.0, 0.0, 0.0), "effects": snow}
-    mask = np.full((height, width), 0.25, np.float32)
-    half = fl.Scene(**base, foreground=fl.scene.Foreground(mask, depth=2.0)).render(0)
-    far = fl.Scene(**base, depth=np.full((height, width), np.inf, np.float32)).render(0)
-    near = fl.Scene(**base, depth=2.0).render(0)
-    np.testing.assert_allclose(half, 0.75 * far + 0.25 * near, atol=2e-6)
 
 
 def test_a_picture_with_a_depth_lies_in_the_weather():

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.io import VideoWriter, read_video
-from flurries.io.films.sound import Sound, has_sound
+from flurries.io import VideoWriter, open_background, read_video
+from flurries.io.films.sound import Sound
 
 RATE = 48000
 
@@ -93,7 +93,7 @@ def test_the_sound_goes_with_its_frames(
         assert abs(pitch - (400 + 10 * (10 + first) + 5)) < 10, (first, pitch)
     assert np.abs(samples[int(1.1 * RATE) :]).max() < 0.05, "and ends with them"
     assert scene.write(out, "10-29", quality="draft", sound=False, overwrite=True).sound == "none"
-    assert not has_sound(out)
+    assert not open_background(out).sound
 
 
 def test_16_6_a_rate_that_is_given_counts_and_30_where_there_is_none(tmp_path: Path):
@@ -122,7 +122,7 @@ def test_sound_that_would_not_fit_is_left_out(tmp_path: Path):
         out = tmp_path / "a.mp4"
         done = scene.replace(**change).write(out, frames, quality="draft", overwrite=True)
         assert done.sound.startswith("left out") and why in done.sound
-        assert not has_sound(tmp_path / "a.mp4")
+        assert not open_background(tmp_path / "a.mp4").sound
     silent = fl.Scene("#102030", size=(64, 48))
     assert silent.write(tmp_path / "b.mp4", "1-3", quality="draft").sound == "none"
     gone = Sound(str(tmp_path / "b.mp4"), Fraction(0), Fraction(1))

@@ -75,11 +75,6 @@ def eyes(
         ``focal distance / (2 convergence)`` px the other way: a point at depth Z is seen
         ``focal distance (1/Z - 1/convergence)`` px farther left by the right eye than by the left.
 
-    Raises
-    ------
-    ValueError, TypeError
-        If the distance is negative, the convergence is not positive, or `camera` is not a camera.
-
     Examples
     --------
     >>> import flurries as fl

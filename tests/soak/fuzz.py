@@ -16,13 +16,13 @@ import numpy as np
 
 import flurries as fl
 from flurries.camera import importers
+from flurries.camera.csv import read_path
 from flurries.io import (
     VideoWriter,
     open_background,
     read_depth,
     read_header,
     read_layers,
-    read_path,
     read_picture,
     read_views,
     write_layer_views,

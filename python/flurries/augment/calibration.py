@@ -55,11 +55,6 @@ def contrast_loss(
     float
         Natural: 0.06, 0.14, 0.25, 0.38 and 0.55 for the severities 1 to 5, linear between. Hard:
         snow 0.062 to 0.152, rain 0.092 to 0.262, fog 0.31 to 0.6.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If it is not a number from 0 to 1, or the profile is unknown.
     """
     wanted = real("amount", amount, low=0.0, high=1.0)
     kind = choice("weather", weather, tuple(_HARD))

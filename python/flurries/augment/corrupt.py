@@ -107,14 +107,6 @@ def corrupt(
     Returns
     -------
     Corrupted
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described, or where something else is in the way.
-    OSError
-        If the folder cannot be read or the journal cannot be written. A picture that fails does
-        not stop the others.
     """
     source, target = Path(folder), Path(out)
     if not source.is_dir():

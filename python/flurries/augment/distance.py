@@ -39,11 +39,6 @@ class Ground:
         Depth of everything above the horizon, metres. The default lies between the depth of a sky
         and that of things in front of it.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For a number that is out of range.
-
     Notes
     -----
     A row y px below the horizon is at ``1 / (y / (focal height) + 1 / far)``, with the bend at the
@@ -85,12 +80,6 @@ class Ground:
         -------
         Ground
             Its `far` is the median of the known depths in the upper quarter, or the depth of a sky.
-
-        Raises
-        ------
-        ValueError, TypeError
-            For an argument that is not as described, or if the lower rows do not show a plane: a
-            plane explains less than nine tenths of the variance of their nearness.
 
         Notes
         -----

@@ -89,11 +89,6 @@ class Fog(Weather):
     color : number, range or (r, g, b)
         The light that fog scatters towards the camera, display values, 0 to 1.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
-
     Notes
     -----
     Koschmieder: ``seen = clear exp(-b d) + color (1 - exp(-b d))`` at depth d, b the extinction,

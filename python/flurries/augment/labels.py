@@ -150,11 +150,6 @@ def occlusion(alpha: npt.ArrayLike, boxes: npt.ArrayLike) -> Float64:
     -------
     (n,) float64
         The mean opacity over the box, 0 to 1; NaN for a box without area inside the picture.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described.
     """
     plane, _ = pixels("alpha", alpha, ndim=2)
     shares("alpha", plane)

@@ -101,11 +101,6 @@ class Snowfall(Precipitation):
     weather_seed : int, optional
         Seed of the weather itself; drawn for each index if not given.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
-
     Notes
     -----
     One population of flakes as in :class:`flurries.Snow`: the near ones are drawn, the others a
@@ -147,11 +142,6 @@ class Rainfall(Precipitation):
         Seconds that the shutter is open; a longer exposure makes longer streaks.
     color : number, range or (r, g, b)
         Display values, 0 to 1.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
 
     Notes
     -----

@@ -84,12 +84,6 @@ class Recorded(ABC):
         -------
         dict
             For :func:`flurries.augment.replay`; holds in JSON.
-
-        Raises
-        ------
-        ValueError
-            Without an index or a picture; and without an index or a seed, since each call then
-            draws anew: `apply` returns the record of what it drew.
         """
         if index is None and self.seed is None and self.weather_seed is None:
             raise ValueError("index must be given: without it and a seed each call draws anew")
@@ -99,13 +93,7 @@ class Recorded(ABC):
 
     @classmethod
     def replay(cls: type[_Kind], record: Mapping[str, Any]) -> _Kind:
-        """Return the weather that makes what was recorded, whatever the index.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If it is no record of this weather.
-        """
+        """Return the weather that makes what was recorded, whatever the index."""
         values = dict(mapping("record", record))
         kind, version = values.pop("transform", None), values.pop("version", None)
         if kind != cls.__name__ or version != VERSION:

@@ -71,11 +71,6 @@ class Weather(Several):
         array of the shape and dtype of `image`
             Or with `return_layer` that and the layer, (H, W, 4) float32, display values
             premultiplied with the opacity.
-
-        Raises
-        ------
-        ValueError, TypeError
-            For an argument that is not as described; the message names it.
         """
         given = picture_of("image", image)
         layer = flag("return_layer", return_layer)
@@ -157,11 +152,6 @@ def replay(record: Mapping[str, Any]) -> Weather:
     Returns
     -------
     Snowfall, Rainfall or Fog
-
-    Raises
-    ------
-    ValueError, TypeError
-        If it is no record.
 
     Examples
     --------

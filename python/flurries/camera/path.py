@@ -67,12 +67,6 @@ class CameraPath:
         "on": outside its frames the path goes on with the first and the last rate. "stop": the
         scene's own `extend` decides. Paths from files have "stop".
 
-    Raises
-    ------
-    ValueError, TypeError
-        For wrong shapes, numbers that are not finite, matrices that are no rotations, or both ways
-        at once.
-
     Notes
     -----
     Langer 2004, section 7, where the camera never turns; ``docs/internals/deviations.md``, 17.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Sequence
@@ -15,11 +16,10 @@ from click.shell_completion import shell_complete
 from flurries import __version__
 from flurries._contract import suggestion
 from flurries.cli.words import plain_warnings, say
-from flurries.io.sequences import VIDEO_EXTENSIONS
 
 __all__ = ["main"]
 
-DEFECT, MISTAKE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
+DEFECT, MISTAKE, INTERRUPTED, CLOSED_PIPE, TERMINATED = 1, 2, 130, 141, 143
 
 # Each command is a file with a function of its name, imported when it is asked for.
 COMMANDS = {
@@ -94,6 +94,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         As ``flurries --help`` says; 141 where the reader of a pipe has gone.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments is None:
+        # As Ctrl-C does: what is half done is removed.
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     try:
         if arguments is None and COMPLETE in os.environ:
             return shell_complete(commands, {}, "flurries", COMPLETE, os.environ[COMPLETE])
@@ -110,9 +113,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             os.dup2(nowhere.fileno(), sys.stdout.fileno())
         return CLOSED_PIPE
     except KeyboardInterrupt:
-        film = any(word.lower().endswith(VIDEO_EXTENSIONS) for word in given)
-        left = "nothing is left of a film" if film else "finished files stay, run again to go on"
-        say(f"stopped; {left}")
+        say("stopped; what is finished stays, run again to go on")
         return INTERRUPTED
     except Exception as error:
         if {"-v", "--verbose"} & set(given):

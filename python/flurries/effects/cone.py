@@ -150,11 +150,6 @@ class ConeRain(_Cone):
     tile : int
         Side of the texture's tile in texels, 16 to 2048.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument outside its range; the message names it.
-
     Examples
     --------
     >>> import flurries as fl

@@ -69,11 +69,7 @@ class FlakeTexture:
         return lamp_shade(frame, film.depths, film.covers, optics)
 
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
-        """Return motions to other frames (h, w, 2) and depth (h, w) of what the window shows.
-
-        Depth is the mean over the layers, each weighed by what it covers; they move as flakes at
-        the depth whose parallax is the mean one.
-        """
+        """Return motions to other frames (h, w, 2) and depth (h, w) of what the window shows."""
         film, motion = self.weather.film(frame), self.weather.motion
         weights, depths = film.covers, film.depths
         nearness = weights / depths

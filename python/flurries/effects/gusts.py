@@ -53,12 +53,7 @@ def wind_at(motion: Motion, frame: Frame, ahead: Float64) -> tuple[Float64, Floa
 
 
 def wave_weights(motion: Motion, fps: float, times: Sequence[float], start: Float64) -> Float64:
-    """Return what gusts and swirls have done to flakes at n frames, as sums of waves, (m, 6 n).
-
-    The displacement in metres at x from `start`, a place in the flakes' air, is the sum over waves
-    of ``re cos(k . x) - im sin(k . x)``, three numbers for each frame: the real parts, then the
-    imaginary ones.
-    """
+    """Return what gusts and swirls have done to flakes at n frames, as sums of waves, (m, 6 n)."""
     waves = _varied(motion).waves
     assert waves is not None
     _, sums = carry(waves, air_course(fps, motion.fall, motion.mean_wind), fps)
@@ -77,11 +72,7 @@ def cycles_of(waves: Waves) -> Float64:
 def carried_by_profile(
     motion: Motion, path: CameraPath, fps: float, t: float, ahead: Float64
 ) -> Float64:
-    """Return how far a wind of depth has carried flakes since frame 0, (n, 2) metres, x and y.
-
-    `ahead` (n,) is where they are at the frame: along the house's z from the camera's place,
-    metres. The depth of the wind is counted from the camera's place at frame 0.
-    """
+    """Return how far a wind of depth has carried flakes since frame 0, (n, 2) metres, x and y."""
     wind, steady = _varied(motion), motion.mean_wind
     depth = ahead + (path.place(t, fps=fps)[2] - path.place(0.0, fps=fps)[2])
     course = air_course(fps, motion.fall, steady)

@@ -52,11 +52,6 @@ def register(kind: str, effect: type[Any]) -> None:
         A dataclass with ``parts``, or with a method ``render(frame)`` that returns a
         :class:`Layer`.
 
-    Raises
-    ------
-    ValueError, TypeError
-        If the kind is a name of flurries' own effects or not a name, or the class is not an effect.
-
     Examples
     --------
     ``docs/your-own-effect.md`` has an effect in 25 lines.

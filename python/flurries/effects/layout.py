@@ -27,21 +27,7 @@ class Tiling(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """The tiles of a film's texture.
-
-    Attributes
-    ----------
-    tiling : Tiling
-        Themselves.
-    shape : (H, W)
-        Of the picture.
-    band : (shortest, longest)
-        Wavelengths in pixels.
-    edges : (rings + 1,), optional
-        Wavelengths between rings, for a wind that differs from place to place.
-    needed : float
-        The tile that the motion needs, where a smaller one was asked for; else 0.
-    """
+    """The tiles of a film's texture."""
 
     tiling: Tiling
     shape: tuple[int, int]

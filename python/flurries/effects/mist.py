@@ -134,11 +134,6 @@ class Mist(metaclass=Described):
     severity : int, optional
         1 to 5 are visibilities of 1000, 500, 200, 100 and 50 m. Scene files hold those.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument outside its range; the message names it.
-
     Examples
     --------
     >>> import flurries as fl

@@ -53,15 +53,7 @@ def passes_of(
 
 
 def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Array:
-    """Return the motion to another frame of a window's depths, (h, w, 2) float32 pixels.
-
-    `depth` (h, w) is planar, metres; where it is infinite nothing moves. `moved` (3,) is camera
-    minus what the points belong to from one frame to the other, house axes.
-
-    Of a pixel's ray r, (a, b, 1), and its depth d the point there is d M r + c in the other
-    frame's eye. Its image there minus that here, focal (X / Z - a), is made of X - a Z, in which
-    M r - r and c are small: nothing cancels.
-    """
+    """Return the motion to another frame of a window's depths, (h, w, 2) float32 pixels."""
     here, there = frame.camera, other.camera
     own, other_axes = here.matrix(), there.matrix()
     turned = own.T @ other_axes - np.eye(3)

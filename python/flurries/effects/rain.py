@@ -83,11 +83,6 @@ class Rain(metaclass=Described):
     rate : float, optional
         Rate of rain in mm/h. Sets `density` and `drop_size` so that the drops carry this rate.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument outside its range; the message names it.
-
     Examples
     --------
     >>> import flurries as fl

@@ -26,11 +26,7 @@ _STEPS = 40
 
 @kept(64)
 def power_share(wavelengths: tuple[float, float], exponent: float, width: int) -> float:
-    """Return the power that a picture shows of a band, against that of one 1024 px wide.
-
-    A pixel is a box: of a wave of k cycles a pixel it leaves sinc(kx) sinc(ky), here as a mean over
-    directions.
-    """
+    """Return the power that a picture shows of a band, against that of one 1024 px wide."""
     if width == TUNED:
         return 1.0
     return _shown(wavelengths, exponent, width / TUNED) / _shown(wavelengths, exponent, 1.0)
@@ -95,10 +91,7 @@ def _errors(guess: Float64, power: float, of: float, target: tuple[float, float]
 
 
 def _moments(mean: float, deviation: float, power: float, share: float) -> tuple[float, float]:
-    """Return the mean of a map, and the variance of its mean given a share of the field's power.
-
-    With c_n the map's Hermite coefficients that is the sum of c_n^2 share^n.
-    """
+    """Return the mean of a map, and the variance of its mean given a share of the field's power."""
     z, weights = _hermite()
     coefficients = weights @ np.clip(mean + deviation * z, 0.0, 1.0) ** power
     if share == 1.0:

@@ -100,11 +100,6 @@ class Snow(metaclass=Described):
         Liquid-equivalent rate of snowfall in mm/h. Sets `density` and `flake_size` so that the
         flakes carry this rate.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument outside its range; the message names it.
-
     Examples
     --------
     >>> import flurries as fl

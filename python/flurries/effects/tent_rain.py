@@ -129,11 +129,6 @@ class TentRain(metaclass=Described):
         `fall`, `texture`, `mean` and `haze`, those that are not given: the drops of Marshall and
         Palmer's law, and a veil with the extinction of all of them over 60 m.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument outside its range; the message names it.
-
     Warns
     -----
     UserWarning

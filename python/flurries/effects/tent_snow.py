@@ -131,11 +131,6 @@ class TentSnow(metaclass=Described):
         Sets `flake_density`, `flake_size`, `texture`, `mean`, `spread`, `exponent`, `fall` and
         `haze`, those that are not given; scene files hold these and not the rate.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument outside its range; the message names it.
-
     Notes
     -----
     Langer 2004, sections 5 to 7. The paper's own look is the preset "paper".

@@ -66,12 +66,7 @@ def wall_maps(
     shares: tuple[float, ...],
     left: Callable[[Float64], Float64],
 ) -> WallMaps:
-    """Return the maps of a texture.
-
-    `sky` is (mean, deviation, power) of the map before the sky; `least` the least power of the
-    field at a pixel, 1 unless tiles are blended linearly; `shares` of the air are met exactly; and
-    `left` goes from shares (n,) to the power of the waves that are left, 0 to 1.
-    """
+    """Return the maps of a texture."""
     grid = np.linspace(_FIRST**0.25, 1.0, _SHARES) ** 4
     nodes = np.unique(np.concatenate([grid, [s for s in shares if _FIRST < s < 1.0]]))
     return _maps(sky, least, tuple(nodes), tuple(left(nodes)))
@@ -155,11 +150,7 @@ def _solve(guess: Float64, power: float, wanted: Float64) -> Float64:
 
 
 def _moments(mean: Float64, deviation: Float64, power: float) -> Float64:
-    """Return moments (3, n) of a = clip(mean + deviation * z, 0, 1)^power, z normal.
-
-    The means of a and a z, and the variance of a: the integral between the clips by Gauss and
-    Legendre, what is clipped in closed form.
-    """
+    """Return moments (3, n) of a = clip(mean + deviation * z, 0, 1)^power, z normal."""
     low = np.clip(-mean / deviation, -9.0, 9.0)
     high = np.clip((1.0 - mean) / deviation, -9.0, 9.0)
     half = 0.5 * (high - low)

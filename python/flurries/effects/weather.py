@@ -199,12 +199,7 @@ def _film(
 
 
 def hand_overs(weather: Weather, focal: float, classes: list[SizeClass]) -> list[float]:
-    """Return the depths up to which flakes of each class are drawn if sheets lie beyond, metres.
-
-    Images have one size there, and the drawn flakes of all classes are a share of the pixels, so
-    that their cost is that share at any size of the picture; a sheet's flakes have an end. Slabs
-    end at fixed depths, 2^(1/4) apart.
-    """
+    """Return the depths up to which flakes of each class are drawn if sheets lie beyond, metres."""
     if weather.handover is not None:
         return [min(max(weather.handover, NEAR_FADE * weather.near), weather.far)] * len(classes)
 
@@ -219,12 +214,7 @@ def hand_overs(weather: Weather, focal: float, classes: list[SizeClass]) -> list
 
 
 def layer_edges(near: float, far: float, count: int) -> Float64:
-    """Return depths between layers: of even parts of speed, for the most part, and of coverage.
-
-    Speed in the picture goes with one over the depth, and so does the variance up to a depth; what
-    a layer covers goes with its thickness. A layer moves as a whole: one with much of the variance
-    or with flakes of many speeds would be seen to.
-    """
+    """Return depths between layers: of even parts of speed, for the most part, and of coverage."""
     if near >= far:
         return np.array([near, far])
     depths = np.geomspace(near, far, 1025)

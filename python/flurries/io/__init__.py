@@ -5,9 +5,6 @@ Importing it costs NumPy; OpenImageIO and PyAV are imported by the first call th
 
 from __future__ import annotations
 
-import os
-from typing import Any
-
 from flurries.io.atomic import remove_leftovers, replacing
 from flurries.io.color import linear_to_srgb, srgb_to_linear
 from flurries.io.files import Budget
@@ -57,10 +54,3 @@ __all__ = [
     "write_layers",
     "write_picture",
 ]
-
-
-def read_path(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Read the way of a camera from a CSV file; see :func:`flurries.camera.importers.load`."""
-    from flurries.camera.csv import read_path as read
-
-    return read(path)

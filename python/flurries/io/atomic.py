@@ -51,14 +51,6 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     ----------
     path : str or path
         The file to make or replace. Its folder is made if only the last part is missing.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written, if `path` is anything else but a plain file, if it is
-        read-only, if the disk is full, or if nothing was written. The message names the file.
-    ValueError
-        If `path` is empty or holds a NUL byte.
     """
     target = checked_target(path)
     temporary = _reserve(target)

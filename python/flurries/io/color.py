@@ -46,11 +46,6 @@ def srgb_to_linear(values: npt.ArrayLike) -> Array:
     values : array_like of float
         Display values, 0 to 1 for what a screen can show. float32 and float64 keep their dtype,
         float16 becomes float32.
-
-    Raises
-    ------
-    TypeError
-        If `values` are not floats.
     """
     display = _floats("values", values)
     # The base of the power is kept off negative numbers, where it would be NaN with a warning.

@@ -46,11 +46,6 @@ class Budget:
         given, or else 2^28, which is 16384 x 16384.
     bytes : int
         That the decoded numbers take; FLURRIES_MAX_BYTES, or else 2^32.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If one of them, or a variable, is not a whole number above 0.
     """
 
     pixels: int = field(default_factory=lambda: _limit(_PIXELS_VARIABLE, _PIXELS))

@@ -16,7 +16,7 @@ _LONGEST_TEXT = 100_000
 
 VIDEO_EXTENSIONS = (".mp4", ".mov", ".webm", ".mkv")
 
-_PART = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9})(?:x([0-9]{1,9}))?)?")
+_PART = re.compile(r"(-?[0-9]{1,9})(?:-(-?[0-9]{1,9})(?:x([0-9]{1,9}))?)?")
 _TOKEN = re.compile(r"%(?:0([0-9]{1,2}))?d")
 
 # The tokens of compositing programs: a digit for each "#", and Houdini's.
@@ -30,12 +30,7 @@ def frame_range(text: str) -> list[int]:
     ----------
     text : str
         Parts with commas between them: a frame, ``first-last`` with both ends included, or
-        ``first-lastxstep``; "9-1" runs backwards. Frames are whole numbers from 0.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If the text is not of this form, a step is 0, or there are more than 10 million frames.
+        ``first-lastxstep``; "9-1" runs backwards, and "-2-1" is four frames.
     """
     if not isinstance(text, str):
         raise TypeError(f"frames must be a text like '1-60', got {text!r}")
@@ -92,11 +87,6 @@ class Pattern:
         The name of a video, which ends in .mp4, .mov, .webm or .mkv, holds none either.
     inside : str, optional
         A folder that every frame must lie in, links resolved.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If the pattern is anything else.
     """
 
     text: str
@@ -142,11 +132,9 @@ class Pattern:
     def path(self, frame: int) -> Path:
         """Return the file of a frame; for a video, the video.
 
-        ValueError if `frame` is negative or the file would lie outside `inside`.
+        ValueError if the file would lie outside `inside`.
         """
         number = operator.index(frame)
-        if number < 0:
-            raise ValueError(f"frame must not be negative, got {number}")
         path = Path(self.text if self.is_video else self.text % number)
         self._check_inside(path)
         return path
@@ -159,7 +147,7 @@ class Pattern:
         token = _TOKEN.search(name)
         assert token is not None  # As __post_init__ made sure.
         digits = re.compile(
-            f"{re.escape(name[: token.start()])}([0-9]{{1,18}}){re.escape(name[token.end() :])}"
+            f"{re.escape(name[: token.start()])}(-?[0-9]{{1,18}}){re.escape(name[token.end() :])}"
         )
         try:
             names = os.listdir(folder or ".")  # noqa: PTH208 -- names are all that is needed

@@ -220,7 +220,7 @@ class VideoSource(Source):
         self._reader = reader = VideoReader(spec, budget=budget)
         assert reader.size is not None  # The reader has decoded the first frame.
         self.size, self.count, self.fps = reader.size, reader.count, reader.fps
-        self.tags = reader.tags
+        self.tags, self.sound = reader.tags, reader.sound
         self.aspect = float(self.tags.aspect)
         # ITU-R BT.2100's curves.
         hdr = {16: "PQ", 18: "HLG"}.get(self.tags.transfer)
@@ -267,11 +267,6 @@ def open_background(
         stands in for it.
     budget, overscan
         As `read_picture`; for each frame, and of pictures alone.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As `read_picture`, of the first frame.
     """
     if damaged not in ("stop", "hold"):
         raise ValueError(f"damaged must be 'stop' or 'hold', got {damaged!r}")

@@ -29,11 +29,6 @@ class Keys:
     keys : sequence of (frame, value)
         Frames increase; values are numbers, or vectors of one length.
 
-    Raises
-    ------
-    ValueError, TypeError
-        If there is no key, frames do not increase, or something is not finite.
-
     Examples
     --------
     >>> import flurries as fl

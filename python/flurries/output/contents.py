@@ -74,6 +74,9 @@ class Content:
             own = scene._color.working if apart else self.space
             metadata = {**metadata, "colorspace": own.name}
             slate = slate if own.name == scene._color.name else slate.uncolored()
+        # A plate that is a part of its picture remains that part.
+        cut = slate.crop if form.name == "openexr" and self.kind != "deep" else None
+        slate = slate if cut is None else slate.cropped()
         more: dict[str, Any] = {"half": half, "metadata": metadata, "slate": slate}
         if self.kind == "deep":
             write_deep(path, frame, **more)
@@ -83,17 +86,19 @@ class Content:
                 **metadata,
                 "motion": MOTION[self.motion],
                 "light": "linear" if scene._linear else "display",
+                "layers": _order(next(iter(frame.values())) if self.eyes else frame),
             }
         if self.eyes is not None:
-            views = {name: self._planes(scene, view) for name, view in frame.items()}
+            views = {name: self._planes(scene, view, cut) for name, view in frame.items()}
             write_layer_views(path, views, **more)
         elif self.kind == "layers":
-            write_layers(path, self._planes(scene, frame), **more)
+            write_layers(path, self._planes(scene, frame, cut), **more)
         else:
             alone, encoding = self.kind == "alone", None
             pixels = frame if form.alpha or alone else without_alpha(frame, path)
             if alone:
                 pixels, encoding = weather(frame), "linear" if scene._linear else "display"
+            pixels = pixels if cut is None else np.ascontiguousarray(pixels[cut])
             if self.space is not None:
                 pixels = self._colored(scene, pixels)
                 encoding = "linear" if self.space.linear else "display"
@@ -133,10 +138,14 @@ class Content:
             return to_integer(self._colored(scene, image), bits)
         return display_levels(image, bits)
 
-    def _planes(self, scene: Scene, frame: Any) -> dict[str, Array]:
+    def _planes(self, scene: Scene, frame: Any, cut: Any) -> dict[str, Array]:
         if self.kind == "layers":
-            return planes(frame, up=self.motion == "y-up")
-        return {"rgba": weather(frame) if self.kind == "alone" else _light(frame)}
+            found = planes(frame, up=self.motion == "y-up")
+        else:
+            found = {"rgba": weather(frame) if self.kind == "alone" else _light(frame)}
+        if cut is None:
+            return found
+        return {name: np.ascontiguousarray(plane[cut]) for name, plane in found.items()}
 
 
 def planes(rendered: Rendered, *, up: bool = False) -> dict[str, Array]:
@@ -168,6 +177,12 @@ def planes(rendered: Rendered, *, up: bool = False) -> dict[str, Array]:
         }
         found.update({key: plane for key, plane in known.items() if plane is not None})
     return found
+
+
+def _order(rendered: Rendered) -> str:
+    """Return the names of what is laid over each other, back to front."""
+    front = [] if rendered.foreground is None else ["foreground"]
+    return ", ".join(["background", *rendered.layers, *front])
 
 
 def weather(rendered: Rendered) -> Array:

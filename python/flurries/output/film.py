@@ -1,27 +1,35 @@
-"""A scene to a video, with the sound of the film that it lies over."""
+"""A scene to a video, with the sound of the film that it lies over.
+
+It is made in groups of frames, each a file of its own in a folder beside the film until all are
+there; so a run that was stopped goes on. The film joins them and encodes nothing again.
+"""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing, suppress
 from contextvars import copy_context
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from flurries import _core
 from flurries._threads import reproducible, threads
 from flurries._trace import stage
-from flurries.io import VideoWriter
+from flurries.io import VideoWriter, replacing
 from flurries.io.films.codecs import bits_for, frame_rate
+from flurries.io.films.encoding import Film, Plan
+from flurries.io.films.process import Remote
 from flurries.io.films.reader import Tags
-from flurries.io.films.sound import Sound, has_sound
-from flurries.io.films.writer import comment_of
+from flurries.io.films.sound import Sound
 from flurries.output.contents import Frames, is_readable
 from flurries.output.groups import images
-from flurries.output.journal import Refused
+from flurries.output.journal import Journal, Mark, Refused, is_journal
 from flurries.output.sequence import Done, Progress
 from flurries.scene.fingerprint import short_hash
 from flurries.scene.scene import Scene
@@ -41,13 +49,12 @@ def write_film(
     patience: float,
 ) -> tuple[Done, str]:
     """Render frames into a video, unless the very same one is there."""
-    scene, path, done = job.scene, Path(job.pattern), Done()
+    scene, path = job.scene, Path(job.pattern)
     assert scene.size is not None
     _require_other_file(scene, path)
     heard, part = _sound(scene, frames, job.skip) if sound else ("none", None)
-    mark = _mark(job, frames, quality, part)
     content, tags = job.content, _tags(scene, frames[0])
-    alone, bits = content.kind == "alone", content.bits
+    bits = content.bits
     if bits is None:
         least = tags.bits if scene._film is not None else 8
         bits = (
@@ -57,61 +64,155 @@ def write_film(
         )
     elif not isinstance(bits, int):
         raise ValueError(f"bits must be 8, 10 or 16 for a film, got {bits!r}")
-    if not job.overwrite and path.exists():
-        good = [n for n in frames if is_readable(scene, n)] if job.skip else frames
-        if _is_there(path, mark, len(good)):
-            done.kept += good
-            done.skipped += [number for number in frames if number not in good]
-            return done, heard
-    comment = f"flurries {mark[0]} {mark[1]}"
-    # While a frame is encoded, the next ones are rendered.
-    with (
-        VideoWriter(
-            path, scene.size, scene.fps, quality=quality, sound=part, comment=comment,
-            codec=content.codec, bits=bits, alpha=alone, tags=tags,
-        ) as video,
-        ThreadPoolExecutor(1, "encoder", _core.set_scope, (threads(), reproducible())) as encoder,
-    ):  # fmt: skip
-        levels = 8 if video.bits == 8 else 16
-
-        def encode(image: Any) -> None:
-            with stage("encode"):
-                video.write(content.levels(scene, image, levels, path))
-
-        waiting: deque[Future[None]] = deque()
-        for number, image in _rendered(job, frames, progress, levels, dask, patience):
-            if image is None:
-                done.skipped.append(number)
-                continue
-            # In the context of the caller, whose stages are counted.
-            waiting.append(encoder.submit(copy_context().run, encode, image))
-            done.written.append(number)
-            if len(waiting) > AHEAD:
-                waiting.popleft().result()
-        for one in waiting:
-            one.result()
-        if _mark(job, frames, quality, part) != mark:
-            raise OSError(f"{path}: what it is made of changed meanwhile; run again")
-    done.held += [number for number in done.written if job.stands_in(number)]
+    way = (quality, part and (part.start, part.length))
+    mark = _mark(job, frames, way)
+    video = VideoWriter(
+        path, scene.size, scene.fps, quality=quality, sound=part, bits=bits, tags=tags,
+        codec=content.codec, alpha=content.kind == "alone",
+        comment=f"flurries {mark.scene} {mark.inputs}",
+    )  # fmt: skip
+    job.store.require_usable(path)
+    job.store.tidy(path.parent)
+    journal = Journal(job.store, path.parent)
+    line = None if job.overwrite else journal.settled(path, mark)
+    if line is None:
+        groups = _Groups(job, video.plan, frames)
+        try:
+            done = groups.make(progress, dask, patience)
+            if _mark(job, frames, way) != mark:
+                raise OSError(f"{path}: what it is made of changed meanwhile; run again")
+            try:
+                with journal.recording(path, {**mark.facts, "skipped": done.skipped}):
+                    groups.join()
+            except FileNotFoundError:
+                # Another process has joined them meanwhile.
+                if journal.settled(path, mark) is None:
+                    raise
+            groups.remove()
+        finally:
+            journal.join()
+            groups.tidy()
+        done.held += [number for number in done.written if job.stands_in(number)]
+    else:
+        done = Done(skipped=line["skipped"])
+        done.kept += [number for number in frames if number not in done.skipped]
     return done, heard
 
 
-def _mark(job: Frames, frames: list[int], quality: str, part: Sound | None) -> tuple[str, str]:
-    first = replace(job.mark_of(frames[0]), inputs="", frame=0)
-    heard = part and (part.start, part.length)
-    scene = short_hash((first, frames, quality, heard, job.skip))
-    return scene, short_hash([job.mark_of(number).inputs for number in frames])
+def _mark(job: Frames, frames: list[int], way: object) -> Mark:
+    """Return the mark of a film, or of a part of it, that is encoded in a way."""
+    first = job.mark_of(frames[0])
+    scene = short_hash((first.scene, frames, way, job.skip))
+    return replace(first, scene=scene, inputs=short_hash([job.mark_of(n).inputs for n in frames]))
 
 
-def _is_there(path: Path, mark: tuple[str, str], count: int) -> bool:
-    """Whether the very same film is there and whole; refuses another one."""
-    found, frames = comment_of(path)
-    words = found.split()
-    if words[:1] != ["flurries"]:
-        raise Refused(path, "is not a film of this scene")
-    if words[1:2] != [mark[0]]:
-        raise Refused(path, "is a film of another scene, of other frames, or of another version")
-    return words[2:] == [mark[1]] and frames == count
+class _Groups:
+    """The groups of frames of a film, each a file of packets."""
+
+    def __init__(self, job: Frames, plan: Plan, frames: list[int]) -> None:
+        self._job, self._plan, self._done = job, plan, Done()
+        self._folder = plan.path.with_name(f"{plan.path.name}.parts")
+        self._journal = Journal(job.store, self._folder)
+        self._levels = 8 if plan.codec.bits == 8 else 16
+        groups = enumerate(plan.groups(frames))
+        self._groups = {self._folder / f"{place:04d}.npz": numbers for place, numbers in groups}
+
+    def make(self, progress: Progress, dask: Any, patience: float) -> Done:
+        """Encode the groups that are missing."""
+        self.tidy()
+        ends: dict[int, Path] = {}
+        missing: list[int] = []
+        for path, numbers in self._groups.items():
+            line = self._settled(path)
+            if line is None:
+                missing += numbers
+                ends[numbers[-1]] = path
+            else:
+                self._done.skipped += line["skipped"]
+                self._done.kept += [n for n in numbers if n not in line["skipped"]]
+        if missing:
+            self._encode(
+                _rendered(self._job, missing, progress, self._levels, dask, patience), ends
+            )
+        return self._done
+
+    def _settled(self, path: Path) -> dict[str, Any] | None:
+        try:
+            return self._journal.settled(path, self._mark(path))
+        except Refused:
+            if not self._journal.lines(path.name):
+                raise
+            # What a run of another scene has left behind; nobody else wants it.
+            return None
+
+    def _mark(self, path: Path) -> Mark:
+        plan = self._plan
+        way = (plan.size, plan.fps, plan.codec, plan.threads, replace(plan.tags, timecode=None))
+        return _mark(self._job, self._groups[path], way)
+
+    def _encode(self, rendered: Iterator[tuple[int, Any]], ends: dict[int, Path]) -> None:
+        content, scene, path = self._job.content, self._job.scene, self._plan.path
+        # While a frame is encoded, the next ones are rendered.
+        with (
+            closing(Remote(path, "written", Film, self._plan)) as film,
+            ThreadPoolExecutor(1, "encoder", _core.set_scope, (threads(), reproducible())) as pool,
+        ):
+
+            def encode(image: Any) -> None:
+                with stage("encode"):
+                    film.call("encode", content.levels(scene, image, self._levels, path))
+
+            def save(part: Path, skipped: list[int]) -> None:
+                with stage("encode"):
+                    times, data = film.call("end_group")
+                facts = {**self._mark(part).facts, "skipped": skipped}
+                with self._journal.recording(part, facts), replacing(part) as place:
+                    np.savez(place, times=times, data=data)
+
+            waiting: deque[Future[None]] = deque()
+            skipped: list[int] = []
+            for number, image in rendered:
+                # In the context of the caller, whose stages are counted.
+                if image is None:
+                    skipped.append(number)
+                else:
+                    waiting.append(pool.submit(copy_context().run, encode, image))
+                    self._done.written.append(number)
+                if number in ends:
+                    waiting.append(pool.submit(copy_context().run, save, ends[number], skipped))
+                    self._done.skipped += skipped
+                    skipped = []
+                while len(waiting) > AHEAD:
+                    waiting.popleft().result()
+            for one in waiting:
+                one.result()
+
+    def join(self) -> None:
+        """Put the packets of all groups into the film."""
+        path = self._plan.path
+        with (
+            replacing(path) as place,
+            closing(Remote(path, "written", Film, self._plan)) as film,
+        ):
+            film.call("open", place)
+            for part in self._groups:
+                with np.load(part, allow_pickle=False) as packets:
+                    film.call("join", packets["times"], packets["data"])
+            film.call("finish", len(self._done.written) + len(self._done.kept))
+
+    def tidy(self) -> None:
+        """Remove what killed processes have left, and the folder if it has no group."""
+        self._job.store.tidy(self._folder)
+        if not any(path.exists() for path in self._groups):
+            self.remove()
+
+    def remove(self) -> None:
+        """Remove what the film does not need any more, and nothing else."""
+        with suppress(OSError):
+            for found in self._folder.iterdir():
+                if self._journal.lines(found.name) or is_journal(found.name):
+                    found.unlink()
+            self._folder.rmdir()
 
 
 def _tags(scene: Scene, first: int) -> Tags:
@@ -147,7 +248,7 @@ def _rendered(
 def _sound(scene: Scene, frames: list[int], skip: bool) -> tuple[str, Sound | None]:
     """Return the fate of the background's sound, and the part of it that belongs to frames."""
     film = scene._film
-    if film is None or not has_sound(film.spec):
+    if film is None or not film.sound:
         return "none", None
     rate = frame_rate(scene.fps)
     if film.fps is None or frame_rate(film.fps) != rate:

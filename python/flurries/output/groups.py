@@ -54,11 +54,6 @@ def to_dask(scene: Rendering, frames: Any = None, *, group: int | None = None) -
         Of the dtype that `Scene.render` gives, with its bits, in the mode of the moment. It is
         rendered where and when Dask computes it, a chunk of frames at a time.
 
-    Raises
-    ------
-    ImportError
-        Without Dask; it comes with ``flurries[dask]``.
-
     Examples
     --------
     >>> import flurries as fl

@@ -105,10 +105,11 @@ def write(
             f"frames of a film or a sequence must be a range: '1-{frames}' for {frames} frames, "
             f"'{frames}' for frame {frames} alone; got {frames}"
         )
-    if scene._still and Path(text).suffix.lower() in VIDEO_EXTENSIONS:
+    film = Path(text).suffix.lower() in VIDEO_EXTENSIONS
+    if scene._still and film:
         # A film's rate is the scene's from here on, and its frames are exposed as those of films.
         scene = scene.replace(fps=scene.fps)
-    wanted = frames_of(scene, frames)
+    wanted = frames_of(scene, frames, film=film)
     if still:
         target = Pattern(_token_for(text))
         if frames is not None and len(wanted) > 1:

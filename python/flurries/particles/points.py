@@ -64,11 +64,6 @@ def positions(
     (count, 3) float64
         Row i is flake i's (x, y, z), absolute, world units. Without sway the offset from the centre
         lies in [-B/2, B/2) on each axis, up to the rounding of the sum with the centre.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described, or velocity * time overflows; the message names it.
     """
     number = integer("count", count, low=0, high=MOST_ELEMENTS // 3)
     sides, middle = _box(box, center)

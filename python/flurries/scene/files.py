@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import errno
 import math
+import re
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -48,10 +50,10 @@ class Sources:
         files = self._backdrop.files
         if files is None or not isinstance(files.source, Source):
             return Slate().at(rate)
-        place = files.place(t)
+        place, beyond = files.place(t), files.beyond(t)
         if isinstance(files.source, VideoSource):
             code = files.source.tags.timecode
-            return Slate().at(rate, None if code is None else code.later(place))
+            return Slate().at(rate, None if code is None else code.later(place + beyond))
         try:
             found = read_slate(files.source.file(place))
         except (OSError, ValueError):
@@ -62,12 +64,20 @@ class Sources:
         if self.size != files.source.size:
             # Fitted to another size: other windows and pixels.
             found = found.resized()
-        return found.at(rate)
+        code = found.timecode if beyond else None
+        return found.at(rate, None if code is None else code.later(beyond))
 
     @property
     def _frames(self) -> int | None:
         """The number of the background's frames; None for a still."""
         return self._backdrop.count
+
+    @property
+    def _number(self) -> int | None:
+        """The frame that the name of a still says that it is, as "raw.1001.exr"."""
+        name = Path(getattr(self._source, "spec", "")).name
+        found = re.fullmatch(r".+\.(-?[0-9]{2,9})\.[^.]+", name)
+        return None if found is None else int(found[1])
 
     @property
     def range(self) -> tuple[int, int] | None:
@@ -147,11 +157,11 @@ class Sources:
         return self._backdrop.deep
 
 
-def frames_of(scene: Rendering, frames: Frames) -> list[int]:
+def frames_of(scene: Rendering, frames: Frames, *, film: bool = False) -> list[int]:
     """Return frame numbers, each once, in the order asked for."""
     # If none are asked for, one round of a scene that repeats, else those of the background's
     # files; of a still those of the first that has numbers of camera, depth and foreground; else
-    # three seconds from 1 on.
+    # the number in its name, "raw.1001.exr"; else, and in a film, three seconds from there or 1 on.
     if frames is None:
         if scene._lap is not None:
             return list(range(scene._lap.first, scene._lap.end))
@@ -160,7 +170,11 @@ def frames_of(scene: Rendering, frames: Frames) -> list[int]:
         # The camera is the last of them, and goes before depth and foreground.
         for span in reversed(scene._spans):
             return list(range(span.first, span.last + 1))
-        return list(range(1, math.ceil(DEFAULT_SECONDS * scene.fps) + 1))
+        number = scene._number
+        if number is not None and not film:
+            return [number]
+        first = 1 if number is None else number
+        return list(range(first, first + math.ceil(DEFAULT_SECONDS * scene.fps)))
     if isinstance(frames, str):
         numbers: Sequence[int] = frame_range(frames)
     elif isinstance(frames, (int, np.integer)):
@@ -169,7 +183,7 @@ def frames_of(scene: Rendering, frames: Frames) -> list[int]:
         numbers = list(frames)
     else:
         raise TypeError(f"frames must be a range such as '1-60' or integers, got {frames!r}")
-    result = list(dict.fromkeys(integer("frames", n, low=0, high=10**12) for n in numbers))
+    result = list(dict.fromkeys(integer("frames", n, low=-(10**12), high=10**12) for n in numbers))
     if not result:
         raise ValueError("frames must name at least one frame, got none")
     return result

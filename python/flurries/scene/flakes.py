@@ -30,11 +30,6 @@ def flakes(scene: Scene, t: float = 0.0) -> npt.NDArray[Any]:
         only a part reaches into the picture lies outside. ``depth``: metres. ``diameter``: metres.
         ``opacity``: mean over the disc of the resting flake, fading included.
 
-    Raises
-    ------
-    ValueError, TypeError
-        If the scene has no such frame.
-
     Examples
     --------
     >>> import flurries as fl

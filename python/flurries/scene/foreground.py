@@ -39,11 +39,6 @@ class Foreground:
         How far away it stands, as a scene's `depth`: weather that is nearer falls in front of it.
         If not given it stands before all weather.
 
-    Raises
-    ------
-    ValueError, TypeError, OSError
-        For an argument that is not as described, when a scene is made of it.
-
     Examples
     --------
     >>> import numpy as np, flurries as fl

@@ -45,6 +45,12 @@ class Numbered:
             return 0
         return self.span.number(math.floor(t)) - self.span.first
 
+    def beyond(self, t: float) -> int:
+        """Return how far beyond the first or the last picture, which is held, floor(t) lies."""
+        if self.span is None or self.span.extend != "hold":
+            return 0
+        return math.floor(t) - self.span.number(math.floor(t))
+
     def file(self, t: float) -> Path:
         """Return the file that frame floor(t) is in."""
         found: Path = self.source.file(self.place(t))

@@ -124,11 +124,6 @@ class Scene(Rendering):
     output : Output, optional
         How frames are written where :meth:`write` does not say.
 
-    Raises
-    ------
-    ValueError, TypeError, OSError
-        For an argument that is not as described, or a file that cannot be read.
-
     Examples
     --------
     >>> import flurries as fl
@@ -190,7 +185,7 @@ class Scene(Rendering):
         settle("seed", seed_of(seed))
         settle("space", choice("space", space, SPACES))
         settle("extend", choice("extend", extend, EXTEND))
-        settle("start", number_or_none("start", start, low=0))
+        settle("start", number_or_none("start", start, low=-MOST_FRAMES))
         settle("colorspace", colorspace)
         settle("effects", effects_of(effects))
         settle("sun", one_or_none("sun", sun, Sun))

@@ -72,13 +72,6 @@ def export_loop(
         pattern without its number. It holds size (width, height), frames, the pattern, the type of
         the values, all arguments, the mean opacity of what the files hold, and the version.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described, or a file that is there already.
-    OSError
-        If something cannot be written; no half-written file stays.
-
     Notes
     -----
     Langer 2004, section 6.2: their films repeat 30 frames of 8-bit luminance textures, 512 x 512,

@@ -107,11 +107,6 @@ def flake_patterns(
         cycle are 0. Every ``[l, p, 0, 0]`` is the layer's mean coverage of a tile in square pixels,
         ``counts[l] * opacity * pi / 12 * (a^2 + a b + b^2)`` for diameters a to b.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
-
     Examples
     --------
     >>> import numpy as np
@@ -224,11 +219,6 @@ def optical_depth(
         Optical depth, 0 or more; ``1 - exp(-depth)`` is the joint opacity of the flakes. Tiles
         without their mean are blended by the power law, the mean is added, and what is below 0
         is 0. The same bits for any number of threads.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
 
     Examples
     --------

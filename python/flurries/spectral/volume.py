@@ -163,12 +163,6 @@ def volume(
         ``sum_k,n a(k, n) cos 2 pi (f_k . (x, y) + n t / T + phase(k, n))``. Mean 0; mean square 1
         over space and time, with one cell per column in every frame.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it. With ``cells="overlap"`` the
-        longest wave may turn by at most one cycle a frame.
-
     Warns
     -----
     UserWarning

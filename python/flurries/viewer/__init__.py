@@ -33,13 +33,6 @@ def view(scene: Scene, *, size: int = 512, save: str = "tuned.toml") -> Viewer:
     Viewer
         A widget. Its `scene` is the scene as the sliders stand.
 
-    Raises
-    ------
-    ImportError
-        Without anywidget.
-    TypeError, ValueError
-        If `scene` is not a scene, or `size` is out of range.
-
     Notes
     -----
     While a slider is dragged the air goes on from where it is; the scene that is saved has the

@@ -40,13 +40,6 @@ def load(
         Of the pictures to be made.
     camera : Camera, optional
         The lens, where the file says nothing of it; 1.2 picture widths if not given.
-
-    Raises
-    ------
-    FileNotFoundError, OSError
-        If a file cannot be read.
-    ValueError
-        If it is of no known kind, or not as its kind should be; the message names file and line.
     """
     size = shape_of("shape", shape)
     lens = Camera(1.2 * size[1]) if camera is None else expect_camera(camera, stretched=True)

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import ctypes
-import os
 import struct
 from bisect import bisect_right
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, BinaryIO
-from weakref import WeakSet
 
 from flurries.io.files import Budget
 
@@ -40,13 +38,11 @@ SCALING: dict[str, Any] = {"interpolation": 4 | 0x2000 | 0x40000 | 0x80000, "thr
 
 def require_library() -> None:
     """Refuse to go on without PyAV, which is an extra: pictures do without it."""
-    try:
-        import av  # noqa: F401
-    except ImportError as error:
+    if find_spec("av") is None:
         raise ImportError(
             "films need PyAV, which flurries' extra [video] brings: pip install 'flurries[video]', "
-            f"or pip install av ({error})"
-        ) from None
+            "or pip install av"
+        )
 
 
 @dataclass(frozen=True)
@@ -82,7 +78,6 @@ class FrameIndex:
 
 
 def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
-    require_library()
     import av
 
     options = {"protocol_whitelist": "file", "format_whitelist": _CONTAINERS}
@@ -101,7 +96,7 @@ def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
     if stream.codec_context is None:
         container.close()
         raise OSError(f"{path}: the video is damaged, or of a codec that is not known")
-    # One thread: threads of a decoder do not survive a fork, and a child that frees it hangs.
+    # One thread: renderers have the others.
     stream.codec_context.thread_count = 1
     limits = Budget.of(budget)
     # Codecs have whole blocks of pixels.
@@ -114,6 +109,10 @@ def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
         container.close()
         raise
     return container, stream
+
+
+def has_sound(container: Any) -> bool:
+    return any(stream.codec_context is not None for stream in container.streams.audio)
 
 
 def index_frames(path: Path, budget: Budget | None = None) -> FrameIndex:
@@ -162,26 +161,6 @@ def _count_frames(path: Path, budget: Budget | None) -> int:
             except av.FFmpegError:
                 continue
     return count
-
-
-_holders: WeakSet[object] = WeakSet()
-
-
-def never_free_in_children(holder: object) -> None:
-    """Make `holder`, and what it refers to, immortal in every child that is forked from now on."""
-    # A codec has threads, locks and open files: to free it in a child waits for threads that are
-    # not there, or writes into the parent's file.
-    _holders.add(holder)
-
-
-def _keep_holders() -> None:
-    for holder in list(_holders):
-        # A reference that is never given back keeps the garbage collector away.
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(holder))
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_keep_holders)
 
 
 _EBML = b"\x1a\x45\xdf\xa3"

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,10 +21,12 @@ from flurries.io.files import Budget, plain_file
 from flurries.io.films.index import (
     SCALING,
     check_structure,
+    has_sound,
     index_frames,
-    never_free_in_children,
     open_video,
+    require_library,
 )
+from flurries.io.films.process import Remote
 from flurries.io.timecode import TimeCode
 
 UNSPECIFIED = 2
@@ -68,15 +71,40 @@ class Tags:
 
 
 class VideoReader:
-    """Decodes a video's frames as RGB, uint8 or uint16 by its bits; for one thread at a time."""
+    """Gives a video's frames as RGB, uint8 or uint16 by its bits; for one thread at a time."""
 
     def __init__(self, path: str | os.PathLike[str], *, budget: Budget | None = None) -> None:
+        require_library()
         self.path, self._budget = plain_file(path), Budget.of(budget)
         check_structure(self.path)
-        never_free_in_children(self)
+        self._open()
+        self.fps, self.count, self.size, self.tags, self.sound = self._decoder.call("facts")
+
+    def _open(self) -> None:
+        self._decoder = Remote(self.path, "read", Decoder, self.path, self._budget)
+
+    def close(self) -> None:
+        self._decoder.close()
+
+    def frame(self, number: int) -> Array:
+        """Return frame `number`, from 0, as (H, W, 3) uint8 or uint16, turned upright."""
+        if not 0 <= number < self.count:
+            raise IndexError(f"{self.path}: there is no frame {number} among {self.count}")
+        if self._decoder.ended:
+            # A crash, Ctrl-C while it was asked, or a fork.
+            self._open()
+        frame: Array = self._decoder.call("frame", number)
+        return frame
+
+
+class Decoder:
+    """Decodes a video's frames, in the codecs' process."""
+
+    def __init__(self, path: Path, budget: Budget) -> None:
+        self.path, self._budget = path, budget
         self._container, self._stream = open_video(self.path, self._budget)
         rate = self._stream.average_rate or self._stream.guessed_rate
-        self.fps = float(rate) if rate else None
+        self._fps = float(rate) if rate else None
         self._index = index_frames(self.path, self._budget)
         self._frames = self._decode()
         # The frame that the decoder will yield next, and those that it yielded ahead of need.
@@ -84,23 +112,19 @@ class VideoReader:
         self._ready: dict[int, Any] = {}
         self._broken: set[int] = set()
         self._seeks = self._index.seekable
-        self.size: tuple[int, int] | None = None
-        self.tags = Tags()
+        self._size: tuple[int, int] | None = None
+        self._tags = Tags()
         first = self.frame(0)
-        self.size = (first.shape[1], first.shape[0])
+        self._size = (first.shape[1], first.shape[0])
+
+    def facts(self) -> tuple[float | None, int, tuple[int, int] | None, Tags, bool]:
+        return self._fps, self._count, self._size, self._tags, has_sound(self._container)
 
     @property
-    def count(self) -> int:
+    def _count(self) -> int:
         return len(self._index.times)
 
-    def close(self) -> None:
-        self._ready.clear()
-        self._container.close()
-
     def frame(self, number: int) -> Array:
-        """Return frame `number`, from 0, as (H, W, 3) uint8 or uint16, turned upright."""
-        if not 0 <= number < self.count:
-            raise IndexError(f"{self.path}: there is no frame {number} among {self.count}")
         key = self._index.key_of(number)
         if number not in self._ready and not key <= self._next <= number:
             self._go_to(key)
@@ -117,10 +141,10 @@ class VideoReader:
         found = self._ready.get(number)
         if found is None or any(self._index.builds_on(number, place) for place in self._broken):
             raise OSError(f"{self.path}: frame {number} of the video is damaged")
-        if self.size is None:
-            self.tags = Tags.of(self._container, self._stream, found)
+        if self._size is None:
+            self._tags = Tags.of(self._container, self._stream, found)
         pixels = _to_rgb(found)
-        if self.size is not None and self.size != (pixels.shape[1], pixels.shape[0]):
+        if self._size is not None and self._size != (pixels.shape[1], pixels.shape[0]):
             raise OSError(f"{self.path}: frame {number} of the video has another size")
         return pixels
 
@@ -142,7 +166,7 @@ class VideoReader:
         while self._next <= last:
             frame = next(self._frames, None)
             if frame is None:
-                self._next = self.count
+                self._next = self._count
                 return False
             place = self._next if self._index.counted else self._index.numbers.get(frame.pts)
             if place is None:
@@ -167,7 +191,7 @@ class VideoReader:
                 except av.FFmpegError:
                     place = self._index.numbers.get(packet.pts)
                     # Without a time, the frame that comes next is as near as can be told.
-                    self._broken.add(min(self._next, self.count - 1) if place is None else place)
+                    self._broken.add(min(self._next, self._count - 1) if place is None else place)
         except av.FFmpegError:
             return
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import chain
 from typing import Any
 
 from flurries.io.files import plain_file
-from flurries.io.films.index import open_video
+from flurries.io.films.index import has_sound, open_video
 
 # What each kind of file holds of sound, and what it is encoded as otherwise.
 _HOLDS: dict[str, tuple[tuple[str, ...], str]] = {
@@ -30,21 +30,13 @@ class Sound:
     length: Fraction  # Seconds.
 
 
-def has_sound(path: str | os.PathLike[str]) -> bool:
-    container, _ = open_video(plain_file(path))
-    try:
-        return any(stream.codec_context is not None for stream in container.streams.audio)
-    finally:
-        container.close()
-
-
 class SoundTrack:
     """Carries a film's first sound track into a container that is being written."""
 
     def __init__(self, sound: Sound, container: Any, suffix: str) -> None:
-        if not has_sound(sound.path):
-            raise ValueError(f"{sound.path}: the film has no sound that can be read")
         self._source, picture = open_video(plain_file(sound.path))
+        if not has_sound(self._source):
+            raise ValueError(f"{sound.path}: the film has no sound that can be read")
         self._container = container
         stream = self._source.streams.audio[0]
         first = Fraction(0)
@@ -97,50 +89,31 @@ class SoundTrack:
             yield time - self._from, packet
 
     def _encoded(self, stream: Any) -> Iterator[tuple[Fraction, Any]]:
-        for number, frame in self._resampled(stream):
-            time = Fraction(number, self._stream.codec_context.rate)
+        for frame in self._cut(stream):
             for packet in self._stream.encode(frame):
-                yield time, packet
+                yield frame.pts * frame.time_base, packet
         for packet in self._stream.encode(None):
             yield self._to - self._from, packet
 
-    def _resampled(self, stream: Any) -> Iterator[tuple[int, Any]]:
-        """Yield first samples and frames as the encoder wants them, cut at the sample."""
-        from av.audio.fifo import AudioFifo
-        from av.audio.resampler import AudioResampler
+    def _cut(self, stream: Any) -> Iterator[Any]:
+        """Yield frames as the encoder wants them, cut at the sample and numbered from 0."""
+        from av.filter import Graph
 
-        context = self._stream.codec_context
-        resampler = AudioResampler(format=context.format, layout=context.layout, rate=context.rate)
-        total = round((self._to - self._from) * context.rate)
-        fifo, begun, taken = AudioFifo(), False, 0
-        size = context.frame_size or 1024
-        for frame in self._decoded(stream):
-            for part in resampler.resample(frame):
-                if part.pts is None or part.time_base is None:
-                    continue
-                at = round((part.pts * part.time_base - self._from) * context.rate)
-                if at + part.samples <= 0:
-                    continue
-                part.pts = None
-                fifo.write(part)
-                if not begun:
-                    begun = True
-                    if at < 0:
-                        fifo.read(-at)
-            while fifo.samples >= size and taken < total:
-                yield taken, self._numbered(fifo.read(min(size, total - taken)), taken)
-                taken += min(size, total - taken)
-            if taken >= total:
-                return
-        left = min(fifo.samples, total - taken)
-        if left > 0:
-            yield taken, self._numbered(fifo.read(left), taken)
-
-    def _numbered(self, frame: Any, sample: int) -> Any:
-        frame.pts = sample
-        frame.sample_rate = self._stream.codec_context.rate
-        frame.time_base = Fraction(1, self._stream.codec_context.rate)
-        return frame
+        context, graph = self._stream.codec_context, Graph()
+        begin, end = (round(1e6 * time) for time in (self._from, self._to))
+        graph.link_nodes(
+            graph.add_abuffer(template=stream),
+            graph.add("aformat", f"{context.format.name}:{context.rate}:{context.layout.name}"),
+            graph.add("atrim", f"start={begin}us:end={end}us"),
+            graph.add("asetpts", "N/SR/TB"),
+            graph.add("asetnsamples", f"{context.frame_size or 1024}:0"),
+            graph.add("abuffersink"),
+        ).configure()
+        for frame in chain(self._decoded(stream), [None]):
+            graph.push(frame)
+            with suppress(BlockingIOError, EOFError):
+                while True:
+                    yield graph.pull()
 
     def _decoded(self, stream: Any) -> Iterator[Any]:
         import av

@@ -39,11 +39,6 @@ class Deep:
     values : (N, 6) float32 array
         Pixel after pixel, row after row, nearest sample first: red, green, blue, opacity, and the
         depths where the sample begins and ends. Colors are linear light multiplied by the opacity.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If they are no such arrays, or do not fit each other.
     """
 
     counts: Array

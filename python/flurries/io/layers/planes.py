@@ -63,11 +63,6 @@ def write_layers(
         Store colors and masks as half. Depths and vectors always have 32 bits.
     metadata, slate
         As `write_picture`.
-
-    Raises
-    ------
-    ValueError, TypeError, OSError
-        If names or arrays are not as above, or as `write_picture`.
     """
     require_exr(path, "layers")
     _write(path, {"": layers}, half, metadata, slate)
@@ -92,11 +87,6 @@ def write_layer_views(
         that is called as the view and says so in its header.
     half, metadata, slate
         As `write_layers`; in the header of each part.
-
-    Raises
-    ------
-    ValueError, TypeError, OSError
-        As `write_layers`; ValueError also if a name is no name.
     """
     require_exr(path, "views")
     if not mapping("views", views):

@@ -33,11 +33,6 @@ def photograph(
     size : (width, height), optional
         Pixels that it is fitted to, as :func:`flurries.io.fit` does; its own if not given.
 
-    Raises
-    ------
-    ValueError, TypeError
-        If there is no such photograph, or no such size.
-
     Examples
     --------
     >>> import flurries as fl

@@ -42,11 +42,6 @@ def fit(
         show all, with black bars (transparent with alpha); or let both directions go their own way.
     encoding : {"display", "linear"}, optional
         What the numbers are; by default integers are display values and floats linear light.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as above.
     """
     array = rectangular("pixels", pixels)
     if array.dtype.name not in ("uint8", "uint16", "float16", "float32", "float64"):
@@ -86,11 +81,6 @@ def fit_nearest(plane: npt.ArrayLike, size: Sequence[int]) -> Array:
         of the pixel that its centre falls into.
     size : (int, int)
         (width, height) in px.
-
-    Raises
-    ------
-    TypeError, ValueError
-        For an argument that is not as described.
     """
     width, height = checked_size(size)
     array = rectangular("plane", plane)

@@ -215,11 +215,6 @@ def read_header(path: str | os.PathLike[str], *, overscan: bool = False) -> Head
     path : str or path
     overscan : bool
         Whether the size is that of all that is stored, not of the display window alone.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As `read_picture`.
     """
     with opened_picture(path, overscan=overscan) as opened:
         return Header(

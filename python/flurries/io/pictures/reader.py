@@ -89,15 +89,6 @@ def read_picture(
         How large it may be; ``Budget()`` if not given.
     overscan : bool
         All that is stored comes, and the display window is where `Picture.display` says.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    OSError
-        If the file is empty, cut short, damaged, or larger than the budget.
-    ValueError
-        If it is no picture of a known format, or deep, or chroma subsampled.
     """
     with opened_picture(path, budget, overscan=overscan) as opened:
         pixels, alpha = _decode(opened)
@@ -162,11 +153,6 @@ def read_depth(
         (``ViewLayer.Depth.Z``), in any part; or with a single float channel.
     budget, overscan
         As `read_picture`.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As `read_picture`; ValueError also if there is no such channel, or a depth is not above 0.
     """
     with opened_picture(path, budget, overscan=overscan) as opened:
         part, channel = _channel_of(opened)

@@ -41,11 +41,7 @@ Checksums: TypeAlias = list[tuple[np.dtype[Any], int]]
 def write_parts(
     path: str | os.PathLike[str], parts: Sequence[tuple[Any, Band]], *, lossless: bool = True
 ) -> None:
-    """Write a picture of one or several parts atomically, and verify it.
-
-    A part is its header and a function that gives rows [first, last) as an array (rows, W,
-    channels) of one type; whole numbers of an EXR are floats of the same bits.
-    """
+    """Write a picture of one or several parts atomically, and verify it."""
     target = os.fspath(path)
     plain = [(as_floats(specification), band) for specification, band in parts]
     with replacing(path) as temporary:

@@ -54,6 +54,8 @@ class Slate:
         Bits of a color, if the plate's header has them.
     colored : bool
         Whether colors are in the plate's own space still.
+    crop : (rows, columns) or None
+        The pixels that the plate has of a picture that is larger, as slices.
     """
 
     attributes: tuple[tuple[str, str, Any], ...] = ()
@@ -63,6 +65,7 @@ class Slate:
     rate: Fraction | None = None
     bits: int | None = None
     colored: bool = True
+    crop: tuple[slice, slice] | None = None
 
     def value(self, name: str) -> Any:
         return next((value for known, _, value in self.attributes if known == name), None)
@@ -96,7 +99,14 @@ class Slate:
         """Return the slate of a picture of another size: its windows are its own."""
         gone = ("PixelAspectRatio", "screenWindowCenter", "screenWindowWidth")
         kept = tuple(one for one in self.attributes if one[0] not in gone)
-        return replace(self, attributes=kept, origin=(0, 0), display=None)
+        return replace(self, attributes=kept, origin=(0, 0), display=None, crop=None)
+
+    def cropped(self) -> Slate:
+        """Return the slate of the pixels that the plate has."""
+        if self.crop is None:
+            return self
+        (top, left), (x, y) = (part.start for part in self.crop), self.origin
+        return replace(self, origin=(x + left, y + top), crop=None)
 
     def uncolored(self) -> Slate:
         """Return the slate of a picture whose colors are in another space than the plate's."""
@@ -155,11 +165,13 @@ def read_slate(path: str | os.PathLike[str], *, budget: Budget | None = None) ->
             )
             found.append((name, str(one.type), kept))
         left, top, _, _ = opened.frame_window
-        origin, display = (0, 0), None
+        origin, display, crop = (0, 0), None, None
         if opened.reader.format_name() == "openexr" and opened.orientation == 1:
             origin = (spec.x + left, spec.y + top)
             display = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
+            if opened.frame_window != (0, 0, spec.width, spec.height):
+                crop = np.s_[-top : spec.height - top, -left : spec.width - left]
         bits = spec.get_int_attribute("oiio:BitsPerSample") or None
         if bits is None and opened.stored_type in ("uint8", "uint16"):
             bits = 8 if opened.stored_type == "uint8" else 16
-        return Slate(tuple(found), opened.encoding, origin, display, rate_of(spec), bits)
+        return Slate(tuple(found), opened.encoding, origin, display, rate_of(spec), bits, crop=crop)

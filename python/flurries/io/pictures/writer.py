@@ -121,13 +121,6 @@ def write_picture(
         ``2000:01:01 00:00:00``, replaces that fixed moment.
     slate : Slate, optional
         What the plate that it was made of says of itself, see :func:`read_slate`.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If an argument is not as above, or the format has no room for alpha.
-    OSError
-        If the file cannot be written or does not read back; the old file stays as it was.
     """
     form = format_of(path)
     strings, said = header.checked(metadata), Slate.of(slate)

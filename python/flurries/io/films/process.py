@@ -1,0 +1,157 @@
+"""A process of its own for a film's codecs.
+
+Codecs write past their own memory, over a full disk or a damaged film. Their process ends then, and
+here that is an error of one sentence.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import weakref
+from contextlib import suppress
+from multiprocessing.spawn import get_executable
+from pathlib import Path
+from typing import Any, ClassVar
+
+# Processes that wait for another film, at most: to start one takes .3 s.
+_SPARE = 2
+
+_SERVE = (
+    "import sys; sys.path[:] = sys.argv[1:]; from flurries.io.films.process import serve; serve()"
+)
+
+
+class Remote:
+    """An object in another process; its methods are called by their names, one after the other."""
+
+    def __init__(self, path: Path, verb: str, kind: type, *arguments: Any) -> None:
+        self._what = f"{path}: the video cannot be {verb}"
+        self._process = _Process.take()
+        self.close = weakref.finalize(self, self._process.release)
+        self._post("", kind, Path.cwd(), *arguments)
+
+    @property
+    def ended(self) -> bool:
+        return not self.close.alive or self._process.owner != os.getpid()
+
+    def call(self, method: str, *arguments: Any) -> Any:
+        """Return what a method returns, or raise what it raises there."""
+        self._post(method, *arguments)
+        answers = [self._answer() for _ in range(self._process.unanswered)]
+        for failed, answer in answers:
+            if failed:
+                raise answer
+        return answers[-1][1]
+
+    def _post(self, *message: Any) -> None:
+        self._process.unanswered += 1
+        try:
+            _send(self._process.stdin, message)
+        except BrokenPipeError:
+            self._crashed()
+        except BaseException:
+            # Half a message: what follows would not be understood.
+            self.close()
+            raise
+
+    def _answer(self) -> Any:
+        try:
+            answer = _receive(self._process.stdout)
+        except EOFError:
+            self._crashed()
+        except BaseException:
+            self.close()
+            raise
+        self._process.unanswered -= 1
+        return answer
+
+    def _crashed(self) -> None:
+        code = self._process.wait()
+        self.close()
+        end = signal.Signals(-code).name if code < 0 else f"code {code}"
+        raise OSError(f"{self._what}: its library ended by {end}") from None
+
+
+class _Process(subprocess.Popen[bytes]):
+    """A child that serves one object at a time."""
+
+    spare: ClassVar[list[_Process]] = []
+
+    def __init__(self) -> None:
+        self.owner, self.unanswered = os.getpid(), 0
+        # In a session of its own: Ctrl-C is the parent's, who says what becomes of the film.
+        super().__init__(
+            [get_executable(), "-c", _SERVE, *map(str, sys.path)],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
+        )  # fmt: skip
+
+    @classmethod
+    def take(cls) -> _Process:
+        with suppress(IndexError):
+            while (one := cls.spare.pop()).owner == os.getpid():
+                if one.poll() is None:
+                    return one
+        return cls()
+
+    def release(self) -> None:
+        """Let the object go, and keep the process for another if it is at rest."""
+        if self.owner != os.getpid():
+            self.returncode = 0  # The copy of a fork: the process is the parent's.
+            return
+        if not self.unanswered and len(self.spare) < _SPARE:
+            with suppress(OSError):
+                _send(self.stdin, ("", None))
+                self.spare.append(self)
+                return
+        self.end()
+
+    def end(self) -> None:
+        self.kill()
+        self.communicate()
+
+
+def serve() -> None:
+    """Do what is asked for on stdin until it is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    source, sink = (os.fdopen(os.dup(n), mode) for n, mode in ((0, "rb"), (1, "wb")))
+    # Libraries tell the terminal of damage, which is told by the parent.
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for standard in range(3):
+        os.dup2(nowhere, standard)
+    thing: Any = None
+    with suppress(EOFError, BrokenPipeError):
+        while True:
+            method, *arguments = _receive(source)
+            if not method:
+                thing, kind = None, arguments[0]
+                if kind is None:
+                    continue
+            try:
+                if method:
+                    answer = False, getattr(thing, method)(*arguments)
+                else:
+                    # Paths are the parent's, who may have moved since this began.
+                    os.chdir(arguments[1])
+                    thing = kind(*arguments[2:])
+                    answer = False, None
+            except Exception as error:
+                own = type(error).__module__ == "builtins"
+                answer = True, error if own else RuntimeError(f"{type(error).__name__}: {error}")
+            _send(sink, answer)
+
+
+def _send(stream: Any, message: Any) -> None:
+    # Arrays go as they are, without a copy.
+    pickle.dump(message, stream, 5)
+    stream.flush()
+
+
+def _receive(stream: Any) -> Any:
+    try:
+        return pickle.load(stream)
+    except pickle.UnpicklingError:
+        raise EOFError from None  # Half a message.
