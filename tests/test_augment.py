@@ -30,23 +30,6 @@ DTYPES = {
 }
 
 
-# What comes back ---------------------------------------------------------------------------------
-
-
-@EACH
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("channels", [None, 1, 3])
-def test_dtype_and_shape_stay_and_nothing_is_written(kind: str, dtype: str, channels: int | None):
-    picture = DTYPES[dtype]
-    picture = picture[..., 0] if channels is None else picture[..., :channels]
-    before = picture.copy()
-    seen = KINDS[kind](severity=4, seed=1)(picture, index=3)
-    assert seen.shape == picture.shape and seen.dtype == picture.dtype
-    assert np.array_equal(picture, before)
-    assert not np.shares_memory(seen, picture)
-    assert not np.array_equal(seen, picture)
-
-
 @EACH
 def test_dtypes_agree(kind: str):
     weather = KINDS[kind](severity=4, seed=1)
@@ -56,6 +39,7 @@ def test_dtypes_agree(kind: str):
         seen = weather(DTYPES[name], index=3).astype(np.float64)
         seen /= {"u1": 255.0, "u2": 65535.0}.get(name, 1.0)
         assert np.abs(seen - exact).max() <= 1.01 * step + 3e-7, name
+        assert np.array_equal(KINDS[kind](amount=0.0)(DTYPES[name]), DTYPES[name])
 
 
 @EACH
@@ -67,12 +51,6 @@ def test_it_is_the_layer_over_the_picture(kind: str):
     want = layer[..., :3] + (1.0 - layer[..., 3:].astype(np.float64)) * picture
     assert np.abs(seen - want).max() < 1e-6
     assert np.array_equal(seen, weather(picture, index=3))
-
-
-@EACH
-def test_nothing_is_nothing(kind: str):
-    for picture in DTYPES.values():
-        assert np.array_equal(KINDS[kind](amount=0.0, seed=1)(picture, index=0), picture)
 
 
 @EACH
@@ -102,9 +80,6 @@ def test_white_is_what_the_caller_says(kind: str):
     assert np.allclose(scaled, 255.0 * seen, rtol=0.0, atol=1e-9)
 
 
-# More than one -----------------------------------------------------------------------------------
-
-
 @EACH
 def test_a_batch_is_its_pictures(kind: str):
     weather = KINDS[kind](severity=(1, 5), seed=1)
@@ -120,29 +95,31 @@ def test_a_batch_is_its_pictures(kind: str):
 
 
 @EACH
-def test_a_clip_is_its_frames(kind: str):
-    weather = KINDS[kind](severity=3, seed=1)
+def test_films_and_pairs_are_their_pictures(kind: str):
+    weather = KINDS[kind](severity=4, seed=1)
     frames = np.stack([PICTURE] * 3)
-    seen = weather.clip(frames, index=5, fps=25.0, time=2.0)
-    assert seen.shape == frames.shape
-    for number in range(3):
+    how = {
+        "index": 5,
+        "fps": 25.0,
+        "depth": np.stack([np.full((48, 64), d) for d in (5.0, 9.0, 500.0)]),
+    }
+    seen = weather.clip(frames, time=2.0, **how)
+    film = weather.apply(frames, time=2.0, boxes=[[[5, 5, 40, 30]]] * 3, **how)
+    for number, image in enumerate(seen):
         # At 25 frames a second, which is what a call takes for 30.
-        one = weather.apply(PICTURE, index=5, time=2.0 + number / 25.0, fps=25.0).image
-        assert np.array_equal(seen[number], one)
-    assert not np.array_equal(seen[0], seen[1])
-    grey = weather.clip(frames[..., 0], index=5)
-    assert grey.shape == frames.shape[:3]
-
-
-def test_a_depth_for_each():
-    fog = Fog(visibility=50.0, patches=0.0, seed=1)
-    images = np.stack([PICTURE] * 2)
-    depth = np.stack([np.full((48, 64), d) for d in (5.0, 500.0)])
-    for many in (fog.batch, fog.clip):
-        seen = many(images, index=[0, 0] if many == fog.batch else 0, depth=depth)
-        for number in range(2):
-            one = fog(PICTURE, index=0, depth=depth[number])
-            assert np.array_equal(seen[number], one)
+        own = {**how, "time": 2.0 + number / 25.0, "depth": how["depth"][number]}
+        one = weather.apply(PICTURE, **own).image
+        assert np.array_equal(image, one) and np.array_equal(film[number].image, one)
+        assert film[number].occlusion == pytest.approx([film[number].alpha[5:30, 5:40].mean()])
+    assert weather.clip(frames[..., 0], index=5).shape == frames.shape[:3]
+    both, how = (PICTURE, PICTURE[::-1]), {"index": 3, "time": 0.5, "distance": 0.3}
+    truth, pair = weather.apply(both, **how), weather.pair(*both, **how)
+    for k, eye in enumerate(("left", "right")):
+        assert np.array_equal(truth[k].image, pair[k])
+        lone = weather.apply(both[k], eye=eye, **how)
+        assert np.array_equal(lone.image, pair[k]) and lone.weather_disparity is not None
+    with pytest.raises(ValueError, match="boxes must be one or 3"):
+        weather.apply(frames, boxes=[[]])
 
 
 @pytest.mark.parametrize("shape, words", [

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import flurries as fl
 from flurries.augment import Fog, Ground, Snowfall, Weathered, occlusion
+from flurries.augment.air import Here
 from flurries.augment.distance import SKY
 from test_augment import DTYPES, EACH, KINDS, PICTURE
 
@@ -29,15 +31,19 @@ def test_fog_is_koschmieder():
 def test_flakes_stay_behind_what_is_nearer():
     snow = Snowfall(severity=5, seed=1)
     air, view = snow._air(snow.record(index=0)), snow._view((128, 128))
-    far = air.alpha(view, snow._distances(200.0, view), time=0.0, veil=0.0)
-    near = air.alpha(view, snow._distances(2.0, view), time=0.0, veil=0.0)
-    nothing = air.alpha(view, snow._distances(0.3, view), time=0.0, veil=0.0)
+
+    def fallen(air: Any, depth: Any) -> np.ndarray:
+        here = Here(air, view, snow._distances(depth, view), 0.0)
+        here.extinction = 0.0
+        return here.alpha()[0]
+
+    far, near, nothing = (fallen(air, depth) for depth in (200.0, 2.0, 0.3))
     # Four times as dense, at most, so that near pictures have their flakes too.
     assert far.mean() > near.mean() > 0.0 and nothing.max() == 0.0
     # A wall in the left half hides there what it hides everywhere, and nothing in the right half.
     wall = np.full((128, 128), 200.0)
     wall[:, :64] = 2.0
-    half = air.alpha(view, snow._distances(wall, view), time=0.0, veil=0.0)
+    half = fallen(air, wall)
     # There are so many more flakes that the picture loses as much: half of it sees few of them.
     assert air.falling is not None
     reach = air.falling.far - air.falling.near
@@ -48,7 +54,7 @@ def test_flakes_stay_behind_what_is_nearer():
         name: replace(getattr(air, name), depth=more * air.falling.depth)
         for name in ("falling", "rung")
     })  # fmt: skip
-    dense = many.alpha(view, snow._distances(200.0, view), time=0.0, veil=0.0)
+    dense = fallen(many, 200.0)
     assert half[:, 66:].mean() == pytest.approx(dense[:, 66:].mean(), rel=0.05)
     assert half[:, :62].mean() < 0.5 * dense[:, :62].mean()
 
@@ -189,9 +195,21 @@ def test_soft_labels_are_means_by_what_is_seen(kind: str):
     shape = (96, 128)
     depth, flow = rng.uniform(6.0, 60.0, shape), rng.standard_normal((*shape, 2))
     boxes = [[4.0, 5.0, 60.0, 80.0], [0.0, 0.0, 128.0, 96.0]]
+    depth[:9], masks = np.inf, np.zeros(shape, np.int32)
+    masks[10:40, 10:50], masks[30:60, 40:90] = 26001, 7
     seen = KINDS[kind](severity=4, seed=1).apply(
-        np.zeros(shape), index=0, depth=depth, flow=flow, boxes=boxes, motion=True
-    )
+        np.zeros(shape), index=0, depth=depth, flow=flow, boxes=boxes, masks=masks, motion=True,
+        eye="left", distance=0.5,
+    )  # fmt: skip
+    planes = [seen.alpha[masks == number] for number in (7, 26001)]
+    assert seen.instances.tolist() == [7, 26001]
+    assert seen.instance_occlusion == pytest.approx([plane.mean() for plane in planes], rel=1e-5)
+    assert seen.instance_visibility == pytest.approx([(plane < 0.5).mean() for plane in planes])
+    parallax = 1.2 * 128 * 0.5
+    assert np.allclose(seen.disparity, parallax / seen.depth, rtol=1e-6)
+    assert (seen.weather_disparity <= parallax / 0.3).all()
+    assert ((seen.weather_disparity > parallax / 30.0) == (seen.falling[..., 3] > 0.0)).mean() > 0.9
+    depth = np.where(depth == np.inf, seen.depth.max(), depth)
     way, nearness, alpha = seen.falling[..., :2], seen.falling[..., 2], seen.falling[..., 3]
     assert seen.falling.shape == (*shape, 4) and seen.falling.dtype == np.float32
     # Something falls in rain and snow; and the veil is over it.

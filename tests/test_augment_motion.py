@@ -59,7 +59,7 @@ def test_slices_carried_by_their_own_motions_are_the_next_frame(
         motion = np.broadcast_to(part.motion, (512, 512, 2))
         carried, _ = moved(part.opacity.astype(np.float64), motion)
         left *= 1.0 - carried
-    then = air.alpha(view, distances, time=1.0 + 1.0 / fps, fps=fps)
+    then, _ = Here(air, view, distances, 1.0 + 1.0 / fps, fps).alpha()
     # What comes in from outside is not known.
     inner = np.zeros((512, 512), bool)
     inner[96:-16, 64:-64] = True
@@ -82,7 +82,7 @@ def test_vectors_are_focal_over_depth(kind: str):
     weather = getattr(fl.augment, kind)(severity=2, seed=5, exposure=1e-3)
     air, view = weather._air(weather.record(index=0)), weather._view((512, 512))
     distances = weather._distances(None, view)
-    _, motion, where = labels_of(air, view, distances, time=1.0, fps=30.0).most
+    _, motion, where = labels_of(Here(air, view, distances, 1.0, 30.0), 30.0).most
     found = []
     for time in (1.0 - 0.5 / 30.0, 1.0, 1.0 + 0.5 / 30.0):
         request = Here(air, view, distances, time, 30.0).request()

@@ -1,9 +1,4 @@
-"""Weather for data sets: snow, rain and fog on arrays, with labels.
-
-``import flurries`` alone does not import it; the first use of ``fl.augment`` does. The same weather
-as transforms of other libraries: :mod:`flurries.augment.albumentations`,
-:mod:`flurries.augment.torchvision`, :mod:`flurries.augment.kornia`, each imported when asked for.
-"""
+"""Weather for data sets: snow, rain and fog on arrays, with labels."""
 
 from __future__ import annotations
 

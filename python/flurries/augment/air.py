@@ -65,29 +65,6 @@ class Air:
     # The veil's extinction per metre, in place of one for the loss.
     fixed: float | None = None
 
-    def alpha(
-        self,
-        view: View,
-        distances: Distances,
-        *,
-        time: float,
-        fps: float | None = None,
-        veil: float | None = None,
-        passing: bool = False,
-    ) -> Array:
-        """Return the opacity of all of it, (H, W) float32: a `passing` one until the next call."""
-        if self.loss <= 0.0:
-            return np.zeros(view.shape, np.float32)
-        here = Here(self, view, distances, time, fps)
-        haze, plane = here.veil(here.extinction if veil is None else veil)
-        if here.falling is None:
-            if plane is None:
-                return np.full(view.shape, haze, np.float32)
-            return plane if passing else plane.copy()
-        out = scratch("alpha", view.shape) if passing else np.empty(view.shape, np.float32)
-        here.write(out, haze, plane)
-        return out
-
     @property
     def way(self) -> float:
         """Metres that what falls moves by while the shutter is open."""
@@ -158,6 +135,21 @@ class Here:
             field = patches.field(self.view.shape, self.air.seed, self.time)
         _core.veil(found, plane, thick, field)
         return 0.0, found
+
+    def alpha(self, *, passing: bool = False) -> tuple[Array, Any]:
+        """Return the opacity of it all, (H, W), and its veil's: `passing` until the next call."""
+        shape = self.view.shape
+        if self.air.loss <= 0.0:
+            return np.zeros(shape, np.float32), 0.0
+        haze, plane = self.veil(self.extinction)
+        hidden = haze if plane is None else plane
+        if self.falling is None:
+            if plane is None:
+                return np.full(shape, haze, np.float32), hidden
+            return plane if passing else plane.copy(), hidden
+        out = scratch("alpha", shape) if passing else np.empty(shape, np.float32)
+        self.write(out, haze, plane)
+        return out, hidden
 
     @property
     def depth(self) -> Array | None:

@@ -1,24 +1,6 @@
-"""Weather as transforms of albumentations and of AlbumentationsX, in their pipelines.
+"""Weather as transforms of albumentations and of AlbumentationsX, see docs/augment.md.
 
-    import albumentations as A
-    from flurries.augment.albumentations import Snowfall
-    pipeline = A.Compose([Snowfall(severity=(1, 4), p=0.5), A.HorizontalFlip()])
-
-Draws come from the pipeline's own random numbers, so that its seed rules them. Boxes, masks and key
-points pass through. `images`, the frames of a film, get one weather that moves. What was drawn is
-kept by the pipeline's own replay, and goes where `record_key` says; the opacity of the weather goes
-where `alpha_key` says:
-
-    pipeline = A.Compose(
-        [Snowfall(alpha_key="alpha", record_key="records", p=1.0), A.HorizontalFlip()],
-        additional_targets={"alpha": "mask"},
-    )
-    clear = np.zeros(image.shape[:2], np.float32)
-    seen = pipeline(image=image, mask=mask, alpha=clear, records=[])
-    hidden = flurries.augment.occlusion(seen["alpha"], boxes)
-
-AlbumentationsX takes an additional mask only beside a `mask`; where there is none, the opacity may
-be that itself: ``alpha_key="mask"``.
+Draws come from the pipeline's own random numbers, so that its seed rules them.
 """
 
 from __future__ import annotations

@@ -1,10 +1,4 @@
-"""Whole folders of pictures in weather: parallel, resumable, with a journal.
-
-``OUT/snow/3/a/b.png`` is the picture ``a/b.png`` in snow of severity 3. A picture's weather comes
-from the seed and its own name, so that it is the same whatever else is in the folder, however many
-workers there are, and in whatever order they work. Each file appears whole or not at all; what is
-there already, and was made of the same bytes in the same way, stays.
-"""
+"""Whole folders of pictures in weather: parallel, resumable; a picture's weather is of its name."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Random parameters: a pure function of the seed and the index of the call.
-
-No state runs from call to call, so that any worker of any data loader draws the same.
-"""
+"""Random parameters: a pure function of the seed and the index of the call."""
 
 from __future__ import annotations
 

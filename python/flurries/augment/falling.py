@@ -1,8 +1,4 @@
-"""What falls, as one population: how many flakes or drops there are, and how dense each is.
-
-All are balls of one opacity, whose optical depth is multiplied: near ones are drawn, far ones are
-sheets, and both take that factor.
-"""
+"""What falls, as one population of balls of one opacity: how many, and how dense each is."""
 
 from __future__ import annotations
 

@@ -1,22 +1,7 @@
-"""Weather as augmentations of kornia, in its pipelines.
+"""Weather as augmentations of kornia, in its pipelines, see docs/augment.md.
 
-    import kornia.augmentation as K
-    from flurries.augment.kornia import Snowfall
-    pipeline = K.AugmentationSequential(Snowfall(severity=(1, 4)), K.RandomHorizontalFlip())
-
-Draws come from torch's random numbers. Each picture of a batch (B, C, H, W) of floats from 0 to 1
-has a weather of its own, or with ``same_on_batch=True`` all have one. Boxes and masks pass through.
-kornia's pipelines know pictures, masks, boxes and key points and nothing else, so a depth and the
-weather's opacity are channels beside the colors, which flips and crops move with them:
-
-    snow = Snowfall(depth_channel=3, alpha_channel=4, p=1.0)
-    seen = K.AugmentationSequential(snow, K.RandomHorizontalFlip())(batch)  # r, g, b, metres, zeros
-    colors, alpha, drawn = seen[:, :3], seen[:, 4], snow.records
-
-In ``K.VideoSequential(Snowfall(p=1.0), same_on_frame=True)`` a clip has one weather, which moves;
-with ``same=True`` it stands still.
-
-The weather is made on the CPU. Gradients go through to the picture, by what of each pixel is seen.
+Draws come from torch's random numbers. The weather is made on the CPU; gradients go through to the
+picture, by what of each pixel is seen.
 """
 
 from __future__ import annotations

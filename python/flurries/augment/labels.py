@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -40,15 +41,24 @@ class Weathered:
         The mean opacity of flakes or drops over each box, without a veil.
     visibility : (n,) float64 or None
         The share of each box in which more than half of the light is the picture's own.
+    instances : (m,) or None
+        The numbers in a mask (H, W) of integers, but 0; or 0 to m - 1 of masks (m, H, W) of bool.
+    instance_occlusion, instance_visibility : (m,) float64 or None
+        As `occlusion` and `visibility`, over the pixels of each instance.
     flow : (H, W, 2) float32 or None
         The flow given, with the weather's own motion where flakes, drops or the texture hide more
         than half. Pixels per frame.
     depth : (H, W) float32 or None
-        The depth given, with the weather's own where they hide more than half. Metres. A veil has
-        no depth and no motion. Holes in the depth given, NaN or 0, stay holes.
+        The depth given, with the weather's own where they hide more than half, metres. A veil has
+        neither depth nor motion. Holes, NaN or 0, stay holes.
     soft_flow, soft_depth : like `flow` and `depth`, or None
         Means of picture and weather, weighted by what is seen of each; for the depth the harmonic
         mean.
+    disparity : (H, W) float32 or None
+        Of what is seen as `depth` has it, pixels: how much farther left it is for the right eye. 0
+        at infinity, NaN in holes.
+    weather_disparity : (H, W) float32 or None
+        Of the densest flake at each pixel; 0 where there is none.
     motion : (H, W, 2) float32 or None
         Motion of the weather, pixels (x, y) per frame: at each pixel of what is densest there.
     falling : (H, W, 4) float32 or None
@@ -69,6 +79,11 @@ class Weathered:
     depth: Array | None = None
     soft_flow: Array | None = None
     soft_depth: Array | None = None
+    disparity: Array | None = None
+    weather_disparity: Array | None = None
+    instances: Array | None = None
+    instance_occlusion: Float64 | None = None
+    instance_visibility: Float64 | None = None
     motion: Array | None = None
     falling: Array | None = None
 
@@ -78,18 +93,33 @@ class Weathered:
         return layer_of(self.alpha, self.color)
 
 
-def hidden(
-    alpha: Array, falls: Labels | None, *, corners: Float64 | None, flow: Array | None,
-    depth: Array | None, came: Array | None, motion: bool,
-) -> dict[str, Any]:  # fmt: skip
-    """Return the fields of `Weathered` that follow from labels before it; holes stay holes."""
+def hidden(alpha: Array, veil: Any, corners: Float64 | None, masks: Any) -> dict[str, Any]:
+    """Return what weather hides of boxes and of instances, as fields of `Weathered`."""
     found: dict[str, Any] = {}
-    if falls is None:
-        return found
     if corners is not None:
-        found["occlusion"] = occlusion(alpha, corners)
-        found["coverage"] = occlusion(np.clip(falls.alpha, 0.0, 1.0), corners)
-        found["visibility"] = occlusion((alpha < SEEN).astype(np.float32), corners)
+        found["occlusion"] = _means(alpha, corners)
+        # What falls leaves all that the veil does not take.
+        found["coverage"] = _means(1.0 - (1.0 - alpha) / (1.0 - veil), corners)
+        found["visibility"] = _means((alpha < SEEN).astype(np.float32), corners)
+    if not isinstance(masks, np.ndarray) or masks.shape[-2:] != alpha.shape:
+        return found
+    if (masks.ndim, masks.dtype.kind) in ((2, "i"), (2, "u"), (3, "b")):
+        numbers = np.unique(masks[masks != 0]) if masks.ndim == 2 else np.arange(len(masks))
+        planes = [masks == number for number in numbers] if masks.ndim == 2 else masks
+        parts = [alpha[plane] for plane in planes]
+        found["instances"] = numbers
+        for name, of in (("occlusion", parts), ("visibility", [part < SEEN for part in parts])):
+            means = [part.mean(dtype=np.float64) if part.size else np.nan for part in of]
+            found[f"instance_{name}"] = np.array(means, np.float64)
+    return found
+
+
+def mixture(
+    alpha: Array, falls: Labels, *, flow: Array | None, depth: Array | None, came: Array | None,
+    motion: bool, parallax: float,
+) -> dict[str, Any]:  # fmt: skip
+    """Return the labels of what is seen of picture and weather; holes stay holes."""
+    found: dict[str, Any] = {}
     # A layer of the texture alone may be denser than all of them, which are smoother.
     seen = (falls.most.opacity > SEEN) & (alpha > SEEN)
     left = 1.0 - falls.alpha
@@ -98,13 +128,19 @@ def hidden(
         found["soft_flow"] = (left[..., None] * flow + falls.motion).astype(np.float32)
     if depth is not None:
         nearer = np.where(seen, np.minimum(falls.most.depth, depth), depth)
-        soft = 1.0 / (left / depth + falls.nearness)
+        nearness = left / depth + falls.nearness
+        soft = np.divide(1.0, nearness, out=np.full_like(nearness, np.inf), where=nearness > 0.0)
         if came is not None:
             holes = np.isnan(came) | (came == 0.0)
             np.copyto(nearer, came, where=holes & ~seen)
             soft[holes] = came[holes]
         found["depth"] = nearer.astype(np.float32)
         found["soft_depth"] = soft.astype(np.float32)
+    if parallax > 0.0:
+        found["weather_disparity"] = np.asarray(parallax / falls.most.depth, np.float32)
+        if depth is not None:
+            known = np.where(nearer == 0.0, np.nan, nearer)
+            found["disparity"] = np.asarray(parallax / known, np.float32)
     if motion:
         found["motion"] = falls.most.motion
         parts = (falls.motion, falls.nearness[..., None], falls.alpha[..., None])
@@ -153,29 +189,30 @@ def occlusion(alpha: npt.ArrayLike, boxes: npt.ArrayLike) -> Float64:
     """
     plane, _ = pixels("alpha", alpha, ndim=2)
     shares("alpha", plane)
-    corners = boxes_of(boxes)
-    height, width = plane.shape
-    sums = np.zeros((height + 1, width + 1))
-    np.cumsum(np.cumsum(plane, axis=0, dtype=np.float64), axis=1, out=sums[1:, 1:])
-    x = np.clip(corners[:, 0::2], 0.0, width)
-    y = np.clip(corners[:, 1::2], 0.0, height)
+    return _means(plane, boxes_of(boxes))
 
-    def upto(column: Float64, row: Float64) -> Float64:
-        """The integral from the corner of the picture: bilinear between corners of pixels."""
-        j = np.minimum(column.astype(np.int64), width - 1)
-        i = np.minimum(row.astype(np.int64), height - 1)
-        right, down = column - j, row - i
-        upper = sums[i, j] + right * (sums[i, j + 1] - sums[i, j])
-        lower = sums[i + 1, j] + right * (sums[i + 1, j + 1] - sums[i + 1, j])
-        return np.asarray(upper + down * (lower - upper))
 
-    hidden = (
-        upto(x[:, 1], y[:, 1]) - upto(x[:, 0], y[:, 1])
-        - upto(x[:, 1], y[:, 0]) + upto(x[:, 0], y[:, 0])
-    )  # fmt: skip
-    area = (x[:, 1] - x[:, 0]) * (y[:, 1] - y[:, 0])
-    share = np.divide(hidden, area, out=np.full(len(area), np.nan), where=area > 0.0)
-    return np.asarray(np.clip(share, 0.0, 1.0))
+def _means(plane: Array, corners: Float64) -> Float64:
+    """Return the mean of a plane over each box; parts of pixels count as parts."""
+    found = np.full(len(corners), np.nan)
+    for number, box in enumerate(corners):
+        (top, down), (left, across) = (
+            _covered(float(box[axis]), float(box[axis + 2]), length)
+            for axis, length in ((1, plane.shape[0]), (0, plane.shape[1]))
+        )
+        area = float(down.sum() * across.sum())
+        if area > 0.0:
+            part = plane[top : top + len(down), left : left + len(across)]
+            found[number] = float(down @ (part @ across)) / area
+    return np.asarray(np.clip(found, 0.0, 1.0))
+
+
+def _covered(first: float, last: float, length: int) -> tuple[int, Float64]:
+    """Return the first pixel that an interval meets, and how much it covers of each from there."""
+    low, high = min(max(first, 0.0), length), min(max(last, 0.0), length)
+    start = int(low)
+    edges = np.clip(np.arange(start, math.ceil(high) + 1.0), low, max(high, low))
+    return start, np.asarray(np.diff(edges))
 
 
 def boxes_of(boxes: npt.ArrayLike) -> Float64:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, flag, rate_of, real
+from flurries._contract import Array, choice, flag, rate_of, real
 from flurries.augment.air import Here
-from flurries.augment.distance import Depth
+from flurries.augment.distance import Depth, Distances
 from flurries.augment.draws import index_of
-from flurries.augment.labels import layer_of
+from flurries.augment.labels import Weathered, boxes_of, flow_of, hidden, layer_of, mixture
 from flurries.augment.pictures import mixed, picture_of, stack_of
 from flurries.augment.record import Recorded
+from flurries.augment.slices import labels_of
 
 
 class Several(Recorded):
@@ -128,53 +129,158 @@ class Several(Recorded):
         A flake at depth z has the disparity ``focal * distance / z``, and so have each layer
         of sheets.
         """
-        pictures = (picture_of("left", left), picture_of("right", right))
+        pictures = _pair(left, right)
         layer = flag("return_layer", return_layer)
-        apart = real("distance", distance, low=0.0, high=1e3)
-        if pictures[0].shape[:2] != pictures[1].shape[:2]:
-            raise ValueError(
-                f"right must have the height and width of left, {pictures[0].shape[:2]}, got "
-                f"{pictures[1].shape[:2]}"
-            )
-        record = self._drawn(pictures[0], index)
-        air = self._air(record)
         moment = real("time", time, low=-1e9, high=1e9)
-        both = depth if isinstance(depth, tuple) else (depth, depth)
-        if len(both) != 2:
-            raise ValueError(f"depth must be one or (left, right), got {len(both)}")
+        record = self._drawn(pictures[0], index)
         results, layers = [], []
-        veil = None
-        for side, (picture, own) in enumerate(zip(pictures, both, strict=True)):
-            view = self._view(picture.shape[:2], (side - 0.5) * apart, 0.5 * apart)
-            distances = self._distances(own, view)
-            if veil is None:
-                # One air for both eyes, by what the left one sees.
-                veil = Here(air, view, distances, moment).extinction
-            alpha = air.alpha(view, distances, time=moment, veil=veil)
+        both = self._airs(pictures, [record] * 2, depth, [moment] * 2, None, distance, (-1, 1))
+        for picture, here in zip(pictures, both, strict=True):
+            alpha, _ = here.alpha()
             results.append(mixed(picture, alpha, record["color"], self.white))
             if layer:
                 layers.append(layer_of(alpha, record["color"]))
         return (*results, *layers)
 
+    def apply(
+        self,
+        image: Any,
+        *,
+        index: int | None = None,
+        time: float | None = None,
+        fps: float = 30.0,
+        depth: Depth = None,
+        boxes: Any = None,
+        masks: Any = None,
+        flow: Any = None,
+        motion: bool = False,
+        eye: Literal["left", "right"] | None = None,
+        distance: float = 0.12,
+    ) -> Any:
+        """Return a picture in this weather with its labels; or those of a film or a stereo pair.
+
+        Parameters
+        ----------
+        image : array, or (left, right)
+            A picture as for a call, a film (T, H, W, 1 or 3), or the two of a rectified pair.
+        index, time, depth
+            As for a call, `clip` and `pair`.
+        fps : float
+            Frames per second of the film, or of that which a picture is of.
+        boxes : (n, 4), optional
+            (x0, y0, x1, y1) in pixels; the result says how much of each is hidden.
+        masks : optional
+            (H, W) integers, one for each instance and 0 for none, or (m, H, W) bool: the result
+            says how much of each instance is hidden. Anything else passes through.
+        flow : (H, W, 2) float, optional
+            Motion of what is seen, pixels (x, y) per frame.
+        motion : bool
+            Also return how the weather moves and how far away it is.
+        eye : {"left", "right"}, optional
+            Which of a pair the picture is, where the other is not at hand.
+        distance : float
+            Between the two cameras, metres.
+
+        Returns
+        -------
+        Weathered
+            Of a film a list and of a pair a tuple of them; their boxes, masks and flow are given
+            as one for each.
+        """
+        wanted, rate = flag("motion", motion), rate_of(fps)
+        left = eye is not None and choice("eye", eye, ("left", "right")) == "left"
+        sides: tuple[int, ...] = () if eye is None else (-1 if left else 1,)
+        moment = 0.0 if time is None else real("time", time, low=-1e9, high=1e9)
+        labels: list[Any] = [boxes, masks, flow]
+        if isinstance(image, tuple):
+            pictures, times, sides = _pair(*image), [moment] * 2, (-1, 1)
+        elif getattr(image, "ndim", 0) == 4:
+            pictures = list(stack_of("image", image))
+            times = [moment + number / rate for number in range(len(pictures))]
+            sides *= len(pictures)
+        else:
+            pictures, times, depth = [picture_of("image", image)], [moment], [depth]
+            labels = [[label] for label in labels]
+        count = len(pictures)
+        each = list(map(_each, ("boxes", "masks", "flow"), labels, [count] * 3))
+        shape = pictures[0].shape[:2]
+        corners = [None if box is None else boxes_of(box) for box in each[0]]
+        flows = [None if label is None else flow_of(label, shape) for label in each[2]]
+        record = self._drawn(pictures[0], index)
+        film = rate if time is not None or len(set(times)) > 1 else None
+        airs = self._airs(pictures, [record] * count, depth, times, film, distance, sides)
+        found = []
+        for k, here in enumerate(airs):
+            alpha, veil = here.alpha()
+            more = hidden(alpha, veil, corners[k], each[1][k])
+            far = here.distances
+            if wanted or sides or flows[k] is not None or far.given:
+                parallax = here.view.camera.focal * 2.0 * here.view.eyes
+                more |= mixture(
+                    alpha, labels_of(here, rate), flow=flows[k], motion=wanted, came=far.came,
+                    depth=far.whole(shape) if far.given else None, parallax=parallax,
+                )  # fmt: skip
+            color = record["color"]
+            seen = mixed(pictures[k], alpha, color, self.white)
+            found.append(Weathered(seen, alpha, color, record, each[0][k], each[1][k], **more))
+        if isinstance(image, tuple):
+            return tuple(found)
+        return found if getattr(image, "ndim", 0) == 4 else found[0]
+
+    def _airs(
+        self, pictures: Iterable[Array], records: list[dict[str, Any]], depth: Depth,
+        times: list[float], rate: float | None, apart: float = 0.0, sides: tuple[int, ...] = (),
+    ) -> Iterator[Here]:  # fmt: skip
+        """Yield the air before each picture: before both eyes one, by what the left one sees."""
+        apart = real("distance", apart, low=0.0, high=1e3)
+        several = isinstance(depth, (list, tuple)) or getattr(depth, "ndim", 0) == 3
+        depths = _each("depth", depth, len(times)) if several else [depth] * len(times)
+        far: Distances | None = None
+        first: Here | None = None
+        for k, (picture, record) in enumerate(zip(pictures, records, strict=True)):
+            eye = (0.5 * apart * sides[k], 0.5 * apart) if sides else ()
+            view = self._view(picture.shape[:2], *eye)
+            if several or far is None:
+                far = self._distances(depths[k], view)
+            here = Here(self._air(record), view, far, times[k], rate)
+            if sides == (-1, 1):
+                first = first or here
+                here.extinction = first.extinction
+            yield here
+
     def _stacked(
         self, given: Array, records: list[dict[str, Any]], depth: Depth, layers: bool,
         times: list[float], rate: float | None = None,
     ) -> Any:  # fmt: skip
-        whole, view = flag("return_layer", layers), self._view(given.shape[1:3])
-        # A depth for each of them, or one for all.
-        several = isinstance(depth, (list, tuple)) or getattr(depth, "ndim", 0) == 3
-        if several and len(depth) != len(given):
-            raise ValueError(f"depth must be one or {len(given)} of them, got {len(depth)}")
-        far = None if several else self._distances(depth, view)
+        whole = flag("return_layer", layers)
         result = np.empty(given.shape, given.dtype.newbyteorder("="))
         planes = np.empty((*given.shape[:3], 4), np.float32) if whole else None
-        for number, (image, record, time) in enumerate(zip(given, records, times, strict=True)):
-            one = far or self._distances(depth[number], view)
-            alpha = self._air(record).alpha(view, one, time=time, fps=rate, passing=True)
+        airs = self._airs(given, records, depth, times, rate)
+        for number, (image, record, here) in enumerate(zip(given, records, airs, strict=True)):
+            alpha, _ = here.alpha(passing=True)
             result[number] = mixed(image, alpha, record["color"], self.white)
             if planes is not None:
                 planes[number] = layer_of(alpha, record["color"])
         return result if planes is None else (result, planes)
+
+
+def _pair(left: Any, right: Any) -> list[Array]:
+    pictures = [picture_of("left", left), picture_of("right", right)]
+    if pictures[0].shape[:2] != pictures[1].shape[:2]:
+        raise ValueError(
+            f"right must have the height and width of left, {pictures[0].shape[:2]}, got "
+            f"{pictures[1].shape[:2]}"
+        )
+    return pictures
+
+
+def _each(name: str, value: Any, count: int) -> list[Any]:
+    """Return what belongs to each of several pictures."""
+    if value is None:
+        return [None] * count
+    if len(value) != count:
+        raise ValueError(f"{name} must be one or {count} of them, got {len(value)}")
+    return list(value)
 
 
 def _wrapped(number: int) -> int:

@@ -1,8 +1,4 @@
-"""Arguments of weathers and of their transforms for pipelines.
-
-The fields of a weather stand twice: as a dataclass, which checks and documents them, and here as
-types of keywords for type checkers. What ``help`` shows is made of the first.
-"""
+"""Arguments of weathers and of their transforms for pipelines, also as types of keywords."""
 
 from __future__ import annotations
 

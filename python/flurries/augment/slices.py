@@ -9,8 +9,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
-from flurries.augment.air import Air, Here, View
-from flurries.augment.distance import Distances
+from flurries.augment.air import Here
 from flurries.effects.air import Air as Request
 
 # Depths that drawn flakes are sorted into.
@@ -37,11 +36,9 @@ class Labels(NamedTuple):
     most: Slice
 
 
-def labels_of(
-    air: Air, view: View, distances: Distances, *, time: float, fps: float, film: bool = True
-) -> Labels:
+def labels_of(here: Here, fps: float) -> Labels:
     """Return the labels of the flakes before a picture, a film's frame or one by itself."""
-    shape = view.shape
+    shape, air = here.view.shape, here.air
     alpha, nearness = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     motion = np.zeros((*shape, 2), np.float32)
     most = Slice(
@@ -51,7 +48,7 @@ def labels_of(
     if air.loss > 0.0 and air.patches is not None:
         # Fog moves as the mean of its patches and is nowhere in particular.
         most.motion[...] = air.patches.motion(shape, fps)
-    for part in slices(Here(air, view, distances, time, fps if film else None), fps):
+    for part in slices(here, fps):
         weight = (1.0 - alpha) * part.opacity
         motion += weight[..., None] * part.motion
         nearness += weight / part.depth

@@ -1,19 +1,7 @@
-"""Weather as transforms of torchvision (v2), in its pipelines.
+"""Weather as transforms of torchvision (v2), in its pipelines, see docs/augment.md.
 
-    from torchvision.transforms import v2
-    from flurries.augment.torchvision import Snowfall
-    pipeline = v2.Compose([v2.ToImage(), Snowfall(severity=(1, 4)), v2.RandomHorizontalFlip()])
-
-Draws come from torch's random numbers, which a DataLoader seeds for each of its workers. Boxes and
-masks pass through. A `tv_tensors.Video` is the frames of one film, and its weather moves; plain
-tensors of more than three dimensions are batches whose pictures have one weather. A :class:`Depth`
-in the sample is how far away its picture's things are; an :class:`Alpha` comes back with the
-opacity of the weather, and :class:`Records` with what was drawn:
-
-    seen, alpha, records = pipeline(image, Alpha.before(image), Records())
-    hidden = flurries.augment.occlusion(alpha, boxes)
-
-Gradients go through to the picture, by what of each pixel is seen.
+Draws come from torch's random numbers, which a DataLoader seeds for each of its workers. Gradients
+go through to the picture, by what of each pixel is seen.
 """
 
 from __future__ import annotations

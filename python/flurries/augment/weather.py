@@ -8,13 +8,12 @@ from typing import Any, Literal, overload
 
 import numpy.typing as npt
 
-from flurries._contract import Array, choice, flag, mapping, output, rate_of, real
+from flurries._contract import Array, choice, flag, mapping, output, real
 from flurries.augment.air import FPS
 from flurries.augment.distance import Depth
-from flurries.augment.labels import Weathered, boxes_of, flow_of, hidden, layer_of
+from flurries.augment.labels import layer_of
 from flurries.augment.pictures import mixed, picture_of
 from flurries.augment.several import Several
-from flurries.augment.slices import labels_of
 
 
 class Weather(Several):
@@ -75,70 +74,16 @@ class Weather(Several):
         given = picture_of("image", image)
         layer = flag("return_layer", return_layer)
         record = self._drawn(given, index)
-        view = self._view(given.shape)
-        distances = self._distances(depth, view)
-        alpha = self._air(record).alpha(
-            view, distances, time=_seconds(time), fps=None if time is None else FPS, passing=True
-        )
+        moment = 0.0 if time is None else real("time", time, low=-1e9, high=1e9)
+        rate = None if time is None else FPS
+        (here,) = self._airs([given], [record], [depth], [moment], rate)
+        alpha, _ = here.alpha(passing=True)
         seen = mixed(given, alpha, record["color"], self.white)
         if out is not None:
             result = output(out, seen.shape, seen.dtype, given)
             result[...] = seen
             seen = result
         return (seen, layer_of(alpha, record["color"])) if layer else seen
-
-    def apply(
-        self,
-        image: npt.ArrayLike,
-        *,
-        index: int | None = None,
-        time: float | None = None,
-        fps: float = 30.0,
-        depth: Depth = None,
-        boxes: npt.ArrayLike | None = None,
-        masks: Any = None,
-        flow: npt.ArrayLike | None = None,
-        motion: bool = False,
-    ) -> Weathered:
-        """Return the picture in this weather with its labels.
-
-        Parameters
-        ----------
-        image, index, time, depth
-            As for a call.
-        fps : float
-            Frames per second of the film that the picture is of.
-        boxes : (n, 4), optional
-            (x0, y0, x1, y1) in pixels; the result says how much of each is hidden.
-        masks : optional
-            Anything; passed through.
-        flow : (H, W, 2) float, optional
-            Motion of what is seen, pixels (x, y) per frame.
-        motion : bool
-            Also return how the weather moves and how far away it is.
-
-        Returns
-        -------
-        Weathered
-        """
-        given = picture_of("image", image)
-        wanted, rate = flag("motion", motion), rate_of(fps)
-        corners = None if boxes is None else boxes_of(boxes)
-        label = None if flow is None else flow_of(flow, given.shape[:2])
-        record = self._drawn(given, index)
-        view = self._view(given.shape)
-        distances = self._distances(depth, view)
-        air, moment, film = self._air(record), _seconds(time), time is not None
-        alpha = air.alpha(view, distances, time=moment, fps=rate if film else None)
-        falls = None
-        if wanted or label is not None or distances.given or corners is not None:
-            falls = labels_of(air, view, distances, time=moment, fps=rate, film=film)
-        found = hidden(
-            alpha, falls, corners=corners, flow=label, motion=wanted, came=distances.came,
-            depth=distances.whole(view.shape) if distances.given else None,
-        )  # fmt: skip
-        seen = mixed(given, alpha, record["color"], self.white)
-        return Weathered(seen, alpha, record["color"], record, boxes, masks, **found)
 
 
 def replay(record: Mapping[str, Any]) -> Weather:
@@ -166,7 +111,3 @@ def replay(record: Mapping[str, Any]) -> Weather:
     name = choice("record: transform", given.get("transform"), ("Snowfall", "Rainfall", "Fog"))
     kind: type[Weather] = getattr(importlib.import_module("flurries.augment"), name)
     return kind.replay(given)
-
-
-def _seconds(time: object) -> float:
-    return 0.0 if time is None else real("time", time, low=-1e9, high=1e9)
