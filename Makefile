@@ -1,6 +1,6 @@
 # make demo    set up and render the demo's films and stills into demo/
 # make test    set up, lint, and run all tests
-# make bench   print the speeds that the README quotes; make performance writes docs/internals/performance.md
+# make bench   print speeds; make performance writes docs/internals/performance.md
 # make test-hosts     test the transforms of torchvision, kornia and albumentations, installed for it
 # make wheel          build the wheel and the source archive into dist/; make test-wheel tries both
 # make docs    build the documentation site into site/, notebooks and all, some minutes; QUICK=1 without outputs

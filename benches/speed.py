@@ -1,4 +1,4 @@
-"""The speeds in the README and on the page of speeds: ratios within one run.
+"""The speeds on their page: ratios within one run.
 
     python benches/speed.py [--runs N] [--page docs/internals/performance.md]
 

@@ -1,4 +1,4 @@
-"""Make the pictures of the README and of docs/looks.md from the package as it is.
+"""Make the pictures of the users' pages from the package as it is.
 
 python docs/make_pictures.py [NAME ...]
 """
