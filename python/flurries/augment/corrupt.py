@@ -6,6 +6,7 @@ import hashlib
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -17,7 +18,7 @@ from flurries import augment
 from flurries._contract import choice, flag, integer, seed_of
 from flurries.augment.calibration import PROFILES, Profile
 from flurries.augment.weather import replay
-from flurries.io import linear_to_srgb, read_header, read_picture, srgb_to_linear, write_picture
+from flurries.io import linear_to_srgb, read_picture, srgb_to_linear, write_picture
 from flurries.output.cluster import cluster
 from flurries.output.crew import make, processes
 from flurries.output.folder import Store
@@ -77,7 +78,8 @@ def corrupt(
     ----------
     folder : path
         Pictures in it and in folders below: .png, .jpg, .tif, .exr, .webp, .bmp, .gif. Symbolic
-        links are not followed, and pictures that move are left out.
+        links are not followed; pictures that move, palettes in PNG and planes of 16 bits or
+        floats are left out.
     out : path
         Where to write; not inside `folder`. Names and formats stay, so that labels by file name
         hold; JPEG is written with quality 95, and WebP, BMP and GIF as PNG: ``a.webp`` is
@@ -86,8 +88,7 @@ def corrupt(
     severity : int, "1-5", "2,4" or several
         See :func:`flurries.augment.contrast_loss`.
     profile : {"natural", "hard"}
-        "natural" is weather as it is, "hard" takes as much as the corruptions of published
-        benchmarks.
+        See :class:`flurries.augment.Snowfall`.
     seed : int
     workers : int, optional
         Processes; as many as there are cores if not given. 1 works in this one.
@@ -133,7 +134,7 @@ def corrupt(
     size = each * max(min(_CHUNK, len(names) // (4 * count)), 1)
     wanted = list(range(len(parts)))
     groups = [wanted[first : first + size] for first in range(0, len(wanted), size)]
-    bar = progress or _silent
+    bar = progress or iter
     if dask is None and (count == 1 or len(groups) == 1):
         done = run(job, wanted, bar)
     else:
@@ -149,10 +150,6 @@ def corrupt(
         skipped,
         target / NAME,
     )
-
-
-def _silent(indices: Iterable[int]) -> Iterable[int]:
-    return indices
 
 
 def _levels(severity: int | str | Sequence[int]) -> tuple[int, ...]:
@@ -187,8 +184,8 @@ def _names(folder: Path) -> tuple[list[str], dict[str, int]]:
                 skipped[f"{path.suffix.lower() or 'no suffix'} is not read"] += 1
             elif path.is_symlink():
                 skipped["a symbolic link"] += 1
-            elif path.suffix.lower() in READ and _moves(path):
-                skipped[f"{path.suffix.lower()} that moves: render it as a film"] += 1
+            elif why := _no_picture(path):
+                skipped[f"{path.suffix.lower()} {why}"] += 1
             else:
                 found.append(path.relative_to(folder).as_posix())
     names: dict[str, str] = {}
@@ -199,11 +196,17 @@ def _names(folder: Path) -> tuple[list[str], dict[str, int]]:
     return sorted(names.values()), dict(sorted(skipped.items()))
 
 
-def _moves(path: Path) -> bool:
-    try:
-        return read_header(path).moves
-    except (OSError, ValueError):
-        return False  # It fails with its reason when it is read.
+def _no_picture(path: Path) -> str:
+    """Return why a file gets no weather; nothing where it does, or fails when it is read."""
+    from PIL import Image
+
+    with suppress(OSError, ValueError, Image.DecompressionBombError), Image.open(path) as opened:
+        mode = opened.mode.partition(";")[0]
+        if path.suffix.lower() in READ and getattr(opened, "n_frames", 1) > 1:
+            return "that moves: render it as a film"
+        if mode in ("1", "I", "F") or (mode == "P" and opened.format == "PNG"):
+            return "of numbers, such as a mask or a depth"
+    return ""
 
 
 def _kept(name: str) -> str:
