@@ -14,12 +14,14 @@ from typing import Any
 import distributed
 import numpy as np
 import pytest
+import yaml
 
 import flurries as fl
 from flurries._threads import scope
 from flurries.io import read_picture
 from flurries.output import crew
 from flurries.output.store import check
+from flurries.scene.fingerprint import BITS
 from test_nothing_wrong import SMALL, contents, python
 from workers import group, workers
 
@@ -84,6 +86,40 @@ def test_16_4_no_success_without_the_files(client: Any, tmp_path: Path, monkeypa
     with pytest.raises(OSError, match=r"\.png: a worker has written it, but here it is not"):
         SMALL.write("/proc/self/cwd/out/%d.png", "1-3", dask=client)
     assert len(contents(tmp_path / "there" / "out")) == 3
+
+
+def test_33_a_worker_that_differs_refuses_before_its_first_frame(client: Any, tmp_path: Path):
+    def change(by: int) -> None:
+        from flurries.scene import fingerprint
+
+        fingerprint.BITS += by
+
+    client.run(change, 1)
+    told = rf"a worker on .* has flurries \S+ \(bits {BITS + 1}\) and not \S+ \(bits {BITS}\), so"
+    with pytest.raises(RuntimeError, match=told):
+        SMALL.write(tmp_path / "%d.png", "1-3", dask=client)
+    assert not list(tmp_path.iterdir())
+    client.run(change, -1)
+    assert SMALL.write(tmp_path / "%d.png", "1-3", dask=client).written == [1, 2, 3]
+
+
+@pytest.mark.parametrize("kind", ["bash", "yaml"])
+def test_33_the_arrays_of_the_page_run(kind: str, tmp_path: Path):
+    page = (Path(__file__).parents[1] / "docs" / "clusters.md").read_text()
+    (block,) = [b for b in page.split("```") if b.startswith(kind) and "x4" in b]
+    block = block.removeprefix(kind)
+    SMALL.save(tmp_path / "scene.toml")
+    words = block.splitlines()[-1]
+    if kind == "yaml":
+        run = yaml.safe_load(block)["steps"][0]["script"]["actions"]["onRun"]
+        words = " ".join([run["command"], *run["args"]])
+    words = words.replace("{{Task.Param.First}}", "$SLURM_ARRAY_TASK_ID").removeprefix("flurries")
+    words = f"{sys.executable} -m flurries {words}"
+    for number in range(1, 5):
+        own = {**os.environ, "SLURM_ARRAY_TASK_ID": str(number)}
+        subprocess.run(words, shell=True, cwd=tmp_path, env=own, check=True, capture_output=True)
+    assert sorted(contents(tmp_path / "frames")) == [f"{n:04}.png" for n in range(1, 13)]
+    assert check(tmp_path / "frames") == (12, [])
 
 
 def test_16_9_without_workers_it_says_so_and_stops(tmp_path: Path):

@@ -188,7 +188,7 @@ def test_metadata_come_back(tmp_path):
     assert header_of(tmp_path / "b.exr") == {}
 
 
-@pytest.mark.parametrize("name", ["a.exr", "a.png", "a.tif", "a.jpg", "a.hdr"])
+@pytest.mark.parametrize("name", ["a.exr", "a.png", "a.tif", "a.jpg", "a.hdr", "a.dpx"])
 def test_bytes_depend_on_nothing_but_the_arguments(tmp_path, name):
     pixels = np.abs(noise((70, 30, 3))) / 4
     (tmp_path / "elsewhere").mkdir()

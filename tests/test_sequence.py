@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -36,15 +37,13 @@ def test_the_two_modes_are_never_mixed(tmp_path: Path):
 
 
 def test_the_journal_has_a_hash_of_each_frame(tmp_path: Path, capsys: Any):
-    import hashlib
-
     SCENE.write(tmp_path / "%04d.png", "1-3")
     SCENE.write(tmp_path / "%04d.exr", "2-4x2")
     journal = Journal(Store(), tmp_path)
     assert journal.names() == ["0001.png", "0002.exr", "0002.png", "0003.png", "0004.exr"]
     for name in journal.names():
         (entry,), data = journal.lines(name), (tmp_path / name).read_bytes()
-        assert entry["sha256"] == hashlib.sha256(data).hexdigest() and entry["bytes"] == len(data)
+        assert entry["sha256"] == sha256(data).hexdigest() and entry["bytes"] == len(data)
         assert entry["frame"] == int(name[:4]) and entry["bits"] == BITS
     assert check(tmp_path)[1] == [] and main(["check", str(tmp_path)]) == 0
     (tmp_path / "0003.png").unlink()

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import os
 import subprocess
-import sys
 import time
 import uuid
 from collections.abc import Iterator
@@ -119,17 +116,6 @@ def test_16_14_frames_are_the_same_bytes_in_every_store(place: str, whole: dict[
     assert contents(place) == whole
 
 
-def test_16_14_what_is_not_ours_is_refused(place: str, tmp_path: Path):
-    SCENE.write(f"{place}/%04d.png", "1-2")
-    before = contents(place)
-    with pytest.raises(ValueError, match=r"0001\.png is there already .*--overwrite") as error:
-        SCENE.replace(seed=5).write(f"{place}/%04d.png", "1-3")
-    assert "/tmp/flurries-" not in str(error.value)
-    assert contents(place) == before
-    assert SCENE.write(f"{place}/%04d.png", "1-2", overwrite=True).written == [1, 2]
-    assert contents(place) == before
-
-
 def test_16_14_the_command_line_renders_and_checks(place: str, capsys: Any):
     words = ["render", "#304050", "--snow", "heavy", "--size", "96x64", "--frames", "1-2", "-q"]
     assert main([*words, "-o", f"{place}/%04d.png"]) == 0
@@ -238,45 +224,6 @@ def test_16_14_a_read_only_store():
 def test_16_14_a_store_that_keeps_half_is_no_success():
     with pytest.raises(OSError, match=r"losing://.*: does not read back as what was written"):
         SCENE.write("losing://out/%04d.png", "1-3")
-
-
-MOUNT = 'mount -t tmpfs -o size=512k small "$0" && cd "$0" && mkdir out; {} "$@"; exit $?'
-FILLS = """
-import json, sys
-from pathlib import Path
-import flurries as fl
-scene = fl.Scene("#304050", size=(96, 64), effects=fl.effects.TentSnow("heavy", flakes=100))
-def told(*words):
-    try:
-        done = scene.write("out/%04d.png", "1-12")
-        print(json.dumps([done.written, done.kept]))
-    except OSError as error:
-        print(json.dumps(str(error)))
-told()
-print(json.dumps({p.name: p.read_bytes().hex() for p in Path("out").glob("*.png")}))
-for path in Path(".").glob("filler*"):
-    path.unlink()
-told()
-print(json.dumps({p.name: p.read_bytes().hex() for p in Path("out").glob("*.png")}))
-"""
-
-
-def test_16_14_a_disk_that_fills(tmp_path: Path, whole: dict[str, bytes]):
-    # In a disk that it alone sees.
-    words = ["unshare", "--map-root-user", "--mount", "sh", "-c"]
-    words += [MOUNT.format("head -c 440k /dev/zero > filler;"), str(tmp_path)]
-    words += [sys.executable, "-c", FILLS]
-    environment = {**os.environ, "TMPDIR": "/tmp"}
-    done = subprocess.run(words, text=True, capture_output=True, env=environment)
-    assert done.returncode == 0, done.stderr
-    said, during, again, after = map(json.loads, done.stdout.splitlines())
-    assert "No space left on device" in said and ".flurries-" not in said
-    there = {name: bytes.fromhex(data) for name, data in during.items()}
-    frames = {name: data for name, data in there.items() if name.endswith("png")}
-    assert frames and frames.items() <= whole.items() and len(frames) < 12
-    # With room again, exactly the others are made.
-    assert sorted(again[0] + again[1]) == list(range(1, 13)) and len(again[1]) == len(frames)
-    assert {name: bytes.fromhex(data) for name, data in after.items()} == whole
 
 
 def test_16_14_where_halves_are_seen_frames_are_renamed(whole: dict[str, bytes]):

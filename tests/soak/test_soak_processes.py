@@ -73,9 +73,8 @@ def test_peak_memory_of_a_large_frame(kind: str, size: int, tmp_path: Any):
     assert int(done.stdout) <= most
 
 
-@pytest.mark.parametrize("locks", ["locks", "lockless"])
-def test_16_hundred_rounds_of_four_processes(locks: str, tmp_path: Path):
-    killed(locks, times(100), tmp_path)
+def test_16_hundred_rounds_of_four_processes(tmp_path: Path):
+    killed(times(100), tmp_path)
 
 
 def test_dask_workers_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

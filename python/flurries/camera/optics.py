@@ -95,19 +95,7 @@ class Lens:
         )
 
     def circle(self, depth: float, *, focal: float, width: int, t: float = 0.0) -> float:
-        """Return the diameter of the circle of confusion at a depth in metres, px.
-
-        Parameters
-        ----------
-        depth : float
-            Metres.
-        focal : float
-            Focal length, px.
-        width : int
-            Of the picture, px.
-        t : float
-            Frame number.
-        """
+        """Return the circle of confusion at a depth in metres, px; focal and width in px too."""
         return self.blur(t, focal=focal, width=width).circle(real("depth", depth, above=0.0))
 
 

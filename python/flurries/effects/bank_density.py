@@ -108,11 +108,7 @@ class Density:
         return np.clip(edges, low, max(high, low))
 
     def _gain(self, edges: Float64, long: list[Any]) -> float:
-        """Return how much more gas a stirred mist has than an even one of the same visibility.
-
-        Through lumps and gaps more light comes than through their mean (Jensen): the picture's mean
-        transmittance at the visibility is that of 5 % contrast, if the gas reaches so far.
-        """
+        """Return how much more gas a stirred mist has than an even one of the same visibility."""
         mist = self.mist
         if self._waves is None or mist.center is not None:
             return 1.0

@@ -156,10 +156,7 @@ def _spline(edges: Float64) -> Float64:
 
 @kept(32)
 def _variances(tile: tuple[int, int], outer: float) -> tuple[float, float]:
-    """Return the variances of long waves on their grid and of short ones, over that of the sum.
-
-    `tile` is the coarse one, `outer` the outer scale, px.
-    """
+    """Return the variances of long waves on their grid and of short ones, over that of the sum."""
     height, width = (side * COARSE for side in tile)
     ky = np.arange(-(height // LOWER), height // LOWER + 1.0) / height
     kx = np.arange(-(width // LOWER), width // LOWER + 1.0) / width

@@ -90,9 +90,7 @@ def read_bent(weather: Weather, frame: Frame, film: Film, amount: float) -> Arra
 
 
 def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[Any]:
-    """Return the sheets between two depths with their nodes, the pixels that flakes move by during
-    the exposure, and the depths: near ones first.
-    """
+    """Return sheets between two depths, with nodes, motion in px and depths; near ones first."""
     half = 0.5 * weather.motion.exposure(frame)
     times = (frame.t - half, frame.t + half)
     eyes = _eyes_of(frame, film, times)

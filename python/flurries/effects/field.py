@@ -197,10 +197,7 @@ class Field:
 def _flow(
     frame: Frame, motion: Motion, way: Way, x: Float64, y: Float64
 ) -> tuple[tuple[Float64, Float64], tuple[Float64, Float64]]:
-    """Return how the picture has moved since frame 0 at places from the principal point, and moves
-    per frame: pixels times metres, which are to be divided by a depth, and pixels at all depths
-    alike; (rows, cols, 2), or (1, 1, 2) where all places move alike.
-    """
+    """Return motion since frame 0 and per frame: pixels times metres, and pixels at all depths."""
     path, camera = frame.path, frame.camera
     moved = motion.travel(frame) if path.turns or path.zooms else way.moved
     rate, shift = way.rate, np.array(camera.center_shift).reshape(1, 1, 2)

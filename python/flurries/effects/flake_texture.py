@@ -127,10 +127,7 @@ def _standing(
     rotation: tuple[float, float, float], seed: int, amount: float, exposure: float,
     blur: Blur | None, mode: bool,
 ) -> tuple[list[Any], Float64, Float64, Float64]:  # fmt: skip
-    """Return what is the same in all frames: the arguments of each layer's sheet; displacements at
-    frame 0 and per frame, px, for an eye on the axis, (L, 2); and at how many places along a pixel
-    a layer is read: 1, 2 or 4, (L, 1).
-    """
+    """Return each layer's arguments, displacements (L, 2) and places in a pixel (L, 1)."""
     start, rate = np.empty((2, len(film.layers), 2))
     axes = rotation_matrix(rotation)
     for number, (share, slab) in enumerate(film.layers):

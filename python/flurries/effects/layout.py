@@ -30,10 +30,10 @@ class Layout(NamedTuple):
     """The tiles of a film's texture."""
 
     tiling: Tiling
-    shape: tuple[int, int]
-    band: tuple[float, float]
-    edges: Float64 | None
-    needed: float
+    shape: tuple[int, int]  # (H, W) of the picture.
+    band: tuple[float, float]  # Wavelengths in pixels.
+    edges: Float64 | None  # Wavelengths between rings, for a wind of places.
+    needed: float  # The tile that the motion needs, where a smaller one was asked for; else 0.
 
     @property
     def grid(self) -> tuple[int, int]:

@@ -137,14 +137,7 @@ def _remap(
     there: Callable[[slice], tuple[Float64, Float64]], exact: tuple[float, ...],
     left: Callable[[Float64], Float64],
 ) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Return the map of each pixel of the window, (h, w) float32 each: waves times the first plus
-    the second are what is clipped to 0 and 1; the third is what alias law and shutter take of the
-    mean opacity.
-
-    `there` returns for rows of the window the share of the air before the scene, and the power of
-    the waves that are left, against that of all of them before the sky; `exact` and `left` are as
-    in `wall_maps`.
-    """
+    """Return what makes opacity of waves, and what blur takes of its mean, (h, w) each."""
     mean, spread, exponent, _ = mapped
     top, bottom, first, last = frame.window
     (_, tall), (_, wide) = field.shares(frame)

@@ -147,15 +147,9 @@ def product(first: Number, second: Number) -> Number:
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
-    """Populations that take turns: between two keys the flakes of one go as those of the next come.
+    """Populations that take turns: between two keys one goes as the next comes."""
 
-    Attributes
-    ----------
-    parts : sequence of Precipitation
-        One for each key, with its share in its amount.
-    """
-
-    parts: Sequence[Precipitation[Any]]
+    parts: Sequence[Precipitation[Any]]  # One for each key, with its share in its amount.
 
     @property
     def motion(self) -> Any:

@@ -199,10 +199,7 @@ class Frame:
         return self.lens.blur(self.t, focal=self.camera.focal, width=self.shape[1])
 
     def lamps(self, without: float = 0.0) -> Float64:
-        """Return the lamps as they are now, as kernels read them, (n, 15); in the eye's axes.
-
-        `without` is extinction, per metre, that the kernel itself finds on the lamps' ways.
-        """
+        """Return the lamps as they are now, as kernels read them, (n, 15); in the eye's axes."""
         matrix, place = self.camera.matrix(), self.path.place(self.t, fps=self.fps)
         found = [lamp.row(self.t, matrix, place) for lamp in self.lights]
         rows = np.ascontiguousarray(found, np.float64).reshape(-1, ROW)
@@ -267,11 +264,7 @@ class Frame:
         return self.path.relative(self.t, fps=self.fps, fall=fall, wind=wind)[1]
 
     def travel(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
-        """Return P, camera minus air since frame 0, (3,) world units in the eye's axes.
-
-        While the camera turns it is the integral of the relative velocity in the eye's turning
-        axes, and no longer a difference of places.
-        """
+        """Return P, camera minus air since frame 0, (3,) world units in the eye's turning axes."""
         return self.to_camera(self.path.travel(self.t, fps=self.fps, fall=fall, wind=wind))
 
     def rotation(self) -> Float64:

@@ -1,12 +1,4 @@
-"""Files that appear whole or not at all.
-
-A file is written under a hidden name in its own folder, checked, flushed to the disk, and renamed.
-Whoever looks at the final name sees the old file or the new one, whatever happens in between: an
-exception, Ctrl-C, a full disk, or a process killed without warning. The last leaves the hidden file
-behind, and `remove_leftovers` finds it: its name says which process on which machine it belongs to.
-What belongs to another machine counts as left behind when it has not changed for an hour; locks
-would not tell, as folders on a network may have locks that only one machine sees.
-"""
+"""Files that appear whole or not at all: under a hidden name first, flushed, then renamed."""
 
 from __future__ import annotations
 

@@ -6,8 +6,11 @@ OpenImageIO holds OpenColorIO and is the gate to it here too.
 from __future__ import annotations
 
 import difflib
+import hashlib
 import os
+import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -96,6 +99,19 @@ class ColorSpace:
         basis = np.eye(3, dtype=np.float32)[None]
         turned = ColorSpace.of("colorspace", name).convert(basis, self)
         return np.asarray(turned[0], np.float64)
+
+
+def config_hash() -> str:
+    """Return a hash of what $OCIO holds: its file and the tables that it names."""
+    path = Path(os.environ.get("OCIO", ""))
+    if not path.is_file():
+        return hashlib.sha256(f"{path} {openimageio().VERSION_STRING}".encode()).hexdigest()
+    data = path.read_bytes()
+    digest = hashlib.sha256(data)
+    for name in sorted(set(re.findall(rb"src: *\"?([^,}\"\n]+)", data))):
+        for table in sorted(path.parent.rglob(Path(name.decode(errors="replace")).name)):
+            digest.update(table.read_bytes())
+    return digest.hexdigest()
 
 
 @kept(4)

@@ -1,8 +1,4 @@
-"""A bucket behind a url, or any other store that fsspec knows.
-
-A file is written on this machine, checked there and sent whole, in batches: a journal's lines about
-all files of a batch, then the files.
-"""
+"""A bucket behind a url, or another store that fsspec knows: lines of a batch, then its files."""
 
 from __future__ import annotations
 
@@ -155,8 +151,8 @@ class Bucket(Store):
                 self.system.rm([(folder / name).as_posix() for name in names])
 
     def journals(self, folder: Path) -> dict[str, Any]:
-        found = self._objects(folder, anew=True)
-        return {name: one["size"] for name, one in found.items() if is_journal(name)}
+        found = self._objects(folder, anew=True).items()
+        return {name: one["size"] for name, one in found if is_journal(name)}
 
     def append(self, folder: Path, run: str, data: bytes) -> str:
         # Objects do not grow: each batch has its own.

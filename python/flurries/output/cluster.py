@@ -1,8 +1,4 @@
-"""Dask's workers as a crew, on this machine or on many.
-
-The folder must be one that all of them see. A task that a worker takes with it when it dies is done
-again by another.
-"""
+"""Dask's workers as a crew, on this machine or on many that see one folder."""
 
 from __future__ import annotations
 
@@ -19,7 +15,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from flurries._contract import real
+from flurries._threads import reproducible
 from flurries.output.crew import Crew
+from flurries.output.handshake import agreed, terms_of
 
 # How long a scheduler may take to answer, seconds.
 _GREETING = 10.0
@@ -34,19 +32,18 @@ def cluster(
 ) -> Iterator[Crew]:
     patience = real("patience", patience, low=0.0)
     with _client(where, count) as client:
-        # A task that makes it again if its worker dies, as data sent to a worker would not be.
-        given = client.submit(_same, shared, pure=False)
-        watch = _Watch(client, patience)
+        # Packed, so that a worker of another version says so and does not fail to unpack. A task
+        # makes it again if its worker dies, as data sent to a worker would not be.
+        packed = required("distributed.protocol.pickle").dumps((os.urandom(8), shared))
+        given = client.submit(bytes, packed, pure=False)
+        watch, plain = _Watch(client, patience), reproducible()
+        terms = terms_of(plain)
 
         def submit(task: Callable[..., Any], *arguments: Any) -> Any:
             with watch.told():
-                return client.submit(task, given, *arguments, pure=False)
+                return client.submit(agreed, terms, plain, given, task, *arguments, pure=False)
 
         yield Crew(submit, watch.threads, watch.look, remote=True)
-
-
-def _same(shared: Any) -> Any:
-    return shared
 
 
 @dataclass

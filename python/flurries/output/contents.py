@@ -16,7 +16,7 @@ from flurries.camera.lens import Camera
 from flurries.frame.truth import Rendered
 from flurries.io import Pattern, write_layer_views, write_layers, write_picture
 from flurries.io.color import to_display, to_integer, to_linear, to_unit, unmultiply
-from flurries.io.colorspace import ColorSpace
+from flurries.io.colorspace import ColorSpace, config_hash
 from flurries.io.layers.deep import write_deep
 from flurries.io.pictures.slate import Slate
 from flurries.io.pictures.writer import Format, format_of
@@ -231,6 +231,7 @@ class Frames:
     folder: Path = field(init=False)
     inputs: Inputs = field(init=False)
     _mark: str = field(init=False)
+    _pattern: Pattern | None = field(init=False)
 
     def __post_init__(self) -> None:
         self.scene = self.scene._anew()
@@ -238,11 +239,14 @@ class Frames:
         self.inputs = Inputs(self.scene)
         # Frames of the two modes are never mixed.
         mode = "-reproducible" if reproducible() else ""
-        self._mark = f"{settings(self.scene)}-{self.content.mark}{mode}"
+        # A configuration counts by what it holds.
+        ocio = "" if self.scene._color is None else f"-{config_hash()[:8]}"
+        self._mark = f"{settings(self.scene)}-{self.content.mark}{mode}{ocio}"
+        still = "%" not in Path(self.pattern).name
+        self._pattern = None if still else Pattern(self.pattern)
 
     def path_of(self, index: int) -> Path:
-        still = "%" not in Path(self.pattern).name
-        return Path(self.pattern) if still else Pattern(self.pattern).path(index)
+        return Path(self.pattern) if self._pattern is None else self._pattern.path(index)
 
     def mark_of(self, index: int) -> Mark:
         return Mark(self._mark, index, self.inputs.of(index))

@@ -1,9 +1,4 @@
-"""Who makes many files: a crew to which groups of them are given as tasks.
-
-A crew is made of processes of this machine, or of the workers of a cluster
-(`flurries.output.cluster`). They write where this process would have. Whichever makes a file makes
-the same bits, and what one takes with it when it dies is made again.
-"""
+"""Who makes many files: processes or a cluster's workers, to which groups of them are tasks."""
 
 from __future__ import annotations
 

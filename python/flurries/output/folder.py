@@ -1,8 +1,4 @@
-"""Where files are kept: folders of this machine; `flurries.output.bucket` is another place.
-
-`flurries.output.sequence` and the journal ask a store the same few things wherever files go. Two
-processes may make the same file: both write the same bits, and either stays.
-"""
+"""Where files are kept: folders of this machine; `flurries.output.bucket` is another place."""
 
 from __future__ import annotations
 

@@ -114,7 +114,6 @@ class Journal:
         return sorted(self._lines)
 
     def lines(self, name: str) -> list[Entry]:
-        """Return all lines about a file."""
         return list(self._lines.get(name, {}).values())
 
     def refresh(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
+import socket
 import time
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
@@ -121,7 +122,10 @@ class Inputs:
     def of(self, number: int) -> str:
         """Return a hash of a frame's inputs; OSError if a file that serves all has changed."""
         for file, before in self._stills.items():
-            if self._told(file) != before:
+            now = self._told(file)
+            if now == "missing":
+                raise FileNotFoundError(2, f"Is not on {socket.gethostname()}", str(file))
+            if now != before:
                 raise OSError(
                     f"{file} changed while frames were made of it; run again with overwrite=True "
                     "(--overwrite)"

@@ -219,11 +219,7 @@ class Rendering(Sources):
         return time, window, [None if eye is None else self._in_frame(eye) for eye in views]
 
     def _depth_at(self, t: float) -> Array | None:
-        """Return the background's planar depth at `t`, (H, W) float32, or None.
-
-        World units, infinity where nothing stands. A sequence of depths goes by frames as the
-        background does.
-        """
+        """Return the background's planar depth at `t`, (H, W) float32, or None."""
         return None if self._distance is None else self._program.depth_at(self._time_of(t))
 
     def plan(self, frames: Frames = None, *, probe: bool = True, accuracy: bool = False) -> Plan:

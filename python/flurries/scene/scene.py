@@ -240,10 +240,7 @@ class Scene(Rendering):
 
     @property
     def _display(self) -> Display:
-        """The display window in the frame: (left, top, width, height), px.
-
-        All of it, but for a background with overscan. Cameras count from its first pixel.
-        """
+        """The display window in the frame: (left, top, width, height), px."""
         return self._backdrop.display or (0, 0, *self.size)
 
     @property

@@ -46,6 +46,11 @@ def write_parts(
     plain = [(as_floats(specification), band) for specification, band in parts]
     with replacing(path) as temporary:
         checksums = _write(target, temporary, plain)
+        if temporary.suffix.lower() == ".dpx":
+            # OpenImageIO puts the hidden name there, and the way to it.
+            with temporary.open("r+b") as file:
+                file.seek(36)
+                file.write(bytes(100))
         for number, ((specification, _), sums) in enumerate(zip(plain, checksums, strict=True)):
             _verify(target, temporary, specification, sums, lossless=lossless, part=number)
         declare_integers(temporary, [specification for specification, _ in parts])

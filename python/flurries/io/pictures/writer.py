@@ -37,7 +37,7 @@ class Format:
         return (*self.bits, *floats)
 
 
-_FORMATS = {
+FORMATS = {
     ".dpx": Format("dpx", bits=(8, 10, 16), alpha=False),
     ".exr": Format("openexr", floats=True),
     ".hdr": Format("hdr", floats=True, alpha=False, lossless=False),
@@ -198,11 +198,11 @@ def _encode_jpeg(
 
 def format_of(path: str | os.PathLike[str]) -> Format:
     suffix = Path(path).suffix.lower()
-    if suffix not in _FORMATS:
+    if suffix not in FORMATS:
         raise ValueError(
-            f"{os.fspath(path)}: pictures are written as {', '.join(_FORMATS)}, not as {suffix!r}"
+            f"{os.fspath(path)}: pictures are written as {', '.join(FORMATS)}, not as {suffix!r}"
         )
-    return _FORMATS[suffix]
+    return FORMATS[suffix]
 
 
 def _checked_pixels(
