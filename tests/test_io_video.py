@@ -107,21 +107,6 @@ def test_a_video_needs_a_frame_and_a_block(tmp_path):
     assert len(list(read_video(path))) == 1
 
 
-def test_a_forked_child_does_not_disturb_the_video(tmp_path):
-    path = tmp_path / "a.mp4"
-    with VideoWriter(path, (96, 64), 24) as video:
-        for number, frame in enumerate(film(10)):
-            video.write(frame)
-            if number == 4:
-                if (child := os.fork()) == 0:
-                    video.__exit__(ValueError, ValueError(), None)
-                    del video
-                    os._exit(0)
-                assert os.waitpid(child, 0)[1] == 0
-    assert len(list(read_video(path))) == 10
-    assert only(path)
-
-
 def codecs_of(process):
     tasks = Path(f"/proc/{process}/task").glob("*/children")
     return [int(child) for task in tasks for child in task.read_text().split()]

@@ -111,6 +111,22 @@ def test_stages_that_say_no_camera_are_refused(tmp_path: Path):
         importers.load(tmp_path / "missing.usd", (H, W))
 
 
+def test_a_damaged_stage_is_told_with_its_name(tmp_path: Path):
+    random, file = np.random.default_rng(7), tmp_path / "bad.usda"
+    fl.Scene(size=(W, H), camera=WAY, effects=[FLAKES]).write(file, "1-2")
+    whole, told = file.read_bytes(), 0
+    for place, byte in zip(random.integers(0, 900, 60), [0, 10, 128, 255] * 15, strict=True):
+        # A name of its own: the library keeps what it has read.
+        bad = tmp_path / f"bad{place}.usda"
+        bad.write_bytes(whole[:place] + bytes([byte]) + whole[place + 1 :])
+        try:
+            importers.load(bad, (H, W))
+        except ValueError as error:
+            assert str(bad) in str(error) and "\n" not in str(error)
+            told += 1
+    assert told > 15
+
+
 def test_apertures_of_another_shape_fit_the_width(tmp_path: Path):
     stage_of(tmp_path / "a.usda", film=0.6)
     with pytest.warns(UserWarning, match="another shape than the picture of 80 x 60 px"):

@@ -27,7 +27,7 @@ _SAME = 1e-5
 # Where apertures are of another shape than the picture by more, they are no edges of it.
 _FITS = 0.005
 
-MOST_SAMPLES = 1_000_000
+MOST_SAMPLES = 100_000
 
 
 def require_usd() -> tuple[Any, Any, Any, Any, Any]:
@@ -53,8 +53,6 @@ def read_usd(
 
     Parameters
     ----------
-    path : str or path
-        ``.usd``, ``.usda``, ``.usdc`` or ``.usdz``.
     shape : (H, W)
         Of the pictures. Apertures of their shape are their edges, and say how wide a pixel is;
         those of another shape fit the width, with a warning.
@@ -62,23 +60,30 @@ def read_usd(
         Its `aspect` is the pictures' own, where the apertures are of another shape.
     prim : str, optional
         The camera, such as ``/shot/camera``, where the stage has several.
-    scale : float
-        Metres to a metre of the stage.
     """
-    Gf, _, Usd, UsdGeom, _ = require_usd()
-    height, width = shape_of("shape", shape)
+    require_usd()
+    size = shape_of("shape", shape)
     if prim is not None and not isinstance(prim, str):
         raise TypeError(f"prim must be a path such as '/shot/camera', got {type(prim).__name__}")
-    file = plain_file(path)
+    file, scale = plain_file(path), real("scale", scale, above=0.0)
     try:
-        stage = Usd.Stage.Open(str(file))
+        return _read(file, size, camera, prim, scale)
     except Exception as error:
-        raise ValueError(f"{file}: no USD stage: {str(error).splitlines()[0]}") from None
+        if type(error) is TypeError or (type(error) is ValueError and str(file) in str(error)):
+            raise
+        raise ValueError(f"{file}: no USD stage, or a damaged one") from None
+
+
+def _read(
+    file: Path, shape: tuple[int, int], camera: Camera | None, prim: str | None, scale: float
+) -> CameraPath:
+    Gf, _, Usd, UsdGeom, _ = require_usd()
+    stage = Usd.Stage.Open(str(file))
     if stage is None:
         raise ValueError(f"{file}: no USD stage")
     found = _camera_of(file, stage, UsdGeom, prim)
     times = _times(file, found.GetPrim(), Usd, UsdGeom)
-    unit = UsdGeom.GetStageMetersPerUnit(stage) * real("scale", scale, above=0.0)
+    unit = UsdGeom.GetStageMetersPerUnit(stage) * scale
     world = AXES[str(UsdGeom.GetStageUpAxis(stage))]
     turns, places, lenses = [], [], []
     for time in times or [Usd.TimeCode.Default()]:
@@ -93,7 +98,7 @@ def read_usd(
             seen.horizontalApertureOffset, seen.verticalApertureOffset,
         ))  # fmt: skip
     given = None if camera is None else expect_camera(camera, stretched=True)
-    lens, focal = _lens(file, np.array(lenses), (height, width), given)
+    lens, focal = _lens(file, np.array(lenses), shape, given)
     if not times:
         return CameraPath(lens, position=np.array(places), orientation=np.array(turns))
     return path_of(np.array(times), np.array(places), np.array(turns), lens, focal, 1.0)

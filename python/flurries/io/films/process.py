@@ -145,7 +145,6 @@ def serve() -> None:
 
 
 def _send(stream: Any, message: Any) -> None:
-    # Arrays go as they are, without a copy.
     pickle.dump(message, stream, 5)
     stream.flush()
 

@@ -118,11 +118,7 @@ class Decoder:
         self._size = (first.shape[1], first.shape[0])
 
     def facts(self) -> tuple[float | None, int, tuple[int, int] | None, Tags, bool]:
-        return self._fps, self._count, self._size, self._tags, has_sound(self._container)
-
-    @property
-    def _count(self) -> int:
-        return len(self._index.times)
+        return self._fps, len(self._index.times), self._size, self._tags, has_sound(self._container)
 
     def frame(self, number: int) -> Array:
         key = self._index.key_of(number)
@@ -166,7 +162,7 @@ class Decoder:
         while self._next <= last:
             frame = next(self._frames, None)
             if frame is None:
-                self._next = self._count
+                self._next = len(self._index.times)
                 return False
             place = self._next if self._index.counted else self._index.numbers.get(frame.pts)
             if place is None:
@@ -191,7 +187,8 @@ class Decoder:
                 except av.FFmpegError:
                     place = self._index.numbers.get(packet.pts)
                     # Without a time, the frame that comes next is as near as can be told.
-                    self._broken.add(min(self._next, self._count - 1) if place is None else place)
+                    last = len(self._index.times) - 1
+                    self._broken.add(min(self._next, last) if place is None else place)
         except av.FFmpegError:
             return
 

@@ -44,7 +44,7 @@ class VideoWriter:
     sound : flurries.io.films.sound.Sound, optional
         A part of another film's sound; copied where the new file can hold it, else encoded.
     comment : str
-        A line that goes into the file's header.
+        For the file's header.
     codec : str, optional
         "h264", "h265", "vp9", "ffv1", "prores-hq", "prores-4444" or "dnxhr", not the usual one.
     bits : int, optional
@@ -93,7 +93,6 @@ class VideoWriter:
 
     @property
     def bits(self) -> int:
-        """Bits of a color."""
         return self.plan.codec.bits
 
     def __enter__(self) -> VideoWriter:
