@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 import flurries as fl
 from flurries.effects.wall import wall_maps
-from flurries.io import linear_to_srgb, srgb_to_linear
+from flurries.io import srgb_to_linear
 from flurries.light.plate import ambient_light
 from measure import cover
 
@@ -179,24 +180,64 @@ def test_the_veil_thickens_with_the_way_through_it():
 # The light of the background ---------------------------------------------------------------------
 
 
-def test_ambient_light_is_as_bright_as_the_mean_and_has_the_tint_of_what_is_grey():
-    rng = np.random.default_rng(3)
-    for dtype in (np.uint8, np.uint16):
-        picture = rng.integers(0, np.iinfo(dtype).max // 4, (37, 41, 3)).astype(dtype)
-        light = srgb_to_linear(picture / np.float64(np.iinfo(dtype).max))
-        mean, tint = np.zeros(3), np.zeros(3)
-        for pixel in light.reshape(-1, 3):
-            mean += pixel / (37 * 41)
-            tint += pixel * (min(pixel) / max(max(pixel), 1e-30) + 1e-6)
-        white = tint * (mean.sum() / tint.sum()) * (0.9 / 0.18)
-        want = linear_to_srgb(white / max(1.0, white.max()))
-        assert ambient_light(picture, "display") == pytest.approx(want, rel=2e-6)
+def street(sky: float, walls: float) -> np.ndarray:
+    """A linear plate, a third of it sky, with darker and lighter walls."""
+    plate = np.full((90, 120, 3), walls, np.float32)
+    plate *= np.random.default_rng(2).uniform(0.5, 1.5, plate.shape).astype(np.float32)
+    plate[:30] = sky
+    return plate
 
 
-def test_a_red_coat_is_no_red_light():
-    picture = np.full((60, 60, 3), 120, np.uint8)
-    picture[10:50, 20:] = 200, 30, 10
-    red, green, blue = ambient_light(picture, "display")
-    assert red < 1.02 * blue and red < 1.02 * green
-    # A picture of one color says that its light has it.
-    assert ambient_light(np.full((9, 9, 3), (60, 20, 10), np.uint8), "display")[2] < 0.4
+def test_snow_is_a_little_darker_than_the_sky_at_any_exposure():
+    for sky, walls in ((1.0, 0.1), (0.8, 0.4), (5.0, 0.2)):
+        light = srgb_to_linear(np.array(ambient_light(street(sky, walls), "linear")))
+        assert light == pytest.approx([0.9 * sky] * 3, rel=1e-4)
+    snow = [fl.Snow("heavy")]
+    shown = fl.Scene(street(1.0, 0.1), effects=snow, fps=24).render(3)
+    for k in (16.0, 1.0 / 16.0):
+        again = fl.Scene(np.float32(k) * street(1.0, 0.1), effects=snow, fps=24).render(3)
+        np.testing.assert_allclose(again, k * shown, rtol=2e-5)
+
+
+def test_a_coat_lights_nothing_and_a_sky_tints_little():
+    picture = street(1.0, 0.1)
+    picture[40:80, 20:] = 0.9, 0.15, 0.02
+    grey = np.array(ambient_light(picture, "linear"))
+    assert np.ptp(grey) < 2.0 / 255.0
+    picture[:30] = 0.3, 0.5, 0.9
+    red, green, blue = ambient_light(picture, "linear")
+    assert red < green < blue < red + 17.0 / 255.0
+
+
+def test_a_lamp_that_enters_a_shot_changes_no_light(tmp_path: Path):
+    """Of the far third, whose plate stays; the plate of each frame alone gives other snow."""
+    night, lit = street(0.02, 0.01), street(0.02, 0.01)
+    lit[50:85, 80:115] = 3.0
+    for number in range(1, 13):
+        fl.io.write_picture(tmp_path / f"n.{number:04d}.exr", lit if number > 7 else night)
+    shot, dark, bright = (
+        fl.Scene(plate, effects=[fl.Snow("heavy")], fps=24, seed=3).render(9)[:30]
+        for plate in (str(tmp_path / "n.%04d.exr"), night, lit)
+    )
+    np.testing.assert_allclose(shot, dark, rtol=2e-3)
+    assert bright.mean() > 2.0 * dark.mean()
+
+
+def test_all_that_is_beyond_far_is_alike():
+    """And monotone before it, of each effect; a whole picture at each depth."""
+    ladder = [0.5, 1.0, 4.0, 15.0, 40.0, 81.0, 1e3, 1e5, 1e10, np.inf]
+    walls = [np.full((60, 80), depth, np.float32) for depth in ladder]
+    for effect in (
+        fl.Snow("heavy", haze=0.2), fl.Rain("downpour", haze=0.2), fl.Snow(method="simulated"),
+        fl.effects.ConeSnow(radius=8.0), fl.Mist(visibility=40.0),
+    ):  # fmt: skip
+        scene = Scene("#000000", size=(80, 60), effects=[effect], fps=24)
+        planes = [scene.replace(depth=d).layers(3).alpha.mean(dtype=np.float64) for d in walls]
+        assert (np.diff(planes) > -1e-6).all(), effect
+        assert planes[5:] == pytest.approx([planes[-1]] * 5, rel=1e-6), effect
+
+
+def test_the_veil_of_rain_does_not_shine():
+    rain = fl.Rain(density=0.0, haze=0.5, color=0.6, gain=6.0)
+    shown = Scene(size=(8, 6), background=np.zeros((6, 8, 3), np.float32), effects=[rain]).render(0)
+    assert shown == pytest.approx(0.5 * float(srgb_to_linear(np.array(0.6))), rel=1e-5)

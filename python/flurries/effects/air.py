@@ -19,7 +19,7 @@ from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur
 from flurries.effects.flakes import Flakes
 from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
-from flurries.effects.weather import Weather, amounts_at
+from flurries.effects.weather import NEAR_FADE, Weather, amounts_at
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys
 from flurries.particles.population import FADE
@@ -113,7 +113,7 @@ def air_of(
     if blur is not None:
         # As far as a flake out of focus reaches, at its own depth.
         ends = [one.reach * (1.0 + FADE) for one in shares]
-        near, deepest = max(weather.near, 1e-3), max(ends, default=1.0)
+        near, deepest = max(weather.near / NEAR_FADE, 1e-3), max(ends, default=1.0)
         widest = max(depth * blur.circle(depth) for depth in (near, deepest))
         room = 0.75 * widest / frame.camera.focal
     if weather.shape != "round" or blur is not None:

@@ -25,11 +25,16 @@ def even_shade(frame: Frame, color: tuple[float, float, float]) -> Shade:
     return Shade(light.astype(np.float32), 1.0, (frame.window[0], frame.window[2]))
 
 
-def veil_layer(name: str, frame: Frame, alpha: Array | float) -> Layer:
-    """Return fog of an opacity that is as bright as what it hides, or brighter."""
+def veil_layer(
+    name: str, frame: Frame, alpha: Array | float, color: tuple[float, float, float] | None
+) -> Layer:
+    """Return fog of a color, or without one as bright as what it hides, or brighter."""
     top, bottom, left, right = frame.window
     cover = np.broadcast_to(np.asarray(alpha, np.float32), (bottom - top, right - left))
-    return Layer(name, np.ascontiguousarray(cover), shade=local_shade(frame, None))
+    cover = np.ascontiguousarray(cover)
+    if color is not None:
+        return Layer(name, cover, color)
+    return Layer(name, cover, shade=local_shade(frame, None))
 
 
 def local_shade(frame: Frame, optics: Optics | None) -> Shade:

@@ -28,7 +28,7 @@ from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
-from flurries.effects.veil import Haze
+from flurries.effects.veil import Veil
 from flurries.effects.weather import Weather, times
 from flurries.frame.layer import Layer
 from flurries.frame.needs import Needs
@@ -118,7 +118,7 @@ def parts_of(
         return Precipitation(
             name=effect.NAME, amount=amount, color=effect.color, brightness=gain, optics=optics,
             motion=motion, texture=FlakeTexture(weather), flakes=DrawnFlakes(weather),
-            veil=Haze(weather, effect.haze),
+            veil=Veil(effect.haze, effect.far),
         )  # fmt: skip
 
     if not isinstance(sizes, Keys):

@@ -133,6 +133,9 @@ class Precipitation(Generic[_Back]):
         """Return the layer of a frame; of local light the veil is one of its own, behind."""
         amount, haze, run = self._now(frame)
         texture, flakes, veil = self.texture, self.front, self.veil
+        brightness = float(value_at(self.brightness, frame.t))
+        # A veil does not shine as drops do.
+        apart = self._local or brightness != 1.0
         behind = front = None
         if texture is not None:
             behind = run(texture.name, lambda: texture.alpha(frame, amount))
@@ -152,10 +155,12 @@ class Precipitation(Generic[_Back]):
         if frame.depth is not None:
             before = run("veil", lambda: veil.alpha(frame, amount))
             haze = 0.0
-            planes += [] if before is None or self._local else [before]
+            planes += [] if before is None or apart else [before]
         far: list[Layer] = []
-        if self._local and (before is not None or haze > 0.0):
-            far = [veil_layer(f"{self.name}.veil", frame, haze if before is None else before)]
+        if apart and (before is not None or haze > 0.0):
+            light = None if self._local else color_at(self.color, frame)
+            cover = haze if before is None else before
+            far = [veil_layer(f"{self.name}.veil", frame, cover, light)]
             haze = 0.0
         top, bottom, left, right = frame.window
         alpha = np.zeros((bottom - top, right - left), np.float32)
@@ -165,7 +170,7 @@ class Precipitation(Generic[_Back]):
             shade = run("local light", lambda: local_shade(frame, self.optics))
             layer = Layer(self.name, alpha, shade=shade, glow=glow)
         else:
-            color = bright(color_at(self.color, frame), float(value_at(self.brightness, frame.t)))
+            color = bright(color_at(self.color, frame), brightness)
             shade = None if glow is None else even_shade(frame, color)
             layer = Layer(self.name, alpha, color, shade=shade, glow=glow)
         back: Any = texture

@@ -70,7 +70,7 @@ class Rain(metaclass=Described):
         Exposure in frames, centred on the frame: how long the streaks are. Keyed. If not
         given, 0.5, and 1/250 s in a still; see `fps` of :class:`flurries.Scene`.
     near, far : float
-        Depths in metres between which drops are shown.
+        Depths in metres between which there are drops, as in :class:`Snow`.
     cloud : float
         Height above the camera in metres at which drops begin to fall, for `emission`.
     shape : {"natural", "round"}
@@ -103,7 +103,7 @@ class Rain(metaclass=Described):
     haze: Number = 0.0
     shutter: Number | None = None
     near: float = 0.4
-    far: float = 40.0
+    far: float = 60.0
     cloud: float = 10.0
     handover: float | None = None
     method: Method = "flakes"

@@ -77,8 +77,8 @@ class Snow(metaclass=Described):
         Amplitude in metres and rate in radians per second. Each near flake swings with a phase of
         its own.
     near, far : float
-        Depths in metres between which flakes are shown. Where the background is farther away, a
-        veil has the extinction of the flakes beyond `far`.
+        Depths in metres between which there are flakes. All that is farther away is seen through
+        all of them, whatever its depth.
     cloud : float
         Height above the camera in metres at which flakes begin to fall, for `emission`.
     handover : float, optional

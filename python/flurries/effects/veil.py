@@ -1,14 +1,12 @@
-"""Even veils of what is too far and too fine for anything else; and that of a population."""
+"""Even veils of what is too far and too fine for anything else."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from flurries._contract import Array
-from flurries.effects.weather import Weather
 from flurries.frame.needs import LeftOut, Needs, Step, standing
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
@@ -33,37 +31,6 @@ class Veil:
         return standing(
             frame, self, "veil", haze, lambda: haze_before(frame.crop(depth), haze, self.far)
         )
-
-
-@dataclass(frozen=True, eq=False)
-class Haze:
-    """The veil of a population: beyond its last flakes it has the extinction of others."""
-
-    weather: Weather
-    haze: Number  # Opacity of what is besides between the camera and the farthest flakes, 0 to 1.
-
-    def needs(self, frame: Frame, amount: float) -> Needs:
-        """Return its step before a scene with a depth; without one it takes nothing."""
-        return _needs(frame, amount * float(value_at(self.haze, frame.t)), before=1.0 - 1e-6)
-
-    def alpha(self, frame: Frame, amount: float) -> Array:
-        """Return the opacity before the scene's depth over the window, (h, w) float32."""
-        return frame.here(self, "veil", lambda: self._before(frame, amount))
-
-    def _before(self, frame: Frame, amount: float) -> Array:
-        assert frame.depth is not None
-        depth, far = frame.crop(frame.depth), self.weather.far
-        # Plain floats keep arrays in float32, where exp is on vector lanes and expm1 is not.
-        haze = min(amount * float(value_at(self.haze, frame.t)), 1.0 - 1e-9)
-        emission = float(value_at(self.weather.emission, frame.t))
-        thickness = np.maximum(depth - far, 0.0)
-        # Where nothing stands the weather ends with its flakes.
-        thickness[thickness == np.inf] = 0.0
-        thickness *= amount * emission * self.weather.population.extinction
-        if haze > 0.0:
-            thickness += np.minimum(depth * (1.0 / far), 1.0) * -math.log1p(-haze)
-        np.exp(np.negative(thickness, out=thickness), out=thickness)
-        return np.subtract(1.0, thickness, out=thickness)
 
 
 def _needs(frame: Frame, haze: float, before: float) -> Needs:

@@ -40,7 +40,7 @@ _MOST_FLAKES = 12.0
 # Layers of sheets of each class; large flakes make most of the contrast.
 LAYERS, BENT_LAYERS = (4, 7, 10, 15), 6
 
-# Depth in units of the near one over which flakes fade in before the lens.
+# Flakes fade in before the lens from the near depth over this: from it on all are there.
 NEAR_FADE = 1.25
 
 # By so much of the far end, on either side, the last flakes fade, so that none pops.
@@ -173,7 +173,8 @@ def _film(
         for one, end in zip(sizes, ends if rigid else ends * count, strict=False):
             fall, reach = times(motion.fall, one.fall / weather.mean_speed), far if few else end
             fade = (1.0 - FAR_FADE, 1.0 + FAR_FADE) if reach >= far else (1.0, 1.0 + FADE)
-            shown = (weather.near, weather.near * NEAR_FADE, reach * fade[0], reach * fade[1])
+            near = (weather.near / NEAR_FADE, weather.near)
+            shown = (*near, reach * fade[0], reach * fade[1])
             found.append(Share(one, Motion(fall, motion.wind, motion.shutter), reach, shown))
         return found
 
@@ -201,13 +202,13 @@ def _film(
 def hand_overs(weather: Weather, focal: float, classes: list[SizeClass]) -> list[float]:
     """Return the depths up to which flakes of each class are drawn if sheets lie beyond, metres."""
     if weather.handover is not None:
-        return [min(max(weather.handover, NEAR_FADE * weather.near), weather.far)] * len(classes)
+        return [min(max(weather.handover, weather.near), weather.far)] * len(classes)
 
     # Classes cover the same area: their diameters go with one over the root of their numbers.
     sides = [max(one.density, 1e-30) ** -0.5 for one in classes]
     image, found = (3.0 * DRAWN * focal**2 / sum(sides)) ** (1.0 / 3.0), []
     for one, side in zip(classes, sides, strict=True):
-        large = max(one.largest * focal / LARGEST, NEAR_FADE * weather.near)
+        large = max(one.largest * focal / LARGEST, weather.near)
         step = max(math.floor(4.0 * math.log2(image * side)), math.ceil(4.0 * math.log2(large)))
         found.append(min(2.0 ** (0.25 * step), weather.far))
     return found

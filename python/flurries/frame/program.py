@@ -7,9 +7,9 @@ seeded or allocated, and a frame costs no time for it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,9 +27,10 @@ from flurries.frame.mixing import Mix
 from flurries.frame.needs import LeftOut, Needs, Run, has_keys, needs_of
 from flurries.frame.view import Frame, Lap
 from flurries.light.lamp import Lamp, Sun
-from flurries.light.plate import PlateLight, ambient_light, plate_light
+from flurries.light.plate import PlateLight, ambient_of, cell_sums, plate_light
 
-_Found = TypeVar("_Found")
+# Frames of a background in which the light of its shot is found.
+_FRAMES = 9
 
 # Half a step of an integer picture, less what rounding in float32 can take.
 HALF_STEP = 0.5 - 1e-3
@@ -153,7 +154,7 @@ class Program:
         runs = self._parts_in(base, dtype)
         reads = frozenset[str]().union(*(needs.reads for _, needs in runs)) if read else ()
         depth = self.depth_at(t) if "depth" in reads else None
-        ambient = self._ambient(t) if "ambient" in reads else None
+        ambient = self._ambient() if "ambient" in reads else None
         front = self.front(t) if runs else None
         visible = None if front is None or dtype is None else front.visible
         nearer: Deep | None = None if front is None or not read else front.deep
@@ -224,27 +225,34 @@ class Program:
         return depth
 
     # Of the whole picture, so that a region has the whole's bits.
-    def _ambient(self, t: float) -> tuple[float, float, float]:
-        with current.get().stage("ambient"):
-            return self._of_plate(ambient_light, t)
+    def _ambient(self) -> tuple[float, float, float]:
+        """Return the light of the shot, found once from frames of all of its background."""
+        if "ambient" not in self.found:
+            with current.get().stage("ambient"):
+                numbers = self.backdrop.sampled(_FRAMES)
+                sums = [cell_sums(*self._picture(number))[0] for number in numbers]
+                self.found["ambient"] = 0, ambient_of(sums)
+        answer: tuple[float, float, float] = self.found["ambient"][1]
+        return answer
 
     def _plate(self, t: float) -> PlateLight:
-        with current.get().stage("plate light"):
-            return self._of_plate(plate_light, t)
-
-    def _of_plate(self, find: Callable[[Array, str], _Found], t: float) -> _Found:
-        """Return what is found in the background at `t`; in one that never changes, once."""
+        """Return the light by places of the background at `t`; of one that never changes, once."""
         number = 0 if self.backdrop.count is None else math.floor(t)
-        there = self.found.get(find.__name__)
+        there = self.found.get("plate")
         if there is None or there[0] != number:
-            picture = self.backdrop.frame(t)
-            if self.primaries is not None:
-                # Effects' colors are of Rec. 709's primaries.
-                back = (picture[..., :3] @ np.linalg.inv(self.primaries)).astype(np.float32)
-                picture = np.concatenate([back, picture[..., 3:]], axis=2)
-            there = self.found[find.__name__] = number, find(picture, self.backdrop.encoding)
-        answer: _Found = there[1]
+            with current.get().stage("plate light"):
+                there = self.found["plate"] = number, plate_light(*self._picture(t))
+        answer: PlateLight = there[1]
         return answer
+
+    def _picture(self, t: float) -> tuple[Array, str]:
+        """Return the background at `t` and its encoding, in the primaries of Rec. 709."""
+        picture = self.backdrop.frame(t)
+        if self.primaries is not None:
+            # Effects' colors are of Rec. 709's primaries.
+            back = (picture[..., :3] @ np.linalg.inv(self.primaries)).astype(np.float32)
+            picture = np.concatenate([back, picture[..., 3:]], axis=2)
+        return picture, self.backdrop.encoding
 
 
 def air_of(renderer: Any, t: float) -> float:

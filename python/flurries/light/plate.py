@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +32,13 @@ _WIDE_SIGMA = math.sqrt(0.5 * (_NARROW**2 + _WIDE**2)) / math.sqrt(2.0)
 _GREY, _SNOW = 0.18, 0.9
 # A black picture is none: snow on it is meant to be laid over one later.
 _BLACK = 1.0, 1.0, 1.0
+# The share of places that are darker than the shot's white.
+_SKY = 0.95
+# That white over the mean, for what is all card and what is all picture.
+_CARD = 1.02, 1.1
+# The range of the channels of snow's light at most, in parts of their mean: in photographs flakes
+# are within 17 of 255.
+_TINT = 0.13
 # What the most saturated color counts for the tint, so that a picture of one color has one.
 _LEAST = 1e-6
 
@@ -116,22 +124,30 @@ def plate_light(picture: Array, encoding: str) -> PlateLight:
 
 def ambient_light(picture: Array, encoding: str) -> tuple[float, float, float]:
     """Return the brightness (r, g, b) of white snow in the light of a picture (H, W, 3 or 4)."""
-    # Display values, 0 to 1 (Langer 2003's slides do not say where it comes from): the mean of the
-    # linear light over .18, what pictures reflect, times .9, what snow does; lowered to 1 at most,
-    # or in linear light to .9 of its brightest twentieth. A place counts for the tint by its least
-    # channel over its largest: a red coat is no red light, grey ground shows the light's own color.
-    sums = np.maximum(cell_sums(picture, encoding)[0].reshape(-1, 4), 0.0).astype(np.float64)
-    light, cover = sums[:, :3], sums[:, 3]
-    if not cover.any() or not light.any():
+    return ambient_of([cell_sums(picture, encoding)[0]])
+
+
+def ambient_of(frames: Sequence[Array]) -> tuple[float, float, float]:
+    """Return the brightness (r, g, b), display values, of white snow in the light of a shot.
+
+    `frames` are the sums of `cell_sums`. Light has no end at 1, and goes with the exposure.
+    """
+    # What is there in less than half of the frames, such as a lamp that enters, is no light of all.
+    sums = np.maximum(np.median(frames, axis=0).reshape(-1, 4), 0.0).astype(np.float64)
+    sums = sums[sums[:, 3] > 0.0]
+    light = sums[:, :3] / sums[:, 3:]
+    if not light.any():
         return _BLACK
-    mean = light.sum(axis=0) / cover.sum()
+    bright = light.mean(axis=1)
+    sky, mean = float(np.quantile(bright, _SKY)), float(bright.mean())
+    # A card has no sky: it is taken as what reflects as much as pictures do.
+    card = float(np.interp(sky / max(mean, np.finfo(np.float32).tiny), _CARD, (1.0, 0.0)))
+    white = _SNOW * (sky + card * (mean / _GREY - sky))
+    # A bright place counts for the tint by its least channel over its largest: coats light nothing.
+    there = bright >= np.quantile(bright, _BRIGHTER[0])
     grey = light.min(axis=1) / np.maximum(light.max(axis=1), np.finfo(np.float32).tiny)
-    tint = (grey + _LEAST) @ light
-    white = tint * (float(mean.sum() / tint.sum()) * _SNOW / _GREY)
-    most = 1.0
-    if encoding == "linear":
-        # Light has no end at paper white: before a sky of 5 snow is not grey.
-        shown = light[cover > 0.0] / cover[cover > 0.0, None]
-        most = max(most, _SNOW * float(np.quantile(shown, 0.95)))
-    red, green, blue = linear_to_srgb(white / max(float(white.max()) / most, 1.0)).tolist()
+    tint = (grey[there] + _LEAST) @ light[there]
+    tint /= tint.mean()
+    tint = 1.0 + (tint - 1.0) * min(_TINT / max(float(np.ptp(tint)), 1e-12), 1.0)
+    red, green, blue = linear_to_srgb(white * tint / max(float(tint.max()), 1.0)).tolist()
     return red, green, blue

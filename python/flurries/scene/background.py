@@ -39,6 +39,17 @@ class Backdrop:
         pixels: Array = self.source.frame(t)
         return pixels
 
+    def sampled(self, most: int) -> list[int]:
+        """Return the numbers of frames spread evenly over all there are."""
+        if self.files is None or self.files.span is None:
+            return [0]
+        span = self.files.span
+        count = span.last - span.first + 1
+        most = min(most, count)
+        numbers = [span.first + (2 * k + 1) * count // (2 * most) for k in range(most)]
+        missing = self.files.gaps(numbers)
+        return [number for number in numbers if number not in missing] or [span.first]
+
     @property
     def deep(self) -> bool:
         """Whether it has more than 8 bits a color, as its first frame says."""
