@@ -141,7 +141,7 @@ def test_extinction_before_a_wall_is_that_of_all_flakes(wall: float):
     means = [1.0 - alpha(scene(seed=seed, depth=wall, near=0.5)).mean() for seed in range(5)]
     extinction = 60.0 * 0.9 * 0.25 * math.pi * Sizes.with_mean(*fl.Snow().flake_size).moment(2.0)
     # From the middle of the fade before the lens on.
-    wanted = math.exp(-extinction * (wall - 0.5 * (1.0 + 1.25) / 2.0))
+    wanted = math.exp(-extinction * (wall - 0.5 * (1.0 + 0.8) / 2.0))
     assert np.mean(means) == pytest.approx(wanted, abs=0.012)
 
 
@@ -154,7 +154,7 @@ def test_nothing_is_nearer_than_the_near_depth(method: str):
         )
         extinction = shown.effects[0].parts.texture.weather.population.extinction
         # Flakes fade in over a quarter of the near depth.
-        wanted = extinction * (25.0 - 1.125 * near)
+        wanted = extinction * (25.0 - 0.9 * near)
         assert -np.log1p(-alpha(shown, 8.0).mean()) == pytest.approx(wanted, rel=0.05)
 
 

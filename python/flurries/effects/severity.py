@@ -1,9 +1,4 @@
-"""Severities of weather: the one table for scenes and data sets.
-
-A severity is a strength in the units of meteorology, whatever the picture: a rate of precipitation,
-mm/h of water, or a visibility, the distance in metres at which a black thing keeps 5 % of its
-contrast before the sky.
-"""
+"""Severities of weather: the one table for scenes and data sets."""
 
 from __future__ import annotations
 
@@ -18,16 +13,11 @@ VISIBILITIES = (1000.0, 500.0, 200.0, 100.0, 50.0)
 SEVERITIES = len(VISIBILITIES)
 
 
-def severity_of(value: object) -> int:
-    """Return a severity, or refuse it."""
-    return integer("severity", value, low=1, high=SEVERITIES)
-
-
 def rate_of_severity(value: object, kind: Literal["snow", "rain"]) -> float:
     """Return the rate of a severity, mm/h, or refuse the severity."""
-    return RATES[kind][severity_of(value) - 1]
+    return RATES[kind][integer("severity", value, low=1, high=SEVERITIES) - 1]
 
 
 def visibility_of_severity(value: object) -> float:
     """Return the visibility in mist and fog of a severity, metres, or refuse the severity."""
-    return VISIBILITIES[severity_of(value) - 1]
+    return VISIBILITIES[integer("severity", value, low=1, high=SEVERITIES) - 1]
