@@ -11,7 +11,6 @@ import pytest
 import flurries as fl
 from flurries import gas
 from flurries.io.color import linear_to_srgb, srgb_to_linear
-from flurries.light.phase import within
 from flurries.light.plate import plate_light
 
 Array = np.ndarray[Any, Any]
@@ -95,26 +94,3 @@ def test_the_light_of_cells_is_the_mean_of_their_pixels():
     odd = light.astype(np.float32)
     odd[0, 0] = np.nan
     assert np.isfinite(plate_light(odd, "linear").cells).all()
-
-
-@pytest.mark.parametrize("asymmetry", [-0.5, 0.0, 0.76])
-def test_the_phase_function_shares_light_out(asymmetry: float):
-    nodes, weights = np.polynomial.legendre.leggauss(400)
-    whole = 2.0 * np.pi * float(weights @ phase(asymmetry, nodes))
-    assert abs(whole - 1.0) < 1e-9
-    mean = 2.0 * np.pi * float(weights @ (nodes * phase(asymmetry, nodes)))
-    assert abs(mean - asymmetry) < 1e-9
-    low = np.cos(0.4)
-    part = 0.5 * (1.0 - low) * nodes + 0.5 * (1.0 + low)
-    share = np.pi * (1.0 - low) * float(weights @ phase(asymmetry, part))
-    assert abs(within(asymmetry, 0.4) - share) < 1e-9
-
-
-def test_nothing_of_it_where_it_is_not_asked_for():
-    byte = np.rint(255.0 * picture()).astype(np.uint8)
-    plain, local = (
-        {step.name for step in scene(byte, fl.Snow(color=color)).plan(3, probe=False).steps}
-        for color in (0.9, "local")
-    )
-    assert not any("light" in name or "lamps" in name for name in plain)
-    assert "snow: local light" in local

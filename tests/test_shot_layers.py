@@ -80,8 +80,8 @@ def test_the_recipe_of_the_page_rebuilds_the_picture(tmp_path: Path, monkeypatch
     front = np.zeros((H, W, 4), np.float32)
     front[50:] = (0.0, 0.4, 0.0, 0.5)
     scene = fl.Scene(
-        plate, effects=[fl.Snow("heavy", color="local"), fl.Rain("downpour", color="local")],
-        depth=200.0, foreground=front,
+        plate, depth=200.0, foreground=front,
+        effects=[kind(color="local", haze=0.2) for kind in (fl.Snow, fl.Rain)],
     )  # fmt: skip
     scene.write("shot.%04d.exr", "12", layers=True, bits="float")
     page = (Path(__file__).parents[1] / "docs" / "layers.md").read_text()

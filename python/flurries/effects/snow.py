@@ -63,11 +63,9 @@ class Snow(metaclass=Described):
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed; or
         :class:`flurries.Wind`, with gusts, swirls and differences over depth.
     color : float, (r, g, b), "#rrggbb", "ambient" or "local"
-        Display values, 0 to 1. Keyed. "ambient": as bright as white is in the light of the
-        background. "local": 0.9 of the light from behind and around each flake and from outside
-        the picture, so that snow is darker than an overcast sky and glows before a lamp; the frame
-        is then mixed in linear light, and a display picture, a linear one and an EXR of one place
-        get the same snow.
+        Display values, 0 to 1. Keyed. "ambient": 0.9 of the light of the shot's sky, nearly grey,
+        the same in all frames. "local": 0.9 of the light from behind and around each flake and
+        from outside the picture, mixed in linear light: flakes glow before a lamp.
     haze : float
         Opacity of an even veil beside the flakes, 0 to 1. Keyed.
     shutter : float, optional

@@ -76,8 +76,7 @@ class TentSnow(metaclass=Described):
         the motion stand still, which shows when the wind is 0 or in a simple ratio to the fall
         (1:3, 1:4): choose another ratio, or `jitter`.
     color : float, (r, g, b), "#rrggbb" or "ambient"
-        Display values, 0 to 1. Keyed. "ambient": as bright as white is in the light of the
-        background, see :func:`flurries.light.ambient.ambient_light`.
+        Display values, 0 to 1. Keyed. "ambient" as in :class:`flurries.Snow`.
     haze : float
         Opacity of an even veil, 0 to 1; in a scene with a depth, of the veil in front of the
         farthest snow. Keyed.
