@@ -33,12 +33,12 @@ _GREY, _SNOW = 0.18, 0.9
 # A black picture is none: snow on it is meant to be laid over one later.
 _BLACK = 1.0, 1.0, 1.0
 # The share of places that are darker than the shot's white.
-_SKY = 0.95
+_SKY = 0.98
 # That white over the mean, for what is all card and what is all picture.
 _CARD = 1.02, 1.1
 # The range of the channels of snow's light at most, in parts of their mean: in photographs flakes
-# are within 17 of 255.
-_TINT = 0.13
+# are within 17 of 255, and those that let light through have some of it from what is behind them.
+_TINT = 0.01
 # What the most saturated color counts for the tint, so that a picture of one color has one.
 _LEAST = 1e-6
 
