@@ -105,7 +105,6 @@ def air_of(
     eyes = [_eye(frame.camera, frame)] * len(after)
     if path.turns or path.zooms:
         eyes[1:] = [_eye(frame.later(s).camera if s else frame.camera, frame) for s in after[1:]]
-    # One after the other: a frame goes to a file once.
     slope, shares, opacity = weather.law.slope, weather.shares(frame), weather.opacity_at(frame.t)
     wind = weather.motion.varied
     blur = None if frame.lens is None else frame.blur
@@ -114,7 +113,7 @@ def air_of(
         # As far as a flake out of focus reaches, at its own depth.
         ends = [one.reach * (1.0 + FADE) for one in shares]
         near, deepest = max(weather.near / NEAR_FADE, 1e-3), max(ends, default=1.0)
-        widest = max(depth * blur.circle(depth) for depth in (near, deepest))
+        widest = max(near * blur.circle(near), deepest * blur.circle(deepest))
         room = 0.75 * widest / frame.camera.focal
     if weather.shape != "round" or blur is not None:
         closeup = Closeup(weather.shape, SWITCH, blur, frame.seed, frame.t / fps, exposure / fps)

@@ -71,12 +71,10 @@ class FlakeTexture:
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
         """Return motions to other frames (h, w, 2) and depth (h, w) of what the window shows."""
         film, motion = self.weather.film(frame), self.weather.motion
-        weights, depths = film.covers, film.depths
-        nearness = weights / depths
+        weights, nearness = film.covers, film.covers / film.depths
         top, bottom, left, right = frame.window
         depth = np.full((bottom - top, right - left), weights.sum() / nearness.sum(), np.float32)
-        speeds = np.array([layer.share.size.fall for layer in film.layers])
-        speed = float(nearness @ speeds / nearness.sum() / self.weather.mean_speed)
+        speed = float(nearness @ film.falls / nearness.sum() / self.weather.mean_speed)
         air: Any = {"fps": frame.fps, "fall": times(motion.fall, speed), "wind": motion.mean_wind}
         here, *places = [frame.path.relative(at.t, **air)[0] for at in (frame, *others)]
         moves = [
@@ -86,7 +84,7 @@ class FlakeTexture:
         if motion.varied is not None:
             for move, other in zip(moves, others, strict=True):
                 move += moved_by_wind(self.weather, weights, frame, other)
-        depth.fill(weights @ depths / weights.sum())
+        depth.fill(weights @ film.depths / weights.sum())
         return moves, depth
 
 

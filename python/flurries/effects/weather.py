@@ -15,6 +15,7 @@ import numpy as np
 
 from flurries._contract import Float64
 from flurries._kept import kept
+from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion
 from flurries.frame.needs import has_keys
@@ -90,6 +91,10 @@ class Film:
         return np.array([slab.coverage for slab in self.slabs])
 
     @cached_property
+    def falls(self) -> Float64:
+        return np.array([layer.share.size.fall for layer in self.layers])
+
+    @cached_property
     def power(self) -> Float64:
         """The variances of layers: of the same mean they go with what one flake covers."""
         return self.covers * [float(np.mean(slab.diameters**2)) for slab in self.slabs]
@@ -118,12 +123,10 @@ class Weather:
     handover: float | None = None
 
     def film(self, frame: Frame) -> Film:
-        """Return the shares of the film that a frame belongs to."""
         path = frame.path
         rotation = (0.0, 0.0, 0.0) if path.turns else frame.camera.rotation
         focal = frame.camera.focal if not path.zooms else path.longest_focal
-        lens = frame.lens is not None and has_keys(frame.lens)
-        return _film(self, path, rotation, focal, frame.fps, lens)
+        return _film(self, path, rotation, focal, frame.fps, frame.lens)
 
     @property
     def law(self) -> Sizes:
@@ -151,7 +154,6 @@ def amounts_at(weather: Weather, frame: Frame, share: Share, heights: Float64) -
 
 
 def times(number: Number, factor: float) -> Number:
-    """Return a number, plain or keyed, times a factor."""
     if isinstance(number, Keys):
         return Keys([(frame, factor * value) for frame, value in number.keys])
     return factor * number
@@ -160,7 +162,7 @@ def times(number: Number, factor: float) -> Number:
 @kept(64)
 def _film(
     weather: Weather, path: CameraPath, rotation: tuple[float, float, float], focal: float,
-    fps: float, blurred: bool,
+    fps: float, lens: Lens | None,
 ) -> Film:  # fmt: skip
     population, motion, far = weather.population, weather.motion, weather.far
     fx, fy = path.widest.focals
@@ -179,7 +181,7 @@ def _film(
         return found
 
     comes, steady = motion.spreads(path, rotation), (weather.emission, motion.shutter)
-    changes = comes or weather.keyed or blurred or any(isinstance(one, Keys) for one in steady)
+    changes = comes or weather.keyed or has_keys(lens) or any(has_keys(one) for one in steady)
     rigid = not changes and motion.varied is None and motion.line(path, fps) is not None
     drawn = classes(CLASSES, rigid)
     if rigid:

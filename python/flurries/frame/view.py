@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -191,7 +192,7 @@ class Frame:
             return make()
         return self.shared.here((id(owner), self.seed, name), owner, self.window, make)
 
-    @property
+    @cached_property
     def blur(self) -> Blur | None:
         """The lens as it is now; None where all is sharp."""
         if self.lens is None:
