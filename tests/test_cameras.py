@@ -198,7 +198,7 @@ def test_the_command_line_takes_them(tmp_path: Path, monkeypatch: pytest.MonkeyP
     words = ["render", "#304050", "--snow", "heavy", "--size", f"{W}x{H}", "--camera", "cam.chan"]
     assert main([*words, "--frames", "3", "--quiet", "-o", "a.png"]) == 0
     path = cameras.load("cam.chan", (H, W))
-    scene = fl.Scene("#304050", size=(W, H), camera=path, effects=fl.Snow("heavy"))
+    scene = fl.Scene("#304050", size=(W, H), camera=path, effects=fl.Snow("heavy"), fps=30)
     assert np.array_equal(read_picture("a.png").pixels, scene.render(3))
     scene.save("scene.toml")
     assert np.array_equal(fl.open("scene.toml").render(3), scene.render(3))

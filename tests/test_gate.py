@@ -204,7 +204,7 @@ def interrupted(begun, call):
         while not begun():
             time.sleep(0.001)
         os.kill(os.getpid(), signal.SIGINT)
-    threading.Thread(target=watch).start()
+    threading.Thread(target=watch, daemon=True).start()
     try:
         call()
         threading.Event().wait(5)
@@ -220,7 +220,8 @@ print(np.isfinite(fl.Scene(size=(64, 64), effects=[fl.Snow()]).render(0)).all())
 # Overlaps make them long: at 8k a plain field is done in a tenth of a second.
 FIELD = """
 out = np.full(({size}, {size}), np.nan, np.float32)
-call = lambda: fl.spectral.{name}(out.shape, drift=(1, 9), seed=1, overlap={overlap}, out=out)
+how = dict(texture=fl.spectral.Texture(overlap={overlap}), drift=(1, 9), seed=1, out=out)
+call = lambda: fl.spectral.{name}(out.shape, **how)
 """
 CALLS = {
     "alpha": FIELD.format(name="alpha", size=8192, overlap=48),

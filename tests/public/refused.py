@@ -157,7 +157,7 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
     },
     "Scene.write": {
         "damaged": ("ignore",), "layers": (True,), "overwrite": ("yes",),
-        "frames": ([], [-1], "5-1", "x", [1.5], [True], 1.5, "0-99999999", ["1"]),
+        "frames": ([], "x", [1.5], [True], 1.5, "0-99999999", ["1"]),
     },
     "io.fit": {
         "pixels": (LEVELS.astype(int), LEVELS[..., :2], LEVELS[:0]), "how": ("fill",),

@@ -82,12 +82,10 @@ class Film:
 
     @cached_property
     def depths(self) -> Float64:
-        """The depths that layers move as, metres."""
         return np.array([slab.depth for slab in self.slabs])
 
     @cached_property
     def covers(self) -> Float64:
-        """What layers cover of a pixel."""
         return np.array([slab.coverage for slab in self.slabs])
 
     @cached_property
@@ -96,12 +94,10 @@ class Film:
 
     @cached_property
     def power(self) -> Float64:
-        """The variances of layers: of the same mean they go with what one flake covers."""
         return self.covers * [float(np.mean(slab.diameters**2)) for slab in self.slabs]
 
     @cached_property
     def many(self) -> list[float]:
-        """The flakes of each layer for each that its sheet has, or 1."""
         return [max(slab.count / _MOST_FLAKES, 1.0) for slab in self.slabs]
 
 
@@ -138,7 +134,6 @@ class Weather:
         return float(self.population.speed(np.array([self.law.mean]))[0])
 
     def opacity_at(self, t: float) -> float:
-        """Return the mean opacity over the disc of a resting flake, at a frame."""
         return self.population.opacity
 
     def shares(self, frame: Frame) -> tuple[Share, ...]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -227,10 +228,12 @@ class Program:
     # Of the whole picture, so that a region has the whole's bits.
     def _ambient(self) -> tuple[float, float, float]:
         """Return the light of the shot, found once from frames of all of its background."""
-        if "ambient" not in self.found:
-            with current.get().stage("ambient"):
-                numbers = self.backdrop.sampled(_FRAMES)
-                sums = [cell_sums(*self._picture(number))[0] for number in numbers]
+        with current.get().stage("ambient"):
+            if "ambient" not in self.found:
+                numbers, sums = self.backdrop.sampled(_FRAMES), []
+                for number in numbers:
+                    with suppress(OSError):  # Damaged frames have no say.
+                        sums.append(cell_sums(*self._picture(number))[0])
                 self.found["ambient"] = 0, ambient_of(sums)
         answer: tuple[float, float, float] = self.found["ambient"][1]
         return answer
@@ -239,8 +242,8 @@ class Program:
         """Return the light by places of the background at `t`; of one that never changes, once."""
         number = 0 if self.backdrop.count is None else math.floor(t)
         there = self.found.get("plate")
-        if there is None or there[0] != number:
-            with current.get().stage("plate light"):
+        with current.get().stage("plate light"):
+            if there is None or there[0] != number:
                 there = self.found["plate"] = number, plate_light(*self._picture(t))
         answer: PlateLight = there[1]
         return answer

@@ -133,6 +133,8 @@ def ambient_of(frames: Sequence[Array]) -> tuple[float, float, float]:
     `frames` are the sums of `cell_sums`. Light has no end at 1, and goes with the exposure.
     """
     # What is there in less than half of the frames, such as a lamp that enters, is no light of all.
+    if not frames:
+        return _BLACK
     sums = np.maximum(np.median(frames, axis=0).reshape(-1, 4), 0.0).astype(np.float64)
     sums = sums[sums[:, 3] > 0.0]
     light = sums[:, :3] / sums[:, 3:]

@@ -39,9 +39,8 @@ def is_journal(name: str) -> bool:
 
 def part_name(run: str, *, unique: bool = False) -> str:
     """Return the name of this process's own file; a unique one nothing else has or will have."""
-    return (
-        f"flurries.{owner_of_new_files()}{run}{'.' + os.urandom(4).hex() if unique else ''}.jsonl"
-    )
+    own = f".{os.urandom(4).hex()}" if unique else ""
+    return f"flurries.{owner_of_new_files()}{run}{own}.jsonl"
 
 
 Entry: TypeAlias = "dict[str, Any]"
@@ -123,7 +122,8 @@ class Journal:
             while True:
                 before, listed = listed, self._store.journals(self._folder)
                 # What was joined between two looks is in a file that the second one sees.
-                if before is not None and set(before) == set(listed):
+                same = before is not None and before.get(NAME) == listed.get(NAME)
+                if same and set(before or ()) == set(listed):
                     return
                 for name, stamp in listed.items():
                     if name not in self._texts or self._texts[name][0] != stamp:
