@@ -289,7 +289,7 @@ def s3() -> Iterator[ThreadedMotoServer]:
     os.environ |= {"AWS_ACCESS_KEY_ID": "a", "AWS_SECRET_ACCESS_KEY": "b", "NO_PROXY": "*",
                    "AWS_DEFAULT_REGION": "us-east-1"}  # fmt: skip
     fsspec.config.conf["s3"] = {"endpoint_url": f"http://{host}:{port}"}
-    fsspec.filesystem("s3").mkdir("films")
+    fsspec.filesystem("s3").makedirs("films", exist_ok=True)
     yield server
     server.stop()
 

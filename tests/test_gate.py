@@ -142,7 +142,7 @@ def rate(call):
     first, start = count, time.perf_counter()
     call()
     return (count - first) / (time.perf_counter() - start)
-frame = lambda: fl.spectral.alpha((600, 600), drift=(1.0, 9.0), seed=1)
+frame = lambda: [fl.spectral.alpha((600, 600), drift=(1.0, 9.0), seed=1) for _ in range(99)]
 frame()
 thread = threading.Thread(target=work); thread.start()
 print(rate(lambda: time.sleep(0.3)), rate(frame), rate(lambda: sum(range(12_000_000))))

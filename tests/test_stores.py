@@ -73,7 +73,7 @@ def server() -> Iterator[Server]:
             "endpoint_url": f"http://{server.host}:{server.port}",
             "config_kwargs": {"retries": {"max_attempts": 1}, "connect_timeout": 2},
         })  # fmt: skip
-        fsspec.filesystem("s3").mkdir("films")
+        fsspec.filesystem("s3").makedirs("films", exist_ok=True)
         yield server
     server.stop()
 
