@@ -190,7 +190,7 @@ def test_python_and_a_film(page: Page, tmp_path: Path):
     page.click(".fl-code")
     until(page, "!!document.querySelector('.flurries').dataset.python")
     said = page.evaluate("document.querySelector('.flurries').dataset.python")
-    assert "haze=0." in said and "fl.Scene(picture, size=(512, 512)" in said
+    assert "haze=0." in said and "background=np.load(" in said
     page.click(".fl-film")
     until(page, "!!document.querySelector('.flurries').dataset.film", 120.0)
     assert (tmp_path / "tuned.mp4").exists()
