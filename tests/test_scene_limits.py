@@ -111,7 +111,6 @@ def test_pixels_follow_edges_that_tiles_cannot():
     pixel, tile = (alpha(Snow(**PLAIN, depth_mode=mode), half) for mode in ("pixel", "tile"))
     assert pixel[:, : W // 2].max() == 0.0
     assert np.abs(pixel[:, W // 2 :] - sky[:, W // 2 :]).max() < 2e-6
-    # A tile takes its farthest depth: there is snow beside the wall's edge.
     assert tile[:, W // 2 - 8 : W // 2].mean() > 0.05
     assert tile[:, : W // 4].max() == 0.0
     assert np.abs(tile[:, 3 * W // 4 :] - sky[:, 3 * W // 4 :]).max() < 2e-6
