@@ -13,7 +13,6 @@ import pytest
 import flurries as fl
 from flurries.augment import Fog, Ground, Snowfall, Weathered, occlusion
 from flurries.augment.air import Here
-from flurries.augment.distance import SKY
 from test_augment import DTYPES, EACH, KINDS, PICTURE
 
 
@@ -21,11 +20,29 @@ def test_fog_is_koschmieder():
     depth = np.random.default_rng(3).uniform(1.0, 300.0, (40, 50))
     depth[:5] = np.inf
     picture = np.random.default_rng(4).random((40, 50, 3))
-    fog = Fog(visibility=80.0, patches=0.0, color=(0.7, 0.8, 0.9))
-    clear = np.exp(-depth * math.log(20.0) / 80.0)[..., None]
-    clear[:5] = np.exp(-max(SKY, 2.0 * depth[5:].max()) * math.log(20.0) / 80.0)
-    want = picture * clear + np.array([0.7, 0.8, 0.9]) * (1.0 - clear)
-    assert np.abs(fog(picture, depth=depth) - want).max() < 1e-6
+    # Its air ends at two visibilities, and 60 m at least, as that of `Mist` does.
+    for visible, end in ((80.0, 160.0), (20.0, 60.0)):
+        fog = Fog(visibility=visible, patches=0.0, color=(0.7, 0.8, 0.9))
+        clear = np.exp(-np.minimum(depth, end) * math.log(20.0) / visible)[..., None]
+        want = picture * clear + np.array([0.7, 0.8, 0.9]) * (1.0 - clear)
+        assert np.abs(fog(picture, depth=depth) - want).max() < 1e-6
+
+
+@EACH
+def test_what_is_beyond_the_air_looks_alike_and_keeps_its_depth(kind: str):
+    law: dict[str, Any] = {"visibility": 40.0} if kind == "fog" else {"severity": 4}
+    seen = []
+    for wall in (1e5, 1e10, np.inf):
+        depth = np.full((96, 128), wall)
+        one = KINDS[kind](**law, seed=1).apply(
+            np.zeros((96, 128)), index=0, depth=depth, eye="left"
+        )
+        bare = one.depth > 12.0
+        assert bare.any() and bare.all() == (kind == "fog")
+        assert (one.depth[bare] == np.float32(wall)).all()
+        assert np.array_equal(one.disparity == 0.0, bare & (wall == np.inf))
+        seen.append(one.image)
+    assert np.ptp(seen, axis=0).max() < 1e-6
 
 
 def test_flakes_stay_behind_what_is_nearer():

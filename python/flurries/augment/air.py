@@ -19,6 +19,8 @@ from flurries.augment.sheets import Sheets, sheets_of
 from flurries.camera.lens import Camera
 from flurries.effects.air import NEAREST, Class, Eye, images_of
 from flurries.effects.air import Air as Request
+from flurries.effects.mist import reach
+from flurries.gas.optics import visibility
 from flurries.particles.population import FADE
 
 if TYPE_CHECKING:
@@ -62,8 +64,8 @@ class Air:
     # The same at the rung of its amount, which sheets are made for.
     rung: Falling | None = None
     patches: Patches | None = None
-    # The veil's extinction per metre, in place of one for the loss.
-    fixed: float | None = None
+    # The veil's visibility, metres, in place of one for the loss.
+    visible: float | None = None
 
     @property
     def way(self) -> float:
@@ -86,6 +88,8 @@ class Here:
     def __init__(
         self, air: Air, view: View, distances: Distances, time: float, fps: float | None = None
     ) -> None:
+        if air.visible is not None:
+            distances = distances.until(reach(air.visible))
         self.air, self.view, self.distances, self.time = air, view, distances, time
         self.falling: Falling | None = None
         self.sheets: Sheets | None = None
@@ -114,8 +118,8 @@ class Here:
     def extinction(self) -> float:
         """Of the veil, per metre."""
         air, falling = self.air, self.falling
-        if air.fixed is not None:
-            return air.fixed
+        if air.visible is not None:
+            return visibility(air.visible)
         if air.falling is not None and air.falling.veil == 0.0:
             return 0.0
         depth = self.distances.quantiles

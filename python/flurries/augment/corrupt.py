@@ -278,11 +278,9 @@ class _Pictures:
 
     def _record(self, index: int) -> dict[str, Any]:
         name, kind, level = self.parts[index]
-        weather = getattr(augment, WEATHERS[kind])(
-            severity=level, seed=self.seed, profile=self.profile
-        )
-        record: dict[str, Any] = weather.record(index=_index(name, kind, level))
-        return record
+        weather = getattr(augment, WEATHERS[kind])
+        drawn = weather(severity=level, seed=self.seed, profile=self.profile)
+        return dict(drawn.record(index=_index(name, kind, level)))
 
     def stands_in(self, index: int) -> bool:
         """Never."""

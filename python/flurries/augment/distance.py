@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -148,15 +148,13 @@ class Distances:
 
     # (H, W), (H, 1) or (1, 1) float32, metres, finite.
     plane: Array
-    # Whether the caller said so; and what the caller gave, (H, W), where that has holes.
-    given: bool
+    # What the caller gave, infinity and all, its holes filled; and as it came where it has holes.
+    given: Array | None = None
     came: Array | None = None
 
     @cached_property
     def quantiles(self) -> Float64:
         """Depths of equally many pixels each, (n,) metres."""
-        if self.plane.size == 1:
-            return np.array([float(self.plane[0, 0])])
         if self.plane.size <= QUANTILES:
             return np.asarray(self.plane.reshape(-1), np.float64)
         # An even sample: sorting 8 million depths would cost more than the weather.
@@ -169,15 +167,16 @@ class Distances:
         """Return whether everything is known to stand beyond a depth: an even picture does."""
         return self.plane.size == 1 and float(self.plane[0, 0]) >= depth
 
-    def whole(self, shape: tuple[int, int]) -> Array:
-        """Return (H, W) float32."""
-        return np.broadcast_to(self.plane, shape)
+    def until(self, end: float) -> Distances:
+        """Return these depths for air that ends there."""
+        plane = self.plane if self.given is None else self.given
+        return replace(self, plane=np.minimum(plane, np.float32(end)))
 
     def full(self, shape: tuple[int, int]) -> Array:
         """Return (H, W) float32, contiguous."""
         kept = vars(self).get("_full")
         if kept is None or kept.shape != shape:
-            kept = vars(self)["_full"] = np.ascontiguousarray(self.whole(shape))
+            kept = vars(self)["_full"] = np.ascontiguousarray(np.broadcast_to(self.plane, shape))
         return np.asarray(kept)
 
 
@@ -193,7 +192,7 @@ def distances_of(
         plane = depth.depth_of(to_unit(depth.source))
     elif not isinstance(depth, (np.ndarray, list, tuple)) and np.ndim(depth) == 0:
         plane = np.full((1, 1), real("depth", depth, low=1e-6, high=1e9), np.float32)
-        return Distances(plane, True)
+        return Distances(plane, plane)
     else:
         given = rectangular("depth", depth)
         if given.dtype.kind != "f":
@@ -209,12 +208,11 @@ def distances_of(
         warn_of_units("depth", plane)
     holes: Array = np.isnan(plane) | (plane == 0.0)
     came = plane if holes.any() else None
-    plane = depths("depth", plane if came is None else filled(plane, holes))
-    finite = plane[np.isfinite(plane)]
-    if finite.size < plane.size:
-        end = max(far, 2.0 * float(finite.max()) if finite.size else 0.0)
-        plane = np.where(np.isfinite(plane), plane, np.float32(end))
-    return Distances(np.ascontiguousarray(plane), True, came)
+    whole = depths("depth", plane if came is None else filled(plane, holes))
+    finite = whole[np.isfinite(whole)]
+    end = max(far, 2.0 * float(finite.max()) if finite.size else 0.0)
+    plane = np.where(np.isfinite(whole), whole, np.float32(end))
+    return Distances(plane, whole, came)
 
 
 def filled(plane: Array, holes: Array) -> Array:
@@ -242,4 +240,4 @@ def _nearest(known: Array) -> Array:
 def _grounded(shape: tuple[int, int], ground: Ground | None, focal: float, far: float) -> Distances:
     plane = np.full((1, 1), far, np.float32) if ground is None else ground.rows(shape, focal)
     plane.flags.writeable = False
-    return Distances(plane, False)
+    return Distances(plane)

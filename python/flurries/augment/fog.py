@@ -18,9 +18,6 @@ from flurries.augment.draws import Range, between, range_of, uniforms
 from flurries.augment.signature import suggests
 from flurries.augment.weather import Weather
 
-# Contrast of a black thing before the sky at which it is no longer seen (Koschmieder).
-THRESHOLD = 0.05
-
 _STREAM = 7002
 
 # Points of the field along the longer side; its waves have 16 to 120 of them.
@@ -92,8 +89,8 @@ class Fog(Weather):
     Notes
     -----
     Koschmieder: ``seen = clear exp(-b d) + color (1 - exp(-b d))`` at depth d, b the extinction,
-    3 / visibility. `patches` multiplies b by 1 + patches z, no less than 0, with z a spectral field
-    of variance 1.
+    3 / visibility, where d counts up to two visibilities, or 60 m. `patches` multiplies b by
+    1 + patches z, no less than 0, with z a spectral field of variance 1.
 
     Examples
     --------
@@ -137,5 +134,5 @@ class Fog(Weather):
         return Air(
             seed=record["weather_seed"], loss=loss if far is None else 1.0, velocity=(0.0, 0.0),
             exposure=0.0, patches=Patches(record["patches"], (record["wind"], 0.0)),
-            fixed=None if far is None else -math.log(THRESHOLD) / far,
+            visible=far,
         )  # fmt: skip

@@ -214,11 +214,11 @@ class Several(Recorded):
             alpha, veil = here.alpha()
             more = hidden(alpha, veil, corners[k], each[1][k])
             far = here.distances
-            if wanted or sides or flows[k] is not None or far.given:
+            if wanted or sides or flows[k] is not None or far.given is not None:
                 parallax = here.view.camera.focal * 2.0 * here.view.eyes
                 more |= mixture(
-                    alpha, labels_of(here, rate), flow=flows[k], motion=wanted, came=far.came,
-                    depth=far.whole(shape) if far.given else None, parallax=parallax,
+                    alpha, labels_of(here, rate), flow=flows[k], depth=far.given, came=far.came,
+                    motion=wanted, parallax=parallax,
                 )  # fmt: skip
             color = record["color"]
             seen = mixed(pictures[k], alpha, color, self.white)

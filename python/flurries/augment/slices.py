@@ -41,10 +41,7 @@ def labels_of(here: Here, fps: float) -> Labels:
     shape, air = here.view.shape, here.air
     alpha, nearness = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     motion = np.zeros((*shape, 2), np.float32)
-    most = Slice(
-        np.zeros(shape, np.float32), np.zeros((*shape, 2), np.float32),
-        np.full(shape, np.inf, np.float32),
-    )  # fmt: skip
+    most = Slice(alpha.copy(), motion.copy(), np.full(shape, np.inf, np.float32))
     if air.loss > 0.0 and air.patches is not None:
         # Fog moves as the mean of its patches and is nowhere in particular.
         most.motion[...] = air.patches.motion(shape, fps)

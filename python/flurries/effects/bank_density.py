@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flurries import gas
 from flurries._contract import Array, Float64
 from flurries.effects.bank_texture import COARSE, MARGIN, Waves, coarse_shape
 from flurries.frame.view import Frame
@@ -121,7 +122,7 @@ class Density:
             * wave[rows, columns]
             for number, wave in enumerate(long)
         )
-        per_metre = -math.log(0.05) / visible
+        per_metre = gas.visibility(visible)
         thick, wanted = per_metre * slant * thick, np.exp(-per_metre * slant * reach).mean()
         gain = 1.0
         for _ in range(STEPS):

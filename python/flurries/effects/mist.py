@@ -28,8 +28,8 @@ Method: TypeAlias = Literal["slices", "particles"]
 # The paper's fog: a radius of .45 in a box of 5.
 RADIUS = 0.09
 
-# How far mist reaches, in visibilities, and at least, metres; and the wall where no depth is known.
-REACH, LEAST_REACH, BACKDROP = 2.0, 60.0, 60.0
+# The wall where no depth is known, metres.
+BACKDROP = 60.0
 
 # The visibility of mist of which nothing is said, metres.
 VISIBILITY = 200.0
@@ -60,6 +60,11 @@ _CHECKS: dict[str, Check] = {
     "falloff": length,
     "seed": optional(lambda _, value: seed_of(value)),
 }
+
+
+def reach(visibility: float) -> float:
+    """Return how far mist reaches, metres; what is farther is seen through all of it."""
+    return max(2.0 * visibility, 60.0)
 
 
 def _of_severity(value: object, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -190,7 +195,7 @@ class Mist(metaclass=Described):
         else:
             visible = VISIBILITY if self.visibility is None else self.visibility
             keep("visibility", as_number("visibility", visible, above=0.0))
-            keep("box", self._sides(max(REACH * self.farthest, LEAST_REACH)))
+            keep("box", self._sides(reach(self.farthest)))
         settle(self, _CHECKS)
 
     @cached_property
