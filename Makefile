@@ -24,8 +24,8 @@ unexport PYTHONDONTWRITEBYTECODE
 
 RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/dispatch/Cargo.toml crates/fft/Cargo.toml pyproject.toml
 
-.PHONY: docs links demo test asan audit test-lowest test-browser test-hosts test-hosts-older wheel test-wheel peers accuracy mutations \
-	lint bench performance frames hashes soak clean requirements
+.PHONY: docs links demo test asan audit test-lowest test-browser test-clients test-hosts test-hosts-older wheel test-wheel peers accuracy mutations \
+	lint bench performance hashes soak clean requirements
 
 demo: $(VENV)/.installed
 	$(BIN)/flurries demo --output demo

@@ -98,11 +98,8 @@ def test_a_batch_is_its_pictures(kind: str):
 def test_films_and_pairs_are_their_pictures(kind: str):
     weather = KINDS[kind](severity=4, seed=1)
     frames = np.stack([PICTURE] * 3)
-    how = {
-        "index": 5,
-        "fps": 25.0,
-        "depth": np.stack([np.full((48, 64), d) for d in (5.0, 9.0, 500.0)]),
-    }
+    walls = np.stack([np.full((48, 64), d) for d in (5.0, 9.0, 500.0)])
+    how = {"index": 5, "fps": 25.0, "depth": walls}
     seen = weather.clip(frames, time=2.0, **how)
     film = weather.apply(frames, time=2.0, boxes=[[[5, 5, 40, 30]]] * 3, **how)
     for number, image in enumerate(seen):

@@ -105,7 +105,7 @@ def test_it_moves_with_the_wind_at_its_depth():
         across = np.fft.ifft2(np.fft.fft2(later) * np.conj(np.fft.fft2(first))).real
         moved.append(np.unravel_index(across.argmax(), across.shape)[1])
     # Slices of one effect stand at depths of their own, so ask for the mean's neighbourhood.
-    assert moved[0] > 2.0 * moved[1] > 0
+    assert moved[0] >= 2.5 * moved[1] > 0
     assert abs(moved[1] - 3.0 * 6.0 / 30.0 * FOCAL / 18.0) < 3.0
 
 
@@ -153,7 +153,7 @@ def test_the_sky_lights_the_top_and_dims_below_it():
     slab = {"visibility": 10.0, "top": -0.5, "falloff": 0.05, "depths": (15.0, 20.0), "box": 40.0}
     even = color(fl.Mist(structure=1e-9, **slab))
     # Far below its top there is the mean gas above: 1 - .45 (1 - exp(-.5)); at the top the sky.
-    assert np.abs(even[-1] - (1.0 - 0.45 * (1.0 - np.exp(-0.5)))).max() < 3e-3
+    assert np.abs(even[-1] - (1.0 - 0.45 * (1.0 - np.exp(-0.5)))).max() < 1e-3
     assert np.abs(even[:20] - 1.0).max() < 0.01 and np.diff(even, axis=0).max() < 1e-4
     stirred = color(fl.Mist(structure=1.1, **slab))
     assert stirred.min() > 0.55 - 1e-6 and stirred.max() < 1.0 + 1e-6
@@ -175,16 +175,10 @@ def test_presets_are_mist_with_structure(name, tmp_path):
     assert abs(fl.Mist(name, visibility=33.0).extinction() - 2.996 / 33.0) < 1e-3
 
 
-@every(
-    "wrong",
-    [
-        {"structure": np.nan},
-        {"structure": 0.5, "top": np.inf},
-        {"backdrop": 0.0},
-        {"count": 9, "top": 1.0},
-        {"method": "slices", "radius": 1.0},
-    ],
-)
+@every("wrong", [
+    {"structure": np.nan}, {"structure": 0.5, "top": np.inf}, {"backdrop": 0.0},
+    {"count": 9, "top": 1.0}, {"method": "slices", "radius": 1.0},
+])  # fmt: skip
 def test_refusals_name_the_argument(wrong):
     with pytest.raises(ValueError, match=list(wrong)[-1]):
         fl.Mist(**wrong)

@@ -70,19 +70,20 @@ def test_energy_is_the_flake_s_at_every_size_and_focus(kind: str, focus: float |
             assert abs(found / energy_of(diameter, 1.0) - 1.0) < 0.01, (diameter, travel)
 
 
-def test_the_extent_goes_on_across_the_switch():
+# Lace is wider than the ball that covers as much: by 1.385 as shapes are, and rain hardly is.
+@pytest.mark.parametrize("kind, widest", [("aggregate", 1.4), ("drop", 1.15)])
+def test_the_extent_goes_on_across_the_switch(kind: str, widest: float):
     rows, columns = np.indices(SHAPE)
     spreads = []
     for diameter in np.linspace(0.0075, 0.014, 27).tolist():
-        images = [drawn(diameter, 1.0, number=k) for k in range(8)]
+        images = [drawn(diameter, 1.0, kind=kind, number=k) for k in range(8)]
         image = np.mean(images, axis=0, dtype=np.float64)
         image /= image.sum()
         x, y = (image * columns).sum(), (image * rows).sum()
         variance = (image * ((columns - x) ** 2 + (rows - y) ** 2)).sum()
         spreads.append(math.sqrt(variance) / (FOCAL * diameter))
     steps = np.abs(np.diff(spreads)) / np.mean(spreads)
-    # Lace is wider than the ball that covers as much.
-    assert steps.max() < 0.05 and max(spreads) / min(spreads) < 1.4
+    assert steps.max() < 0.05 and max(spreads) / min(spreads) < widest
 
 
 @pytest.mark.parametrize("kind", ["aggregate", "drop"])

@@ -7,13 +7,7 @@ import skimage.transform
 import tifffile
 from PIL import Image
 
-from flurries.io import (
-    read_header,
-    read_layers,
-    read_picture,
-    srgb_to_linear,
-    write_picture,
-)
+from flurries.io import read_header, read_layers, read_picture, srgb_to_linear, write_picture
 
 
 def test_files_that_are_no_pictures(tmp_path):

@@ -99,16 +99,9 @@ def test_huge_flakes_and_endless_streaks_are_finite(dtype, near):
     points = [(0, 0, near * 1.5), (1e-3, 0, 0.11), (1e12, 1e12, 1), (0, 0, 1e300), (1e300, 0, 0.2)]
     velocity = [(0, 0, 0), (0, 0, -100), (-3e12, 1e11, 0), (0, 0, 0), (1e300, 1e300, 1e300)]
     alpha = particles.splat(
-        (70, 90),
-        points,
-        5.0,
-        Camera(FOCAL),
-        opacity=0.5,
-        velocity=velocity,
-        shutter=1.0,
-        near=near,
-        dtype=dtype,
-    )
+        (70, 90), points, 5.0, Camera(FOCAL), opacity=0.5, velocity=velocity, shutter=1.0,
+        near=near, dtype=dtype,
+    )  # fmt: skip
     assert np.isfinite(alpha).all()
     assert alpha.min() >= 0
     assert alpha.max() <= 1

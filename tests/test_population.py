@@ -10,14 +10,7 @@ import pytest
 
 import flurries as fl
 from flurries.particles.population import Population, slabs_of
-from flurries.particles.sizes import (
-    Sizes,
-    drop_mass,
-    drop_speed,
-    rain_of,
-    snow_mass,
-    snow_speed,
-)
+from flurries.particles.sizes import Sizes, drop_mass, drop_speed, rain_of, snow_mass, snow_speed
 from measure import cover
 
 SIZES = Sizes.with_mean(0.003, 0.008, 0.03)

@@ -9,13 +9,7 @@ import OpenImageIO as oiio
 import pytest
 
 import flurries as fl
-from flurries.io import (
-    VideoWriter,
-    linear_to_srgb,
-    read_picture,
-    srgb_to_linear,
-    write_picture,
-)
+from flurries.io import VideoWriter, linear_to_srgb, read_picture, srgb_to_linear, write_picture
 from flurries.output.contents import display_levels
 from flurries.output.journal import is_journal
 from stills import header_of

@@ -9,13 +9,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.io import (
-    linear_to_srgb,
-    read_picture,
-    read_video,
-    srgb_to_linear,
-    write_picture,
-)
+from flurries.io import linear_to_srgb, read_picture, read_video, srgb_to_linear, write_picture
 
 EFFECTS = [fl.Mist(count=60, density=0.6), fl.effects.TentSnow("heavy", flakes=150)]
 

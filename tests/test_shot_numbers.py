@@ -167,21 +167,8 @@ def test_one_plain_name_is_no_place_for_a_range(shot: Path):
 def test_frames_before_0_are_frames(shot: Path):
     assert io.frame_range("-2-1,-7--5x2") == [-2, -1, 0, 1, -7, -5]
     plain = fl.Scene("#405060", size=SIZE, effects=[fl.Snow("heavy")])
-    assert (
-        main(
-            [
-                "render",
-                "plate.1001.png",
-                "--snow",
-                "heavy",
-                "--frames",
-                "-2-1",
-                "-o",
-                "early.%04d.png",
-            ]
-        )
-        == 0
-    )
+    how = ["--snow", "heavy", "--frames", "-2-1", "-o", "early.%04d.png"]
+    assert main(["render", "plate.1001.png", *how]) == 0
     names = [path.name for path in plain.write("new.%04d.exr", "-2-1").files]
     assert names == ["new.-002.exr", "new.-001.exr", "new.0000.exr", "new.0001.exr"]
     plates = fl.Scene("new.%04d.exr")

@@ -58,4 +58,5 @@ def test_the_others_have_what_the_page_says(folder: Path):
     assert left.shape == right.shape and not np.array_equal(left, right)
     assert (folder / "flakes.usdc").stat().st_size > 10_000
     film = make_shot.over_grey(folder / "snow.mov", 0)
-    assert film.max() > 0.4 and film.min() < 0.3
+    # Squares of .22 and .32, and flakes in the plate's light: .486 and .274; no veil whitens them.
+    assert film.max() > 0.45 and film.min() < 0.3

@@ -11,14 +11,9 @@ import twin
 from every import every
 
 MAPS = [
-    {},
-    {"mean": 0.3},
-    {"spread": 2.0},
-    {"power": 1.0},
-    {"power": 0.5, "amount": 0.8},
-    {"mean": 0.1, "spread": 5.0, "power": 3.5, "amount": 0.25},
-    {"amount": 0.0},
-]
+    {}, {"mean": 0.3}, {"spread": 2.0}, {"power": 1.0}, {"amount": 0.0},
+    {"power": 0.5, "amount": 0.8}, {"mean": 0.1, "spread": 5.0, "power": 3.5, "amount": 0.25},
+]  # fmt: skip
 
 
 @every(("dtype", "limit"), [(np.float64, 1e-15), (np.float32, 1e-6)])

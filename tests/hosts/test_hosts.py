@@ -11,11 +11,7 @@ import albumentations as A
 import numpy as np
 import pytest
 import torch
-from kornia.augmentation import (
-    AugmentationSequential,
-    RandomHorizontalFlip,
-    VideoSequential,
-)
+from kornia.augmentation import AugmentationSequential, RandomHorizontalFlip, VideoSequential
 from PIL import Image
 from snowed import PHOTOGRAPH, Snowed
 from torch.utils.data import DataLoader

@@ -30,7 +30,7 @@ NEEDS = ["pytest", "pytest-xdist", "hypothesis", "mpmath", "scipy", "matplotlib"
 SMOKE = ["spectral_twin", "spectral_frames", "particles", "gas_splat", "cone_layer", "composite",
          "augment", "scene", "io_pictures", "simd", "cli", "public"]  # fmt: skip
 # They read pages, notebooks, benches or examples, or build.
-OF_THE_REPOSITORY = ["alone", "benches", "budget", "deviations", "docs", "hard_cases", "notebooks"]
+OF_THE_REPOSITORY = ["alone", "benches", "budget", "deviations", "docs", "notebooks"]
 
 WHEEL = re.compile(r"flurries-[\w.]+-cp310-abi3-(manylinux[\w.]+|macosx\w+|win\w+)\.whl")
 IN_WHEEL = re.compile(
