@@ -20,9 +20,7 @@ from typing import Any, ClassVar
 # Processes that wait for another film, at most: to start one takes .3 s.
 _SPARE = 2
 
-_SERVE = (
-    "import sys; sys.path[:] = sys.argv[1:]; from flurries.io.films.process import serve; serve()"
-)
+_SERVE = "import sys; sys.path[:] = sys.argv[1:]; import flurries.io.films.process as p; p.serve()"
 
 
 class Remote:
@@ -91,18 +89,16 @@ class _Process(subprocess.Popen[bytes]):
 
     @classmethod
     def take(cls) -> _Process:
-        with suppress(IndexError):
-            while (one := cls.spare.pop()).owner == os.getpid():
-                if one.poll() is None:
-                    return one
+        while cls.spare:
+            one = cls.spare.pop()
+            if one.owner == os.getpid() and one.poll() is None:
+                return one
+            one.end()
         return cls()
 
     def release(self) -> None:
         """Let the object go, and keep the process for another if it is at rest."""
-        if self.owner != os.getpid():
-            self.returncode = 0  # The copy of a fork: the process is the parent's.
-            return
-        if not self.unanswered and len(self.spare) < _SPARE:
+        if not self.unanswered and len(self.spare) < _SPARE and self.owner == os.getpid():
             with suppress(OSError):
                 _send(self.stdin, ("", None))
                 self.spare.append(self)
@@ -110,8 +106,12 @@ class _Process(subprocess.Popen[bytes]):
         self.end()
 
     def end(self) -> None:
+        if self.owner != os.getpid():
+            self.returncode = 0  # The copy of a fork: the process is the parent's.
         self.kill()
-        self.communicate()
+        for stream in (self.stdin, self.stdout):
+            stream.raw.close()  # type: ignore[union-attr]
+        self.wait()
 
 
 def serve() -> None:
