@@ -170,7 +170,7 @@ class Distances:
     def until(self, end: float) -> Distances:
         """Return these depths for air that ends there."""
         plane = self.plane if self.given is None else self.given
-        return replace(self, plane=np.minimum(plane, np.float32(end)))
+        return replace(self, plane=np.minimum(plane, np.float32(end), order="C"))
 
     def full(self, shape: tuple[int, int]) -> Array:
         """Return (H, W) float32, contiguous."""
