@@ -170,7 +170,7 @@ class Distances:
     def until(self, end: float) -> Distances:
         """Return these depths for air that ends there."""
         plane = self.plane if self.given is None else self.given
-        return replace(self, plane=np.minimum(plane, np.float32(end), order="C"))
+        return replace(self, plane=np.minimum(plane, np.float32(end)))
 
     def full(self, shape: tuple[int, int]) -> Array:
         """Return (H, W) float32, contiguous."""
@@ -189,7 +189,7 @@ def distances_of(
     if isinstance(depth, DepthMap):
         if not isinstance(depth.source, np.ndarray):
             raise TypeError("depth must hold its greys as an array, got a DepthMap of a file")
-        plane = depth.depth_of(to_unit(depth.source))
+        plane = np.ascontiguousarray(depth.depth_of(to_unit(depth.source)))
     elif not isinstance(depth, (np.ndarray, list, tuple)) and np.ndim(depth) == 0:
         plane = np.full((1, 1), real("depth", depth, low=1e-6, high=1e9), np.float32)
         return Distances(plane, plane)
@@ -201,7 +201,7 @@ def distances_of(
                 f"{given.dtype}; relative depths become metres through flurries.scene.DepthMap"
             )
         with np.errstate(over="ignore"):
-            plane = given.astype(np.float32)
+            plane = given.astype(np.float32, order="C")
     if plane.shape != shape:
         raise ValueError(f"depth must have shape {shape}, got {plane.shape}")
     if not isinstance(depth, DepthMap):
