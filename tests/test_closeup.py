@@ -180,7 +180,9 @@ def test_a_photograph_has_the_usual_lens_and_a_still_s_exposure(tmp_path: Any):
     still = fl.Scene(tmp_path / "plate.png", effects=[fl.Snow()])
     film = still.replace(fps=still.fps)
     assert (
-        still._still and still.replace(seed=3)._still and not (film._still or still.loop(48)._still)
+        still._still
+        and still.replace(seed=3)._still
+        and not (film._still or still.replace(loop=48)._still)
     )
     assert still.lens == fl.camera.Lens(focus=10.0, f_stop=5.6)
     assert fl.Scene("#5a5a5a").lens is None and flakes().lens is None

@@ -72,7 +72,7 @@ def test_both_eyes_see_the_same_flakes():
 
 
 def test_a_loop_ends_where_it_began_and_gives_way_one_by_one():
-    shown = scene().loop(24)
+    shown = scene().replace(loop=24)
     first, last = shown.render(0), shown.render(24)
     assert np.array_equal(first, last) and not np.array_equal(first, shown.render(12))
     # Those that have gone over to the next round are not shown in this one.

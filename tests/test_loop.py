@@ -39,7 +39,7 @@ WEATHERS: dict[str, Any] = {
 
 def made(weather: Any, camera: Any = None, frames: int = FRAMES, **more: Any) -> fl.Scene:
     given = {"background": "#405060", "space": "linear", "seed": 3, **more}
-    return fl.Scene(size=SIZE, effects=[weather], camera=camera, **given).loop(frames)
+    return fl.Scene(size=SIZE, effects=[weather], camera=camera, loop=frames, **given)
 
 
 def step(one: Any, other: Any) -> float:
@@ -65,7 +65,7 @@ def test_the_last_and_the_first_frame_differ_as_others_do(weather: str, camera: 
 def test_without_a_period_the_film_goes_on():
     # What the loop is for: the frame after the last is none like the first.
     snow = fl.effects.TentSnow(flakes=0, haze=0.0, near_depth=40.0)
-    film = [made(snow).replace(period=None).render(t) for t in range(FRAMES)]
+    film = [made(snow).replace(loop=None).render(t) for t in range(FRAMES)]
     others = np.array([step(*pair) for pair in pairwise(film)])
     assert step(film[-1], film[0]) - others.mean() > 10.0 * others.std()
 
@@ -76,7 +76,7 @@ def test_as_much_is_there_at_all_times():
     assert np.ptp(means) < 0.02 * np.mean(means)
     # An even veil is there once, not in parts: at any time what it is without a loop.
     veil = made(fl.Snow(density=0.0, haze=0.3))
-    assert np.array_equal(veil.render(7), veil.replace(period=None).render(7))
+    assert np.array_equal(veil.render(7), veil.replace(loop=None).render(7))
 
 
 def test_waves_turn_by_whole_cycles():
@@ -86,7 +86,7 @@ def test_waves_turn_by_whole_cycles():
     worst = []
     for frames in (50, 200):
         looped = made(snow, frames=frames, background=(0.05, 0.1, 0.15))
-        early = [looped.render(2), looped.replace(period=None).render(2)]
+        early = [looped.render(2), looped.replace(loop=None).render(2)]
         worst.append(step(*early) / step(looped.render(2), looped.render(frames // 2)))
     assert worst[1] < 0.3 * worst[0] < 0.3
 
@@ -130,15 +130,15 @@ def test_a_camera_ends_where_lamps_stand():
 def test_a_loop_is_saved_and_counts_its_own_frames(tmp_path: Any):
     scene = made(fl.Snow(density=2.0, far=12.0))
     scene.save(tmp_path / "scene.toml")
-    assert "period = 24" in (tmp_path / "scene.toml").read_text()
+    assert "loop = 24" in (tmp_path / "scene.toml").read_text()
     again = fl.open(tmp_path / "scene.toml")
     assert np.array_equal(again.render(5), scene.render(5))
     summary = scene.write(str(tmp_path / "%04d.png"))
     assert summary.written == list(range(FRAMES))
-    with pytest.raises(ValueError, match="frames must be from 2"):
-        scene.loop(1)
-    with pytest.raises(TypeError, match="frames"):
-        scene.loop(2.5)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="loop must be from 2"):
+        scene.replace(loop=1)
+    with pytest.raises(TypeError, match="loop"):
+        scene.replace(loop=2.5)  # type: ignore[arg-type]
 
 
 def test_the_command_line_loops(tmp_path: Any, capsys: Any):

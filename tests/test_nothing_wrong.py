@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import subprocess
 import sys
@@ -264,3 +265,11 @@ def test_21_a_cut_film_and_a_film_over_a_retouched_plate_are_refused(plate: Path
     assert film.read_bytes() == before
     assert scene.write(film, "1-4", quality="draft", overwrite=True).written == [1, 2, 3, 4]
     assert film.read_bytes() != before and len(list(read_video(film))) == 4
+
+
+@pytest.mark.parametrize("name", sorted(" ".join(fl._MOVED.values()).split()))
+def test_a_name_that_has_moved_says_where_it_is(name: str):
+    with pytest.raises(AttributeError, match=rf"it is flurries\.\w+\.{name}$") as told:
+        getattr(fl, name)
+    module, _, there = str(told.value).split("it is ")[1].rpartition(".")
+    assert hasattr(importlib.import_module(module), there)

@@ -371,7 +371,7 @@ def test_accuracy_is_that_of_the_frame_with_other_hand_overs():
 
 def test_accuracy_says_where_the_hand_over_has_no_say():
     few = fl.Scene(size=(64, 48), effects=[fl.Snow(density=0.01, far=10.0)])
-    again = fl.Scene(size=(64, 48), effects=[fl.Snow(far=10.0)], period=9)
+    again = fl.Scene(size=(64, 48), effects=[fl.Snow(far=10.0)], loop=9)
     for one in (few, again):
         found = one.plan(2, probe=False, accuracy=True).accuracy
         assert found is not None and "`handover` has no say" in found.why

@@ -311,7 +311,7 @@ def random_scene(seed: int) -> fl.Scene:
     camera = fl.Camera(50.0 + 1.0 / 3.0, rotation=maybe((0.01, 0.0, 0.1), (0.0, 0.0, 0.0)))
     return fl.Scene(
         background, size=(44, 30), effects=picked, seed=int(rng.integers(0, 99)), fps=24,
-        camera=maybe(camera, fl.CameraPath(camera, **ways[seed % 2])), period=maybe(20),
+        camera=maybe(camera, fl.CameraPath(camera, **ways[seed % 2])), loop=maybe(20),
         foreground=maybe([fl.scene.Foreground(rng.random((30, 44)), depth=3.0), "plate.png"]),
         depth=maybe(rng.uniform(2, 40, (30, 44)).astype(np.float32), maybe(9.5)),
         sun=maybe(fl.scene.Sun((0.2, 1.0, 0.3), ambient=1 / 3)),

@@ -76,6 +76,11 @@ _MODULES = {
     "scene.flakes": ("flakes",), "viewer": ("view",),
 }  # fmt: skip
 _FROM = {name: module for module, names in _MODULES.items() for name in names}
+# Names of 0.2: who asks for one is told where it is.
+_MOVED = {
+    "effects": "ConeRain ConeSnow Frame Layer TentRain TentSnow register", "camera": "Lens",
+    "scene": "DepthMap Foreground Lamp Output Rendered Sun",
+}  # fmt: skip
 
 
 # For who checks types only the names above are there.
@@ -92,7 +97,9 @@ if not TYPE_CHECKING:
         elif name in __all__:
             found = import_module(f"flurries.{name}")
         else:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+            there = [f"flurries.{home}.{name}" for home in _MOVED if name in _MOVED[home].split()]
+            hint = f"; it is {there[0]}" if there else ""
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint}")
         globals()[name] = found
         return found
 

@@ -134,7 +134,7 @@ def scene_of(source: str, **options: Any) -> Scene:
             shape = scene._display[3], scene._display[2]
             way = importers.load(options["camera"], shape, camera=lens)
         scene = scene.replace(camera=way)
-    return scene if options["loop"] is None else scene.loop(options["loop"])
+    return scene if options["loop"] is None else scene.replace(loop=options["loop"])
 
 
 def _new(source: str, changes: dict[str, Any], options: dict[str, Any]) -> Scene:

@@ -43,7 +43,7 @@ class Rendering(Sources):
     """The part of a scene that makes its frames."""
 
     effects: tuple[Any, ...]
-    period: int | None
+    loop: int | None
     seed: int
     sun: Sun | None
     lights: tuple[Lamp, ...]
@@ -83,13 +83,13 @@ class Rendering(Sources):
 
     @property
     def _lap(self) -> Lap | None:
-        """Which frames come over and over, of a scene with a `period`."""
-        if self.period is None:
+        """Which frames come over and over, of a scene with a `loop`."""
+        if self.loop is None:
             return None
-        return Lap(0 if self.range is None else self.range[0], self.period)
+        return Lap(0 if self.range is None else self.range[0], self.loop)
 
     def _time_of(self, t: float) -> float:
-        """Return the time that is shown at `t`: another one where a scene has a `period`."""
+        """Return the time that is shown at `t`: another one where a scene has a `loop`."""
         time = real("t", t)
         return time if self._lap is None else self._lap.place(time)
 
@@ -100,14 +100,14 @@ class Rendering(Sources):
 
     @property
     def bent(self) -> tuple[str, ...]:
-        """The changes to a scene with a `period` so that it begins again, in words."""
-        return () if self.period is None else self._looped.bent
+        """The changes to a scene with a `loop` so that it begins again, in words."""
+        return () if self.loop is None else self._looped.bent
 
     @cached_property
     def _program(self) -> Program:
         """The program of each frame, resolved when it is first asked for."""
         parts = (self.effects, self._path, self.lights, self.lens)
-        effects, path, lights, lens = parts if self.period is None else self._looped[:4]
+        effects, path, lights, lens = parts if self.loop is None else self._looped[:4]
         return Program(
             effects=effects,
             shape=self.shape,

@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from flurries._contract import Array, choice, integer, rate_of, seed_of, suggesting
+from flurries._contract import Array, choice, rate_of, seed_of, suggesting
 from flurries._warnings import warn
 from flurries.camera.extent import holding
 from flurries.camera.lens import Camera
@@ -119,8 +119,13 @@ class Scene(Rendering):
     start : int, optional
         The number of the first frame of films, which have no numbers of their own. If not given
         that of the background's files, else 0.
-    period : int, optional
-        Number of frames after which the film begins again without a jump; see `loop`.
+    loop : int, optional
+        Number of frames, 2 or more, after which the film begins again without a jump, from the
+        background's first frame on, else from 0: frame `loop` is the first one to the bit. Flakes,
+        drops and puffs of one round give way, one by one, to those of the next; waves of a texture
+        and a cone's tiles are bent to the nearest whole number of turns; what is keyed goes back to
+        its first value over the last quarter; a camera ends as it began where that is seen.
+        :attr:`bent` says what was changed.
     output : Output, optional
         How frames are written where :meth:`write` does not say.
 
@@ -149,7 +154,7 @@ class Scene(Rendering):
     lights: tuple[Lamp, ...]
     lens: Lens | None
     _still: bool = field(init=False)  # Whether it is one picture, exposed as a photograph is.
-    period: int | None
+    loop: int | None
     output: Output
     _backdrop: Backdrop = field(init=False)
     _mattes: Mattes | None = field(init=False)
@@ -176,7 +181,7 @@ class Scene(Rendering):
         colorspace: str | None = None,
         lights: Lamp | Sequence[Lamp] = (),
         lens: Lens | Literal["usual"] | None = "usual",
-        period: int | None = None,
+        loop: int | None = None,
         output: Output | None = None,
     ) -> None:
         def settle(name: str, value: Any) -> None:
@@ -190,7 +195,7 @@ class Scene(Rendering):
         settle("effects", effects_of(effects))
         settle("sun", one_or_none("sun", sun, Sun))
         settle("lights", lights_of(lights))
-        settle("period", number_or_none("period", period, low=2))
+        settle("loop", number_or_none("loop", loop, low=2))
         settle("output", one_or_none("output", output, Output) or Output())
         settle("_found", {})
         rate = None if fps is None else rate_of(fps)
@@ -205,7 +210,7 @@ class Scene(Rendering):
             "background", found.source.given if isinstance(background, np.ndarray) else background
         )
         settle("size", found.size)
-        settle("_still", fps is None and found.count is None and period is None)
+        settle("_still", fps is None and found.count is None and loop is None)
         settle("fps", rate_of(found.fps or DEFAULT_FPS) if rate is None else rate)
         if start is None and self.range is not None:
             numbers["start"] = self.range[0]
@@ -272,21 +277,6 @@ class Scene(Rendering):
         }
         vars(made).update(own, **changes)
         return made
-
-    def loop(self, frames: int) -> Scene:
-        """Return the scene as a film that begins again after so many frames, without a jump.
-
-        Frame `frames` is the first one to the bit. Flakes, drops and puffs of one round give way,
-        one by one, to those of the next; waves of a texture and a cone's tiles are bent to the
-        nearest whole number of turns; what is keyed goes back to its first value over the last
-        quarter; a camera ends as it began where that is seen. :attr:`bent` says what was changed.
-
-        Parameters
-        ----------
-        frames : int
-            2 or more. They count from the background's first frame, else from 0.
-        """
-        return self.replace(period=integer("frames", frames, low=2, high=MOST_FRAMES))
 
     def _holding(self) -> Scene:
         """Return the scene with a background that holds its last good frame where one is bad."""

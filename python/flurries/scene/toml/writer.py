@@ -30,7 +30,7 @@ def describe(
         table["background"] = _background("background", scene.background, folder)
     if scene.foreground is not None:
         table["foreground"] = _mattes(scene.foreground, folder, leave_out)
-    for name in ("extend", "start", "colorspace", "period", "space"):
+    for name in ("extend", "start", "colorspace", "loop", "space"):
         if getattr(scene, name) not in (None, "stop", "auto"):
             table[name] = getattr(scene, name)
     if scene.depth is not None:
