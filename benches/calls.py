@@ -1,7 +1,8 @@
 """How a frame goes through the code: ``python benches/calls.py``.
 
 Counts the calls of Python functions of flurries, in how many files, how often the way goes from one
-file to another, and how many calls are checks, for a heavy frame and for one with layers.
+file to another, and how many calls are checks, for a heavy frame and for one with layers. The first
+frame is of a process in which nothing is kept; the others are later ones.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 
 import flurries as fl
+from flurries._kept import ALL, Kept
 
 FOLDER = str(Path(fl.__file__).parent)
 
@@ -47,14 +49,17 @@ def main() -> None:
     still = fl.Scene(picture, effects=[fl.Snow("heavy")])
     flying = still.replace(camera=fl.CameraPath(fl.Camera(600.0), velocity=(0.0, 0.0, 1.0)))
     cases = {
+        "first heavy frame": lambda: still.render(0),
         "heavy frame": lambda: still.render(7),
+        "first frame, flying": lambda: flying.render(0),
         "heavy frame, flying": lambda: flying.render(7),
         "flakes with layers": lambda: still.layers(7),
     }
+    for made in ALL.values():
+        made.clear() if isinstance(made, Kept) else made.cache_clear()
     names = ("calls", "files", "changes of file", "checks")
     print(f"{'':24}" + "".join(f"{name:>18}" for name in names))
     for name, call in cases.items():
-        call()
         found = counts(call)
         print(f"{name:24}" + "".join(f"{found[key]:>18}" for key in names))
 

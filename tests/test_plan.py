@@ -18,8 +18,7 @@ from flurries.camera import Camera
 from flurries.cli import main
 from flurries.effects import ConeRain, ConeSnow, TentRain, TentSnow
 from flurries.frame import plan as planning
-from flurries.frame.effect import renderer_of
-from flurries.frame.needs import LeftOut, Needs, Step
+from flurries.frame.needs import LeftOut, Needs, Step, renderer_of
 
 W, H = 200, 150
 RNG = np.random.default_rng(41)

@@ -173,7 +173,8 @@ def _made(rungs: Rungs) -> Sheets:
     if reach >= falling.far:
         return Sheets(falling.far, [], [], none, none, np.zeros(2), none)
     law, mean = law_of(falling.sizes), square(falling.sizes)
-    one = SizeClass(look.density, law.smallest, law.largest, 0.0)
+    ends = law.smallest, law.largest
+    one = SizeClass(look.density, *ends, 0.0, law.nodes(*ends))
     population = Population(look.density, law, OPACITY, np.ones_like)
     slabs = slabs_of(
         population, one, focal, reach=reach, far=falling.far,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from flurries._contract import integer, real, suggesting
 from flurries.motion.keys import Number, as_number, value_at
@@ -21,8 +21,8 @@ class Blur(NamedTuple):
     blades: int  # Of the opening; 0 for a round one.
     turn: float  # Of the opening, radians.
 
-    def circle(self, depth: float) -> float:
-        """Return the diameter of the circle of confusion at a depth in metres, px."""
+    def circle(self, depth: Any) -> Any:
+        """Return the diameter of the circle of confusion at depths in metres, px."""
         return self.strength * abs(self.focus - 1.0 / depth)
 
 
@@ -96,7 +96,8 @@ class Lens:
 
     def circle(self, depth: float, *, focal: float, width: int, t: float = 0.0) -> float:
         """Return the circle of confusion at a depth in metres, px; focal and width in px too."""
-        return self.blur(t, focal=focal, width=width).circle(real("depth", depth, above=0.0))
+        blur = self.blur(t, focal=focal, width=width)
+        return float(blur.circle(real("depth", depth, above=0.0)))
 
 
 # The lens of photographs and films where none is given: one of 45 degrees by day. From 3 m on a

@@ -25,6 +25,7 @@ from flurries.motion.keys import (
     Keys,
     Number,
     Vector,
+    air_courses,
     as_vector,
     course_of,
     integral_to,
@@ -229,6 +230,7 @@ class CameraPath:
             focal = scale * focal
         return replace(self, camera=changed, focal=focal)
 
+    @kept(32)
     def course(self, fps: float) -> Course:
         """Return the velocity over time, house axes, world units per frame."""
         if self.velocity is not None:
@@ -317,15 +319,13 @@ def _kept(make: Callable[..., Integral], *given: Any) -> Integral:
 def _relative_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Integral:
     """Return P of a camera that turns."""
     assert path._turning is not None
-    air = course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)
-    return path._turning.integral(sum_of([path.course(fps), *air]))
+    return path._turning.integral(sum_of([path.course(fps), *air_courses(wind, fall, -1.0 / fps)]))
 
 
 def _weighted_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Integral:
     """Return the integral of f R^T v, in the rig's axes."""
     assert path._zoom is not None
-    air = course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)
-    course = path._zoom.weigh(sum_of([path.course(fps), *air]))
+    course = path._zoom.weigh(sum_of([path.course(fps), *air_courses(wind, fall, -1.0 / fps)]))
     if path._turning is not None and path.turns:
         return path._turning.integral(course)
     # The rig stands still: house axes, turned back into its own.
@@ -339,13 +339,6 @@ def _weighted_turn(path: CameraPath) -> Integral:
     assert path._turning is not None and path._zoom is not None
     turning = path._turning
     return integral_of(path._zoom.weigh(Course(turning.frames[1:-1], turning.rates)))
-
-
-def fall_course(fall: Number, scale: float) -> Course:
-    """Return a plain or keyed fall speed as a course of vectors, down."""
-    if not isinstance(fall, Keys):
-        return course_of((0.0, fall, 0.0), scale)
-    return course_of(Keys([(frame, (0.0, value, 0.0)) for frame, value in fall.keys]), scale)
 
 
 def as_path(camera: object, default_focal: float) -> CameraPath:

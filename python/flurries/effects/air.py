@@ -100,13 +100,16 @@ def air_of(
     weather: Weather | Flakes, frame: Frame, amount: float, *, steps: tuple[float, ...] = ()
 ) -> Air:
     """Return the flakes that are drawn before a frame's camera."""
-    exposure, path, fps = weather.motion.exposure(frame), frame.path, frame.fps
+    exposure, wind = weather.motion.exposure(frame), weather.motion.varied
+    path, fps = frame.path, frame.fps
     after = (0.0, -0.5 * exposure, 0.5 * exposure, *steps)
     eyes = [_eye(frame.camera, frame)] * len(after)
     if path.turns or path.zooms:
         eyes[1:] = [_eye(frame.later(s).camera if s else frame.camera, frame) for s in after[1:]]
     slope, shares, opacity = weather.law.slope, weather.shares(frame), weather.opacity_at(frame.t)
-    wind = weather.motion.varied
+    times = [frame.t + step for step in after]
+    swung = [weather.sway[1] / (2.0 * math.pi * fps) * t for t in times]
+    ways = [share.motion.places(path, fps, times) for share in shares]
     blur = None if frame.lens is None else frame.blur
     room, closeup = 0.0, None
     if blur is not None:
@@ -121,9 +124,6 @@ def air_of(
     if frame.lap is not None and weather.keyed:
         # The round that goes has lost those of low ranks, which the next one shows.
         part = min(frame.lap.part(frame.t), 1.0 - 1e-9)
-    times = [frame.t + step for step in after]
-    swung = [weather.sway[1] / (2.0 * math.pi * fps) * t for t in times]
-    ways = [share.motion.places(path, fps, times) for share in shares]
     classes = []
     for number, (share, at) in enumerate(zip(shares, ways, strict=True)):
         end, waves, profile = share.reach * (1.0 + FADE), None, []

@@ -111,37 +111,43 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
         at, grown = _places(eyes, blown, one, focals / slab.depth, frame.camera.focal)
         seen.setdefault((slab.near, slab.far), []).append((one, at, grown))
 
-    def sheets(one: Plane, at: Float64, ways: Float64) -> list[tuple[Any, Array]]:
-        slab, area, many = slabs[one.layer], areas[one.layer], film.many[one.layer]
-        made, shear, thin = [], round(SHEAR * area[1]), _part_seen(slab, ways)
+    def node(one: Plane, at: Float64, part: Float64, mean: float) -> Array:
+        area, many = areas[one.layer], film.many[one.layer]
         at = at + _jump(frame.seed, one, area)
-        at -= np.floor(at[0, 0, 1] / area[0]) * np.array((shear, area[0]))
+        at -= np.floor(at[0, 0, 1] / area[0]) * np.array((round(SHEAR * area[1]), area[0]))
         at[..., 0] -= area[1] * np.floor(at[0, 0, 0] / area[1])
-        keys = [
-            key_of(weather, slab, frame.seed, one.layer, area, many, (0.0, 0.0),
-                   circles[one.layer], rung, one.focal, thin)
-            for rung, _ in rungs[one.layer]
-        ]  # fmt: skip
-        for sheet, (_, part) in zip(sheets_of(keys), rungs[one.layer], strict=True):
-            node = np.empty((*at.shape[:2], 4), np.float32)
-            gain = one.weight * math.sqrt(many)
-            node[..., :2], node[..., 2] = at, gain * part
-            # Planes that give way to each other have the deviation of one, and so have some
-            # flakes that stand for many; the mean is made up for.
-            node[..., 3] = (one.weight**2 * many - gain) * part * sheet.mean
-            made.append((sheet, node))
+        gain = one.weight * math.sqrt(many)
+        made = np.empty((*at.shape[:2], 4), np.float32)
+        made[..., :2], made[..., 2] = at, gain * part
+        # Planes that give way to each other have the deviation of one, and so have some flakes that
+        # stand for many; the mean is made up for.
+        made[..., 3] = (one.weight**2 * many - gain) * part * mean
         return made
 
-    groups = []
+    groups, wanted = [], []
     for ends, each in sorted(seen.items()):
         shares = [one.weight**2 * film.power[one.layer] for one, _, _ in each]
         moves = [
             share * (u[1] - u[0]) / grown for share, (_, u, grown) in zip(shares, each, strict=True)
         ]
         ways: Float64 = sum(moves) / sum(shares)
-        made = [pair for one, u, _ in each for pair in sheets(one, 0.5 * (u[0] + u[1]), ways)]
-        groups.append((made, np.clip(ways, -LONGEST, LONGEST).astype(np.float32), *ends))
-    return groups
+        reads = [
+            (one, 0.5 * (u[0] + u[1]), rung, part)
+            for one, u, _ in each for rung, part in rungs[one.layer]
+        ]  # fmt: skip
+        wanted += [(one, rung, _part_seen(slabs[one.layer], ways)) for one, _, rung, _ in reads]
+        groups.append((reads, np.clip(ways, -LONGEST, LONGEST).astype(np.float32), *ends))
+    keys = [
+        key_of(weather, slabs[one.layer], frame.seed, one.layer, areas[one.layer],
+               film.many[one.layer], (0.0, 0.0), circles[one.layer], rung, one.focal, thin)
+        for one, rung, thin in wanted
+    ]  # fmt: skip
+    made = iter(sheets_of(keys))
+    return [
+        ([(sheet := next(made), node(one, at, part, sheet.mean))
+          for one, at, _, part in reads], *rest)
+        for reads, *rest in groups
+    ]  # fmt: skip
 
 
 def _smaller(area: tuple[int, int], count: float) -> tuple[int, int]:
@@ -187,7 +193,11 @@ def _rungs(
 def _eyes_of(frame: Frame, film: Film, times: tuple[float, float]) -> Eyes:
     bends = frame.path.turns or frame.path.zooms
     height, width = (math.ceil(length / _APART) + 3 for length in frame.shape)
-    rays, eye = np.ones((2, height, width, 3)), np.empty((2, len(film.layers), 3))
+    rays, path, fps = np.ones((2, height, width, 3)), frame.path, frame.fps
+    shares = {layer.share: layer.share.motion for layer in film.layers}
+    ways = {share: motion.places(path, fps, [*times]) for share, motion in shares.items()}
+    rates = {share: motion.rate(path, fps, times[1]) for share, motion in shares.items()}
+    eye = np.stack([ways[layer.share] for layer in film.layers], axis=1)
     for number, t in enumerate(times):
         camera = frame.later(t - frame.t).camera if bends else frame.camera
         x, y = camera.principal(frame.shape)
@@ -195,15 +205,8 @@ def _eyes_of(frame: Frame, film: Film, times: tuple[float, float]) -> Eyes:
         rays[number, ..., 1] = (_APART * np.arange(-1, height - 1)[:, None] - y) / camera.focals[1]
         axes = camera.matrix()
         rays[number] = rays[number] @ axes.T
-        ways = {
-            share: frame.path.relative(
-                t, fps=frame.fps, fall=share.motion.fall, wind=share.motion.mean_wind
-            )
-            for share in {layer.share: None for layer in film.layers}
-        }
-        eye[number] = [ways[layer.share][0] for layer in film.layers]
         eye[number] += axes @ np.array(camera.offset)
-    return Eyes(rays, eye, np.array([ways[layer.share][1] for layer in film.layers]))
+    return Eyes(rays, eye, np.array([rates[layer.share] for layer in film.layers]))
 
 
 def _planes_of(frame: Frame, film: Film, eyes: Eyes) -> Iterator[Plane]:

@@ -14,7 +14,7 @@ from flurries._contract import Array, Float64
 from flurries._kept import kept
 from flurries.camera.path import CameraPath
 from flurries.cone.sheet import wrapped
-from flurries.effects.motion import Motion, air_course, camera_course
+from flurries.effects.motion import Motion, air_course
 from flurries.effects.passes import plane_motion, rays
 from flurries.frame.needs import LeftOut, Needs, Step
 from flurries.frame.view import Frame, Lap
@@ -121,7 +121,7 @@ class DoubleCone:
 def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
     """Return the cone over a whole film; times are seconds."""
     motion = part.motion
-    air, camera = air_course(fps, motion.fall, motion.mean_wind), camera_course(path, fps)
+    air, camera = air_course(fps, motion.fall, motion.mean_wind), path.course(fps)
     shutter = motion.shutter
     knots = np.union1d(air.knots, camera.knots)
     at: Any = [0.0]

@@ -45,8 +45,8 @@ class DrawnFlakes:
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return their one step, or why there is none."""
         weather = self.weather
-        some = any(one.size.density * one.reach for one in weather.shares(frame))
-        if not some or weather.opacity_at(frame.t) == 0.0:
+        opacity, shares = weather.opacity_at(frame.t), weather.shares(frame)
+        if opacity == 0.0 or not any(one.size.density * one.reach for one in shares):
             return Needs((), (LeftOut("flakes", "there are none"),), most=0.0)
         still = frame.settled and weather.motion.still and 0.0 in weather.sway
         # Shapes tumble.

@@ -21,6 +21,7 @@ from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_matrix
 from flurries.effects.bent import moved_by_wind, read_bent
 from flurries.effects.lighting import lamp_shade
+from flurries.effects.motion import Motion
 from flurries.effects.passes import plane_motion
 from flurries.effects.sheets import SHEETS, areas_of, circles_of, key_of, sheets_of
 from flurries.effects.weather import Film, Weather, times
@@ -75,10 +76,10 @@ class FlakeTexture:
         top, bottom, left, right = frame.window
         depth = np.full((bottom - top, right - left), weights.sum() / nearness.sum(), np.float32)
         speed = float(nearness @ film.falls / nearness.sum() / self.weather.mean_speed)
-        air: Any = {"fps": frame.fps, "fall": times(motion.fall, speed), "wind": motion.mean_wind}
-        here, *places = [frame.path.relative(at.t, **air)[0] for at in (frame, *others)]
+        mean = Motion(times(motion.fall, speed), motion.wind)
+        here, *places = mean.places(frame.path, frame.fps, [at.t for at in (frame, *others)])
         moves = [
-            plane_motion(depth, frame, other, place - here)
+            plane_motion(depth, frame, other, np.subtract(place, here))
             for other, place in zip(others, places, strict=True)
         ]
         if motion.varied is not None:

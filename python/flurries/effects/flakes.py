@@ -71,7 +71,7 @@ def _shares(
     density = flakes.number / view if flakes.density is None else flakes.density
     small, large = flakes.law.smallest, flakes.law.largest
     fall = float(value_at(flakes.motion.fall, 0.0))
-    one = SizeClass(density, small, large, fall)
+    one = SizeClass(density, small, large, fall, flakes.law.nodes(small, large))
     # The largest fade in, and all out again.
     widest = focal * flakes.sizes[1] / (6.0 * width / TUNED)
     low, high = (widest / limit for limit in flakes.largest)

@@ -16,7 +16,7 @@ import numpy as np
 from flurries._contract import Float64
 from flurries._kept import kept
 from flurries.camera.path import CameraPath
-from flurries.effects.motion import Motion, air_course, camera_course
+from flurries.effects.motion import Motion, air_course
 from flurries.frame.view import Frame
 from flurries.motion.keys import Course, Integral, course_of, integral_to, value_at
 from flurries.motion.waves import Waves, carry
@@ -44,7 +44,7 @@ def wind_at(motion: Motion, frame: Frame, ahead: Float64) -> tuple[Float64, Floa
             moved = moved + _ahead_while_turning(waves, frame, depths)[which]
         else:
             # Of the flake that is at the place now.
-            way, sums = carry(waves, camera_course(path, fps), fps)
+            way, sums = carry(waves, path.course(fps), fps)
             back = np.exp(-1j * (waves.k @ way.to(frame.t)))
             both = waves.at(world, np.asarray(_complex(sums.to(frame.t)) * back / fps), now)
             moved = moved + frame.to_camera(both[:, :3])

@@ -21,9 +21,8 @@ from flurries.effects.rain import Rain
 from flurries.effects.snow import Snow
 from flurries.effects.tent_rain import TentRain
 from flurries.effects.tent_snow import TentSnow
-from flurries.frame.effect import renderer_of
 from flurries.frame.layer import Layer
-from flurries.frame.needs import Needs, needs_of
+from flurries.frame.needs import Needs, needs_of, renderer_of
 from flurries.frame.view import Frame, Lap
 from flurries.motion.keys import Keys
 from flurries.motion.wind import FIELDS, Wind

@@ -9,10 +9,10 @@ import numpy as np
 
 from flurries._contract import Float64
 from flurries._kept import kept
-from flurries.camera.path import CameraPath, fall_course
+from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_matrix as matrix_of
 from flurries.frame.view import Frame
-from flurries.motion.keys import Course, Keys, Number, Vector, course_of, sum_of, value_at
+from flurries.motion.keys import Course, Keys, Number, Vector, air_courses, sum_of, value_at
 from flurries.motion.wind import Wind
 
 # Seconds that a photograph of falling snow is exposed by day, and frames that a film is.
@@ -75,7 +75,17 @@ class Motion:
 
     def line(self, path: CameraPath, fps: float) -> tuple[list[float], list[float]] | None:
         """Return that place at frame 0 and what it changes by per frame; None if that changes."""
-        return _line(self, path, fps)
+        fall, wind = self.fall, self.mean_wind
+        if isinstance(fall, Keys) or isinstance(wind, Keys) or (line := _line(path, fps)) is None:
+            return None
+        start, rate = line
+        return start, (rate - np.add(wind, (0.0, fall, 0.0)) / fps).tolist()
+
+    def rate(self, path: CameraPath, fps: float, t: float) -> Any:
+        """Return the change of that place per frame at `t`."""
+        if (line := self.line(path, fps)) is not None:
+            return line[1]
+        return path.relative(t, fps=fps, fall=self.fall, wind=self.mean_wind)[1]
 
     def travel(self, frame: Frame) -> Float64:
         """Return the way since frame 0 as a camera that turns or zooms felt it, eye's axes."""
@@ -90,7 +100,8 @@ class Motion:
 
     def fastest(self, path: CameraPath, fps: float) -> float:
         """Return the largest speed of the camera through the air, metres per frame."""
-        course = relative_course(path, fps, self.fall, self.mean_wind)
+        air = air_courses(self.mean_wind, self.fall, -1.0 / fps)
+        course = sum_of([path.course(fps), *air])
         times = np.concatenate([course.knots, [0.0]])
         before = course.line(times, times - 1e-6)[0]
         speeds = np.concatenate([before, course.line(times, times + 1e-6)[0], course.values])
@@ -113,33 +124,16 @@ def comes_nearer(path: CameraPath, axis: Float64, fall: Number, wind: Vector) ->
     )
 
 
-# Velocities over a whole film, metres per frame in house axes.
-
-
-@kept(32)
-def relative_course(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Course:
-    """Return camera minus what falls."""
-    return sum_of([path.course(fps), course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)])
-
-
 @kept(64)
-def _line(motion: Motion, path: CameraPath, fps: float) -> tuple[list[float], list[float]] | None:
-    fall, wind = motion.fall, motion.mean_wind
-    # An even fall changes no knot: classes of all speeds find one course.
-    course = relative_course(path, fps, fall if isinstance(fall, Keys) else 0.0, wind)
+def _line(path: CameraPath, fps: float) -> tuple[list[float], Float64] | None:
+    """Return the camera's place at frame 0 and its rate, if that never changes."""
+    course = path.course(fps)
     if len(course.knots) or (course.slopes is not None and course.slopes.any()):
         return None
-    start, rate = path.relative(0.0, fps=fps, fall=fall, wind=wind)
-    return start.tolist(), rate.tolist()
+    return path.place(0.0, fps=fps).tolist(), path.rate(0.0, fps=fps)
 
 
 @kept(32)
 def air_course(fps: float, fall: Number, wind: Vector) -> Course:
-    """Return the course of flakes in the wind."""
-    return sum_of([course_of(wind, 1.0 / fps), fall_course(fall, 1.0 / fps)])
-
-
-@kept(32)
-def camera_course(path: CameraPath, fps: float) -> Course:
-    """Return the camera."""
-    return path.course(fps)
+    """Return the velocity of flakes in the wind over a film, house axes, metres per frame."""
+    return sum_of(air_courses(wind, fall, 1.0 / fps))

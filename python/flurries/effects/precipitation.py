@@ -95,10 +95,10 @@ class Precipitation(Generic[_Back]):
 
     def needs(self, frame: Frame) -> Needs:
         """Return the needs of a frame: the parts' steps, and "join", which makes them one plane."""
+        parts = [part for part in (self.texture, self.front, self.veil) if part is not None]
         amount = value_at(self.amount, frame.t)
         if amount == 0.0:
             return Needs((), (LeftOut(self.name, "its amount is 0"),), most=0.0)
-        parts = [part for part in (self.texture, self.front, self.veil) if part is not None]
         asked = [part.needs(frame, amount) for part in parts]
         clear = float(np.prod([1.0 - needs.most for needs in asked]))
         if clear == 1.0:
@@ -112,7 +112,8 @@ class Precipitation(Generic[_Back]):
         if frame.lights and hasattr(self.front, "lit") and hasattr(self.texture, "lamp_shade"):
             steps += [Step("lamps")] if behind else []
         steps.append(Step("join"))
-        steps += [Step("local light")] if self._local else []
+        local, reads = self._local, reads_of(self.color)
+        steps += [Step("local light")] if local else []
         return Needs(
             tuple(steps),
             tuple(
@@ -120,7 +121,7 @@ class Precipitation(Generic[_Back]):
                 for needs in asked
                 for one in needs.left_out
             ),
-            reads_of(self.color),
+            reads,
             most=1.0 - clear,
             by_rows=True,
         )
@@ -138,22 +139,22 @@ class Precipitation(Generic[_Back]):
         apart = self._local or brightness != 1.0
         behind = front = None
         if texture is not None:
-            behind = run(texture.name, lambda: texture.alpha(frame, amount))
+            behind = run(texture.name, texture.alpha, frame, amount)
         glow: Array | None = None
         lit: Any = flakes if frame.lights and hasattr(flakes, "lit") else None
         if lit is not None:
             under = self._under(frame, behind)
-            both = run("flakes", lambda: lit.lit(frame, amount, self.optics, under))
+            both = run("flakes", lit.lit, frame, amount, self.optics, under)
             front, glow = (None, None) if both is None else both
             if glow is None and under is not None:
                 glow = np.zeros((*under[0].shape, 3), np.float32)
                 add_light(glow, *under)
         elif flakes is not None:
-            front = run("flakes", lambda: flakes.alpha(frame, amount))
+            front = run("flakes", flakes.alpha, frame, amount)
         planes = [np.ascontiguousarray(one) for one in (behind, front) if one is not None]
         before: Array | None = None
         if frame.depth is not None:
-            before = run("veil", lambda: veil.alpha(frame, amount))
+            before = run("veil", veil.alpha, frame, amount)
             haze = 0.0
             planes += [] if before is None or apart else [before]
         far: list[Layer] = []
@@ -167,7 +168,7 @@ class Precipitation(Generic[_Back]):
         with current.get().stage("join"):
             _core.join(alpha, planes or [np.zeros_like(alpha)], haze)
         if self._local:
-            shade = run("local light", lambda: local_shade(frame, self.optics))
+            shade = run("local light", local_shade, frame, self.optics)
             layer = Layer(self.name, alpha, shade=shade, glow=glow)
         else:
             color = bright(color_at(self.color, frame), brightness)

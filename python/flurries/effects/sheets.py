@@ -68,8 +68,8 @@ def circles_of(blur: Blur | None, depths: Float64) -> list[float]:
     """Return the circles of confusion at depths, px, in steps; 0 where all is sharp."""
     if blur is None:
         return [0.0] * len(depths)
-    circles = (min(blur.circle(depth), _WIDEST_BLUR) for depth in depths.tolist())
-    found = [_STEP * round(circle / _STEP) for circle in circles]
+    circles = np.minimum(blur.circle(depths), _WIDEST_BLUR)
+    found: list[float] = (_STEP * np.rint(circles / _STEP)).tolist()
     return found if max(found) >= _LEAST_BLUR else [0.0] * len(depths)
 
 

@@ -114,7 +114,7 @@ class Vapor:
         _, color, local = base_of(mist.color, frame)
         step = "lit gas" if lit_by_sun(mist, frame) or frame.lights else "gas"
         top, bottom, left, right = frame.window
-        drawn = run(step, lambda: self._draw(frame, density))
+        drawn = run(step, self._draw, frame, density)
         alpha, light = drawn or (np.zeros((bottom - top, right - left), np.float32), None)
         shade = even_shade(frame, color) if local or light is not None else None
         layer = Layer(mist.NAME, alpha, color, shade=shade, glow=light)

@@ -22,7 +22,10 @@ class Veil:
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return its step before a scene with a depth; without one it takes nothing."""
         haze = amount * float(value_at(self.haze, frame.t))
-        return _needs(frame, haze, before=haze)
+        if haze == 0.0:
+            return Needs((), (LeftOut("veil", "its opacity is 0"),), most=0.0)
+        deep = frame.deep or frame.depth is not None
+        return Needs((Step("veil"),) if deep else (), most=haze)
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         """Return the opacity before the scene's depth over the window, (h, w) float32."""
@@ -31,15 +34,6 @@ class Veil:
         return standing(
             frame, self, "veil", haze, lambda: haze_before(frame.crop(depth), haze, self.far)
         )
-
-
-def _needs(frame: Frame, haze: float, before: float) -> Needs:
-    """Return the needs of a veil of an opacity, and of the largest one before a scene's depth."""
-    deep = frame.deep or frame.depth is not None
-    most = before if deep else haze
-    if most == 0.0:
-        return Needs((), (LeftOut("veil", "its opacity is 0"),), most=0.0)
-    return Needs((Step("veil"),) if deep else (), most=most)
 
 
 def haze_before(depth: Array, haze: float, far: float) -> Array:

@@ -76,29 +76,14 @@ class Film:
     # Whether all places of a layer move alike and always so, and nothing of it changes.
     rigid: bool
 
-    @cached_property
-    def slabs(self) -> list[Slab]:
-        return [layer.slab for layer in self.layers]
-
-    @cached_property
-    def depths(self) -> Float64:
-        return np.array([slab.depth for slab in self.slabs])
-
-    @cached_property
-    def covers(self) -> Float64:
-        return np.array([slab.coverage for slab in self.slabs])
-
-    @cached_property
-    def falls(self) -> Float64:
-        return np.array([layer.share.size.fall for layer in self.layers])
-
-    @cached_property
-    def power(self) -> Float64:
-        return self.covers * [float(np.mean(slab.diameters**2)) for slab in self.slabs]
-
-    @cached_property
-    def many(self) -> list[float]:
-        return [max(slab.count / _MOST_FLAKES, 1.0) for slab in self.slabs]
+    # Of each layer: its slab, the slab's depth and coverage, how fast its flakes fall, what of the
+    # variance it has, and how many flakes each of those in its sheet stands for.
+    slabs: list[Slab]
+    depths: Float64
+    covers: Float64
+    falls: Float64
+    power: Float64
+    many: list[float]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -160,6 +145,7 @@ def _film(
     fps: float, lens: Lens | None,
 ) -> Film:  # fmt: skip
     population, motion, far = weather.population, weather.motion, weather.far
+    changes = weather.keyed or has_keys((lens, weather.emission, motion.shutter))
     fx, fy = path.widest.focals
     few = weather.simulated or population.density * far**3 / (3.0 * fx * fy) < FEW
     varied = population.sizes.largest > population.sizes.smallest
@@ -175,9 +161,8 @@ def _film(
             found.append(Share(one, Motion(fall, motion.wind, motion.shutter), reach, shown))
         return found
 
-    comes, steady = motion.spreads(path, rotation), (weather.emission, motion.shutter)
-    changes = comes or weather.keyed or has_keys(lens) or any(has_keys(one) for one in steady)
-    rigid = not changes and motion.varied is None and motion.line(path, fps) is not None
+    comes = motion.spreads(path, rotation)
+    rigid = not (comes or changes) and motion.varied is None and motion.line(path, fps) is not None
     drawn = classes(CLASSES, rigid)
     if rigid:
         counts = zip(drawn, LAYERS[-len(drawn) :], strict=True)
@@ -193,7 +178,16 @@ def _film(
             population, one.size, focal, reach=one.reach, far=far, edges=edges, flat=comes
         )
     ]
-    return Film(tuple(drawn), sorted(layers, key=lambda layer: layer.slab.depth), comes, rigid)
+    layers.sort(key=lambda layer: layer.slab.depth)
+    slabs = [slab for _, slab in layers]
+    covers = np.array([slab.coverage for slab in slabs])
+    return Film(
+        drawn=tuple(drawn), layers=layers, comes=comes, rigid=rigid, slabs=slabs, covers=covers,
+        depths=np.array([slab.depth for slab in slabs]),
+        falls=np.array([share.size.fall for share, _ in layers]),
+        power=covers * [float(np.mean(slab.diameters**2)) for slab in slabs],
+        many=[max(slab.count / _MOST_FLAKES, 1.0) for slab in slabs],
+    )  # fmt: skip
 
 
 def hand_overs(weather: Weather, focal: float, classes: list[SizeClass]) -> list[float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 if TYPE_CHECKING:
     from flurries.frame.layer import Layer
@@ -30,10 +30,3 @@ class Composed(Protocol):
 
 # One of flurries' effects, or one of your own.
 Effect: TypeAlias = Renders | Composed
-
-
-def renderer_of(effect: Any) -> Any:
-    """Return what renders an effect: itself, or its parts; None for what is no effect."""
-    own = callable(getattr(effect, "render", None))
-    found = effect if own else getattr(effect, "parts", None)
-    return found if callable(getattr(found, "render", None)) else None

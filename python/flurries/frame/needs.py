@@ -10,7 +10,7 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -19,13 +19,13 @@ from flurries._kept import Kept
 from flurries._threads import reproducible
 from flurries._trace import current
 from flurries.frame.bands import Visible
-from flurries.frame.effect import renderer_of
 from flurries.motion.keys import Keys
 
 if TYPE_CHECKING:
     from flurries.frame.view import Frame
 
 _Made = TypeVar("_Made")
+_P = ParamSpec("_P")
 
 # What an effect can read of a scene beside its own arguments; each costs something to make.
 PARTS = frozenset({"depth", "ambient"})
@@ -63,6 +63,13 @@ class Needs:
     # cloud that the camera passes.
     varies: bool = False
     brightest: float = 1.0  # The largest of the colors' values, at least 1.
+
+
+def renderer_of(effect: Any) -> Any:
+    """Return what renders an effect: itself, or its parts; None for what is no effect."""
+    own = callable(getattr(effect, "render", None))
+    found = effect if own else getattr(effect, "parts", None)
+    return found if callable(getattr(found, "render", None)) else None
 
 
 def needs_of(effect: Any, frame: Frame) -> Needs:
@@ -116,14 +123,16 @@ class Run:
         step = self.steps.get(name)
         return step is not None and step.once and self.kept is not None
 
-    def __call__(self, name: str, make: Callable[[], _Made]) -> _Made | None:
+    def __call__(
+        self, name: str, make: Callable[_P, _Made], *args: _P.args, **kwargs: _P.kwargs
+    ) -> _Made | None:
         """Return the product of the step, or None where it is left out."""
         if name not in self.steps:
             return None
 
         def run() -> _Made:
             with current.get().stage(name):
-                return make()
+                return make(*args, **kwargs)
 
         kept = self.kept if self.keeps(name) else None
         return run() if kept is None else kept.once((self.key, name), lambda: _read_only(run()))

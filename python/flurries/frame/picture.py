@@ -27,12 +27,12 @@ def images(
     with current.get().stage("background"):
         plate = crop(program.backdrop.frame(t), window)
     dtype = shown_type(plate)
+    cameras = tuple([program.camera(eye, t) for eye in eyes])
     # Where none of the weather can be seen, none is made.
     whole_front = program.front(t)
     inner = program.open_part(window, whole_front)
     mix = program.mix(plate)
     front = None if whole_front is None else whole_front.window(window)
-    cameras = tuple([program.camera(eye, t) for eye in eyes])
     pictures = []
     for camera in cameras:
         asks = [] if inner is None else program.asks(t, camera, inner, dtype)

@@ -22,10 +22,9 @@ from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.frame.bands import Window, bands_of, whole
-from flurries.frame.effect import renderer_of
 from flurries.frame.matte import Deep, Front
 from flurries.frame.mixing import Mix
-from flurries.frame.needs import LeftOut, Needs, Run, has_keys, needs_of
+from flurries.frame.needs import LeftOut, Needs, Run, has_keys, needs_of, renderer_of
 from flurries.frame.view import Frame, Lap
 from flurries.light.lamp import Lamp, Sun
 from flurries.light.plate import PlateLight, ambient_of, cell_sums, plate_light
@@ -93,12 +92,13 @@ class Program:
         self.settled = self.path.still and fixed
         self.deep = self.distance is not None or (self.mattes is not None and self.mattes.deep)
         self.settled = self.settled and not (has_keys(self.lens) or has_keys(self.lights))
-        self._kept = Kept(4 * len(bands_of(whole(self.shape))) + 4)
+        self._window = whole(self.shape)
+        self._kept = Kept(4 * len(bands_of(self._window)) + 4)
         for index, effect in enumerate(self.effects):
             self._add(index, effect)
 
     def _add(self, index: int, effect: Any) -> None:
-        needs = None
+        needs, renderer = None, renderer_of(effect)
         if not has_keys(effect):
             needs = needs_of(effect, self.frame(0.0))
             if not needs.steps:
@@ -107,7 +107,7 @@ class Program:
             needs = None if needs.varies else needs
         own = getattr(effect, "seed", None)
         seed = effect_seed(self.seed, index) if own is None else own
-        self.parts.append(Part(effect, renderer_of(effect), index, seed, needs))
+        self.parts.append(Part(effect, renderer, index, seed, needs))
 
     def mix(self, plate: Array | None = None) -> Mix:
         """Return the light that layers are mixed in, over a plate of the background."""
@@ -122,7 +122,7 @@ class Program:
         """Return the view of an effect that draws no random numbers, without depth and light."""
         return Frame(
             shape=self.shape,
-            window=whole(self.shape) if window is None else window,
+            window=self._window if window is None else window,
             t=t,
             fps=self.fps,
             camera=self.camera(None, t) if camera is None else camera,
@@ -180,7 +180,7 @@ class Program:
 
     def views(self, t: float) -> list[tuple[Any, Frame]]:
         """Return the effects that run at `t`, each with its exact view of the whole frame."""
-        asks = self.asks(t, self.camera(None, t), whole(self.shape), None)
+        asks = self.asks(t, self.camera(None, t), self._window, None)
         return [(ask.part.effect, ask.frame) for ask in asks]
 
     def _parts_in(self, frame: Frame, dtype: np.dtype[Any] | None) -> list[tuple[Part, Needs]]:

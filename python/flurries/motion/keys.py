@@ -220,6 +220,14 @@ def course_of(value: Any, scale: float = 1.0) -> Course:
     )
 
 
+def air_courses(wind: Vector, fall: Number, scale: float) -> list[Course]:
+    """Return the courses of a wind and of a fall speed, down; either may be keyed."""
+    down: Vector = (0.0, 0.0 if isinstance(fall, Keys) else fall, 0.0)
+    if isinstance(fall, Keys):
+        down = Keys([(frame, (0.0, value, 0.0)) for frame, value in fall.keys])
+    return [course_of(wind, scale), course_of(down, scale)]
+
+
 def sum_of(courses: Sequence[Course]) -> Course:
     """Return the sum of courses."""
     knots = np.unique(np.concatenate([course.knots for course in courses]))

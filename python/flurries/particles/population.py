@@ -8,7 +8,7 @@ with the images of their flakes.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -34,6 +34,8 @@ class SizeClass:
     smallest: float  # Diameters, metres.
     largest: float
     fall: float  # Metres per second in still air: the mean, each flake weighed by its area.
+    # Diameters in metres, and the share of all flakes that each stands for.
+    nodes: tuple[Float64, Float64] = field(compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,8 @@ class Population:
         for low, high in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
             at, share = sizes.nodes(low, high)
             fall = float((share * at**2) @ self.speed(at)) / float(share @ at**2)
-            found.append(SizeClass(self.density * float(share.sum()), low, high, fall))
+            density = self.density * float(share.sum())
+            found.append(SizeClass(density, low, high, fall, (at, share)))
         return found
 
 
@@ -87,7 +90,7 @@ def slabs_of(
     # mean depth, as many as cover as much.
     if reach >= far or each.density == 0.0:
         return []
-    diameters, share = population.sizes.nodes(each.smallest, each.largest)
+    diameters, share = each.nodes
     share = share / share.sum()
     found = []
     for near, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):

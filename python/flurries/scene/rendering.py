@@ -15,7 +15,7 @@ from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.effects.color import is_local
 from flurries.effects.texture import Texture
-from flurries.frame.effect import renderer_of
+from flurries.frame.needs import renderer_of
 from flurries.frame.picture import images
 from flurries.frame.program import Program
 from flurries.frame.truth import Rendered, truth
