@@ -16,12 +16,9 @@ def test_files_that_are_no_pictures(tmp_path):
     (tmp_path / "text.png").write_text("no picture\n" * 30)
     (tmp_path / "picture.null").write_text("no picture\n" * 30)
     for name, error in [
-        ("missing.png", FileNotFoundError),
-        ("empty.png", OSError),
-        ("text.txt", ValueError),
-        ("text.png", OSError),
-        ("picture.null", ValueError),
-    ]:
+        ("missing.png", FileNotFoundError), ("empty.png", OSError), ("text.txt", ValueError),
+        ("text.png", OSError), ("picture.null", ValueError),
+    ]:  # fmt: skip
         for function in (read_picture, read_header, read_layers):
             with pytest.raises(error, match=name):
                 function(tmp_path / name)
@@ -70,3 +67,18 @@ def test_a_picture_that_broke_off_is_an_error(tmp_path):
             assert cut.name in str(error)
         cut.unlink()
     assert tried == 12 * 17
+
+
+def test_a_damaged_png_is_told_by_us_alone(tmp_path, capfd):
+    rng, bad = np.random.default_rng(5), tmp_path / "bad.png"
+    image = Image.fromarray(skimage.data.astronaut()[90:130, 180:220])
+    image.save(tmp_path / "plain.png")
+    image.convert("P").save(tmp_path / "palette.png")
+    for number in range(44):
+        data = bytearray((tmp_path / ("plain.png", "palette.png")[number % 2]).read_bytes())
+        data[rng.integers(8, len(data) - 12)] ^= 1 << rng.integers(8)
+        bad.write_bytes(data)
+        with pytest.raises(OSError, match=r"^.*bad\.png: the picture is damaged.*$"):
+            read_picture(bad)
+    # The codecs' library writes to the terminal by itself.
+    assert capfd.readouterr() == ("", "")

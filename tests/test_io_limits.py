@@ -16,24 +16,9 @@ import OpenImageIO as oiio
 import pytest
 
 import flurries as fl
+from flurries import io
 from flurries.camera import importers
 from flurries.camera.csv import read_path
-from flurries.cli import main
-from flurries.io import (
-    Budget,
-    VideoWriter,
-    open_background,
-    open_depth,
-    read_depth,
-    read_header,
-    read_layers,
-    read_picture,
-    read_video,
-    read_views,
-    write_layer_views,
-    write_layers,
-    write_picture,
-)
 from flurries.io.files import read_bytes
 from flurries.output.journal import MOST_BYTES, NAME, Journal
 from flurries.output.store import Store
@@ -118,10 +103,10 @@ def journal_of(path: Path) -> Any:
 
 
 READERS: list[tuple[str, Callable[[Path], Any]]] = [
-    ("a.png", read_picture), ("a.png", read_header),
-    ("a.exr", read_layers), ("a.exr", read_views), ("a.exr", read_depth), ("a.exr", open_depth),
-    ("a.png", open_background), ("a.mp4", open_background),
-    ("a.mp4", lambda path: next(read_video(path))),
+    ("a.png", io.read_picture), ("a.png", io.read_header), ("a.png", io.open_background),
+    ("a.exr", io.read_layers), ("a.exr", io.read_views), ("a.exr", io.read_depth),
+    ("a.exr", io.open_depth), ("a.mp4", io.open_background),
+    ("a.mp4", lambda path: next(io.read_video(path))),
     ("a.csv", read_path), ("a.csv", lambda path: importers.load(path, (48, 64))),
     ("a.chan", lambda path: importers.load(path, (48, 64))),
     ("a.txt", lambda path: importers.load(path, (48, 64))),
@@ -167,26 +152,26 @@ def test_16_8_text_files_have_a_largest_size(tmp_path: Path):
 
 def test_16_8_a_budget_of_pixels_and_of_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     light = np.random.default_rng(3).random((30, 40, 4)).astype(np.float32)
-    write_picture(tmp_path / "a.exr", light)
-    write_layers(tmp_path / "b.exr", {"rgba": light, "depth": light[..., 0] + 1.0})
-    write_layer_views(tmp_path / "c.exr", {e: {"rgba": light} for e in ("left", "right")})
-    with VideoWriter(tmp_path / "a.mp4", (40, 30), 24) as film:
+    io.write_picture(tmp_path / "a.exr", light)
+    io.write_layers(tmp_path / "b.exr", {"rgba": light, "depth": light[..., 0] + 1.0})
+    io.write_layer_views(tmp_path / "c.exr", {e: {"rgba": light} for e in ("left", "right")})
+    with io.VideoWriter(tmp_path / "a.mp4", (40, 30), 24) as film:
         film.write(np.zeros((30, 40, 3), np.uint8))
     cases: list[tuple[str, Callable[..., Any], int]] = [
-        ("a.exr", read_picture, 16), ("b.exr", read_layers, 20),
-        ("b.exr", read_depth, 4), ("c.exr", read_views, 16),
-        ("b.exr", lambda path, **given: open_depth(path, **given).frame(0), 4),
-        ("a.exr", lambda path, **given: open_background(path, **given).frame(0), 16),
-        ("a.mp4", open_background, 3),
-        ("a.mp4", lambda path, **given: next(read_video(path, **given)), 3),
+        ("a.exr", io.read_picture, 16), ("b.exr", io.read_layers, 20),
+        ("b.exr", io.read_depth, 4), ("c.exr", io.read_views, 16),
+        ("b.exr", lambda path, **given: io.open_depth(path, **given).frame(0), 4),
+        ("a.exr", lambda path, **given: io.open_background(path, **given).frame(0), 16),
+        ("a.mp4", io.open_background, 3),
+        ("a.mp4", lambda path, **given: next(io.read_video(path, **given)), 3),
     ]  # fmt: skip
     for name, read, size in cases:
         path = tmp_path / name
         read(path)
-        read(path, budget=Budget(pixels=1200, bytes=1200 * size))
+        read(path, budget=io.Budget(pixels=1200, bytes=1200 * size))
         with pytest.raises(OSError, match=rf"{name}: .* 40 x 30 px, more than the 1199 that"):
-            read(path, budget=Budget(pixels=1199))
-        too_few = Budget(bytes=1200 * size - 1)
+            read(path, budget=io.Budget(pixels=1199))
+        too_few = io.Budget(bytes=1200 * size - 1)
         with pytest.raises(OSError, match=rf"{name}: .*{1200 * size} in all and more than the"):
             read(path, budget=too_few)
         with monkeypatch.context() as around:
@@ -199,20 +184,6 @@ def test_16_8_a_budget_of_pixels_and_of_bytes(tmp_path: Path, monkeypatch: pytes
                 read(path)
 
 
-def test_16_8_the_command_line_has_a_budget(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
-    write_picture(tmp_path / "plate.png", np.zeros((40, 50, 3), np.uint8))
-    words = ["render", str(tmp_path / "plate.png"), "--snow", "-q", "-o", str(tmp_path / "o.png")]
-    for name, most in (("FLURRIES_MAX_PIXELS", 1999), ("FLURRIES_MAX_BYTES", 5999)):
-        monkeypatch.setenv(name, str(most))
-        assert main(words) == 2
-        (line,) = capsys.readouterr().err.splitlines()
-        assert "plate.png: the picture claims 50 x 40 px" in line and f"the {most} " in line
-        monkeypatch.setenv(name, str(most + 1))
-    assert main(words) == 0
-
-
 @pytest.mark.parametrize("name", ["FLURRIES_MAX_PIXELS", "FLURRIES_MAX_BYTES"])
 @pytest.mark.parametrize("value", ["0", "-1", "1e9", "9" * 400])
 def test_16_8_a_limit_that_is_no_number_is_refused_by_name(
@@ -220,4 +191,4 @@ def test_16_8_a_limit_that_is_no_number_is_refused_by_name(
 ):
     monkeypatch.setenv(name, value)
     with pytest.raises(ValueError, match=f"{name} must be a whole number above 0, got"):
-        Budget()
+        io.Budget()

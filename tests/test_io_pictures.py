@@ -166,13 +166,9 @@ def test_color_without_opacity_stays(tmp_path):
 
 def test_metadata_come_back(tmp_path):
     given = {
-        "seed": -(2**63),
-        "frame": np.int64(12),
-        "fps": np.float32(0.5),
-        "third": 1 / 3,
-        "scene": "Schnee, 雪, ❄",
-        "flurries:version": "1.0",
-    }
+        "seed": -(2**63), "frame": np.int64(12), "fps": np.float32(0.5), "third": 1 / 3,
+        "scene": "Schnee, 雪, ❄", "flurries:version": "1.0",
+    }  # fmt: skip
     wanted = {key.removeprefix("flurries:"): str(value) for key, value in given.items()}
     for name in ("a.exr", "a.png", "a.tif", "a.jpg"):
         write_picture(tmp_path / name, np.zeros((4, 4, 3)), metadata=given)

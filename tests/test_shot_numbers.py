@@ -50,12 +50,9 @@ class Ask:
 def scene(**changes: object) -> fl.Scene:
     camera = importers.load("camera.chan", SIZE[::-1])
     given = {
-        "background": "plate.####.png",
-        "foreground": "matte.$F4.png",
-        "depth": "depth.%04d.exr",
-        "camera": camera,
-        "effects": [Ask()],
-    }
+        "background": "plate.####.png", "foreground": "matte.$F4.png",
+        "depth": "depth.%04d.exr", "camera": camera, "effects": [Ask()],
+    }  # fmt: skip
     return fl.Scene(**{**given, **changes})
 
 

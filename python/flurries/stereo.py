@@ -12,16 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import (
-    LARGEST,
-    SMALLEST,
-    Array,
-    choice,
-    flag,
-    output,
-    real,
-    rectangular,
-)
+from flurries._contract import LARGEST, SMALLEST, Array, choice, flag, output, real, rectangular
 from flurries._threads import reproducible
 from flurries.camera.lens import Camera, expect_camera
 from flurries.io.color import linear_to_srgb, srgb_to_linear, to_integer, to_linear
@@ -100,11 +91,7 @@ def eyes(
 
 
 def anaglyph(
-    left: npt.ArrayLike,
-    right: npt.ArrayLike,
-    *,
-    matrix: str = "lsq2001",
-    out: Array | None = None,
+    left: npt.ArrayLike, right: npt.ArrayLike, *, matrix: str = "lsq2001", out: Array | None = None
 ) -> Array:
     """Return one picture for red and cyan glasses.
 
@@ -177,11 +164,7 @@ def side_by_side(
 
 
 def over_under(
-    left: npt.ArrayLike,
-    right: npt.ArrayLike,
-    *,
-    squeeze: bool = False,
-    out: Array | None = None,
+    left: npt.ArrayLike, right: npt.ArrayLike, *, squeeze: bool = False, out: Array | None = None
 ) -> Array:
     """Return both pictures on top of each other, the left eye's above.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import bisect
 import math
 import os
 from collections.abc import Callable
@@ -86,6 +85,7 @@ class CameraPath:
     orientation: Any = None
     focal: Any = None
     extend: str = "on"
+    _places: Keys | None = field(init=False, repr=False)
     _turning: Turning | None = field(init=False, repr=False)
     _zoom: Zoom | None = field(init=False, repr=False)
 
@@ -98,6 +98,7 @@ class CameraPath:
         choice("extend", self.extend, EXTEND)
         if self.velocity is not None:
             settle(self, "velocity", as_vector("velocity", self.velocity, 3))
+        settle(self, "_places", self.position)
         if isinstance(self.position, Keys):
             as_vector("position", self.position, 3)
         elif self.position is not None:
@@ -105,6 +106,7 @@ class CameraPath:
             if places.shape[1] != 3 or len(places) == 0:
                 raise ValueError(f"position must have shape (n, 3), got {places.shape}")
             settle(self, "position", _frozen(places))
+            settle(self, "_places", Keys(list(enumerate(places.tolist()))))
         turning = None if self.orientation is None else turning_of(self.orientation)
         settle(self, "_turning", turning)
         if turning is not None and not isinstance(self.orientation, Keys):
@@ -235,15 +237,9 @@ class CameraPath:
         """Return the velocity over time, house axes, world units per frame."""
         if self.velocity is not None:
             return course_of(self.velocity, 1.0 / fps)
-        if isinstance(self.position, Keys):
-            frames = np.array([frame for frame, _ in self.position.keys])
-            places = np.array([place for _, place in self.position.keys])
-        elif self.position is not None:
-            frames, places = np.arange(len(self.position), dtype=np.float64), self.position
-        else:
-            frames, places = np.zeros(1), np.zeros((1, 3))
-        if len(frames) == 1:
+        if self._places is None or len(self._places.keys) == 1:
             return Course(np.empty(0), np.zeros((1, 3)))
+        frames, places = self._places.columns
         return Course(frames[1:-1], np.diff(places, axis=0) / np.diff(frames)[:, None])
 
     def goes_along(self, axis: Float64) -> bool:
@@ -251,37 +247,21 @@ class CameraPath:
         if self.velocity is not None:
             keys = self.velocity.keys if isinstance(self.velocity, Keys) else [(0, self.velocity)]
             return any(np.dot(axis, value) != 0.0 for _, value in keys)
-        if self.position is None:
+        if self._places is None:
             return False
-        places = self.position
-        if isinstance(places, Keys):
-            places = np.array([value for _, value in places.keys])
-        return bool((np.diff(places, axis=0) @ axis != 0.0).any())
+        return bool((np.diff(self._places.columns[1], axis=0) @ axis != 0.0).any())
 
     def place(self, t: float, *, fps: float) -> Float64:
         """Return the place at frame `t`, (3,) world units."""
         if self.velocity is not None:
             return np.asarray(integral_to(self.velocity, t) / fps, dtype=np.float64)
-        if self.position is None:
-            return np.zeros(3)
-        if isinstance(self.position, Keys):
-            return np.asarray(self.position.value(t, extend=True))
-        if len(self.position) == 1:
-            return np.array(self.position[0])
-        i = self._piece(t)
-        before, after = self.position[i], self.position[i + 1]
-        return np.asarray(before + (t - i) * (after - before))
+        return np.zeros(3) if self._places is None else np.array(self._places.value(t, extend=True))
 
     def rate(self, t: float, *, fps: float) -> Float64:
         """Return the change of place per frame at `t`, (3,) world units."""
         if self.velocity is not None:
             return np.asarray(value_at(self.velocity, t)) / fps
-        if self.position is None or len(getattr(self.position, "keys", self.position)) == 1:
-            return np.zeros(3)
-        if isinstance(self.position, Keys):
-            return np.asarray(self.position.slope(t, extend=True))
-        i = self._piece(t)
-        return np.asarray(self.position[i + 1] - self.position[i])
+        return np.zeros(3) if self._places is None else np.array(self._places.slope(t, extend=True))
 
     def relative(
         self, t: float, *, fps: float, fall: Number, wind: Vector
@@ -291,10 +271,6 @@ class CameraPath:
         air = np.array(value_at(wind, t))
         air[1] += value_at(fall, t)
         return self.place(t, fps=fps) - gone, self.rate(t, fps=fps) - air / fps
-
-    def _piece(self, t: float) -> int:
-        last = len(self.position) - 2
-        return min(max(bisect.bisect_right(range(last + 1), t) - 1, 0), last)
 
 
 def _frozen(given: Float64) -> Float64:

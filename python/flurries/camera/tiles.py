@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -53,12 +55,9 @@ def tile_drift(
         ``(Pz x - f Px, Pz y - f Py) / near_depth`` pixels, (x, y) the tile's centre from the
         principal point. Exact for sideways motion of any size; to first order in forward motion.
     """
-    size = shape_of("shape", shape)
-    view = expect_camera(camera, stretched=True)
+    view, x, y, result = _asked(shape, camera, tile, overlap, out)
     near = real("near_depth", near_depth, low=SMALLEST)
     moved = vector("displacement", displacement, 3)
-    x, y = tile_middles(size, view, *tile_of(tile, overlap))
-    result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
     drift_at(x, y, moved + view.offset, view.focals, result)
     result /= near
     return result
@@ -91,12 +90,8 @@ def tile_shift(
         ``(f + y^2/f) wx - (x y/f) wy - x wz`` down. The flow that Langer 2004 leaves out
         (``docs/internals/deviations.md``, 17).
     """
-    size = shape_of("shape", shape)
-    view = expect_camera(camera, stretched=True)
-    omega = vector("rotation", rotation, 3)
-    x, y = tile_middles(size, view, *tile_of(tile, overlap))
-    result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
-    return shift_at(x, y, omega, view, result)
+    view, x, y, result = _asked(shape, camera, tile, overlap, out)
+    return shift_at(x, y, vector("rotation", rotation, 3), view, result)
 
 
 def tile_zoom(
@@ -124,13 +119,19 @@ def tile_zoom(
         ``growth * (x, y)`` pixels, (x, y) the tile's centre from the principal point: how far its
         content moves, whatever its depth.
     """
-    size = shape_of("shape", shape)
-    view = expect_camera(camera, stretched=True)
+    _, x, y, result = _asked(shape, camera, tile, overlap, out)
     part = real("growth", growth)
-    x, y = tile_middles(size, view, *tile_of(tile, overlap))
-    result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
     result[..., 0], result[..., 1] = part * x[None, :], part * y[:, None]
     return result
+
+
+def _asked(
+    shape: object, camera: object, tile: Any, overlap: Any, out: Any
+) -> tuple[Camera, Float64, Float64, Float64]:
+    """Return checked arguments: the eye, the middles of tiles, and the array to fill."""
+    size, view = shape_of("shape", shape), expect_camera(camera, stretched=True)
+    x, y = tile_middles(size, view, *tile_of(tile, overlap))
+    return view, x, y, output(out, (len(y), len(x), 2), np.dtype(np.float64))
 
 
 # The same for numbers that are checked.

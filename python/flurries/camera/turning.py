@@ -15,12 +15,7 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Float64, moderate, table
-from flurries.camera.rotation import (
-    matrices_of,
-    quaternions_of,
-    rotation_matrix,
-    rotation_vector,
-)
+from flurries.camera.rotation import matrices_of, quaternions_of, rotation_matrix, rotation_vector
 from flurries.motion.keys import Course, Integral, Keys
 
 __all__ = ["Turning", "turning_of"]
@@ -141,8 +136,7 @@ def _terms(x: Float64) -> Float64:
 def turning_of(orientation: Any) -> Turning:
     """Return the turning of an `orientation` argument: keys or arrays of any form."""
     if isinstance(orientation, Keys):
-        frames = np.array([frame for frame, _ in orientation.keys])
-        values = np.array([value for _, value in orientation.keys])
+        frames, values = orientation.columns
         if orientation.width not in (3, 4):
             raise ValueError(
                 "orientation must be keyed with rotation vectors (3 numbers) or quaternions (4), "

@@ -9,16 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import (
-    Array,
-    Float64,
-    aligned,
-    float_dtype,
-    integer,
-    output,
-    real,
-    seed_of,
-)
+from flurries._contract import Array, Float64, aligned, float_dtype, integer, output, real, seed_of
 from flurries.cone.sheet import LARGEST_TILE, texture_of
 
 __all__ = ["Texture", "rain_tile", "snow_tile"]

@@ -124,12 +124,7 @@ class Rendered:
 
 
 def truth(
-    program: Program,
-    t: float,
-    eyes: Sequence[Camera | None],
-    window: Window,
-    *,
-    known: bool = True,
+    program: Program, t: float, eyes: Sequence[Camera | None], window: Window, *, known: bool = True
 ) -> list[Rendered]:
     """Return the picture of a window for each eye, whole and exact, with the layers apart."""
     # Without `known` there are colors and opacities alone, no motion, depth, coverage and ids.

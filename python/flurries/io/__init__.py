@@ -10,12 +10,7 @@ from flurries.io.color import linear_to_srgb, srgb_to_linear
 from flurries.io.files import Budget
 from flurries.io.films.reader import read_video
 from flurries.io.films.writer import VideoWriter
-from flurries.io.layers.planes import (
-    read_layers,
-    read_views,
-    write_layer_views,
-    write_layers,
-)
+from flurries.io.layers.planes import read_layers, read_views, write_layer_views, write_layers
 from flurries.io.photographs import photograph
 from flurries.io.pictures.fitting import fit, fit_nearest
 from flurries.io.pictures.header import Header, read_header

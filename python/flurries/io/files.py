@@ -10,6 +10,7 @@ import errno
 import os
 import stat
 import struct
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -150,13 +151,17 @@ def read_text(path: str | os.PathLike[str], most: int, kind: str) -> str:
         raise ValueError(f"{os.fspath(path)}: a {kind} is UTF-8 text: {error}") from None
 
 
-def require_whole_png(path: Path) -> None:
-    # libpng tells the terminal, too, of a file that broke off.
+def require_whole_png(path: Path, what: str) -> None:
+    """Refuse a PNG that broke off or was changed: libpng tells the terminal, too."""
     with path.open("rb") as stream:
         name = b"" if stream.read(8) == b"\x89PNG\r\n\x1a\n" else b"IEND"
         while name != b"IEND":
             head = stream.read(8)
             if len(head) < 8:
-                raise OSError(f"{path}: the picture is damaged or cut short: it lacks its end")
-            length, name = struct.unpack(">I4s", head)
-            stream.seek(length + 4, os.SEEK_CUR)
+                raise OSError(f"{what}: it lacks its end")
+            left, name = struct.unpack(">I4s", head)
+            found = zlib.crc32(name)
+            while left and (block := stream.read(min(left, _BLOCK))):
+                found, left = zlib.crc32(block, found), left - len(block)
+            if found.to_bytes(4, "big") != stream.read(4):
+                raise OSError(f"{what}: a sum of it is wrong")

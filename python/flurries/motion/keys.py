@@ -68,6 +68,11 @@ class Keys:
         settle(self, "_sums", prefix_sums(areas, values.shape))
 
     @property
+    def columns(self) -> tuple[Float64, Float64]:
+        """The frames, (n,), and the values, (n,) or (n, width)."""
+        return self._frames, self._values
+
+    @property
     def width(self) -> int | None:
         """Length of the vectors, None for numbers."""
         return None if self._values.ndim == 1 else int(self._values.shape[1])
@@ -208,8 +213,7 @@ def course_of(value: Any, scale: float = 1.0) -> Course:
     """Return a plain or keyed vector, held outside its keys, as a course."""
     if not isinstance(value, Keys):
         return Course(np.empty(0), scale * np.array(value, dtype=np.float64)[None])
-    frames = np.array([frame for frame, _ in value.keys])
-    values = scale * np.array([v for _, v in value.keys], dtype=np.float64)
+    frames, values = value._frames, scale * value._values
     between = np.diff(values, axis=0) / np.diff(frames)[:, None]
     flat = np.zeros((1, values.shape[1]))
     return Course(

@@ -23,7 +23,7 @@ from flurries.io.pictures.writer import Format, format_of
 from flurries.output.deep import deep_of
 from flurries.output.folder import Store
 from flurries.output.journal import Mark
-from flurries.scene.fingerprint import Inputs, settings
+from flurries.scene.fingerprint import Inputs, Settings
 from flurries.scene.output import MOTION
 from flurries.scene.scene import Scene
 
@@ -230,6 +230,7 @@ class Frames:
     tolerant: bool = False
     folder: Path = field(init=False)
     inputs: Inputs = field(init=False)
+    _settings: Settings = field(init=False)
     _mark: str = field(init=False)
     _pattern: Pattern | None = field(init=False)
 
@@ -241,7 +242,9 @@ class Frames:
         mode = "-reproducible" if reproducible() else ""
         # A configuration counts by what it holds.
         ocio = "" if self.scene._color is None else f"-{config_hash()[:8]}"
-        self._mark = f"{settings(self.scene)}-{self.content.mark}{mode}{ocio}"
+        # Eyes of their own see more of the camera's way.
+        self._settings = Settings(self.scene, whole=self.content.eyes is not None)
+        self._mark = f"{self._settings.common}-{self.content.mark}{mode}{ocio}"
         still = "%" not in Path(self.pattern).name
         self._pattern = None if still else Pattern(self.pattern)
 
@@ -249,7 +252,7 @@ class Frames:
         return Path(self.pattern) if self._pattern is None else self._pattern.path(index)
 
     def mark_of(self, index: int) -> Mark:
-        return Mark(self._mark, index, self.inputs.of(index))
+        return Mark(self._mark + self._settings.of(index), index, self.inputs.of(index))
 
     def make(self, index: int) -> Any:
         if self.skip and not is_readable(self.scene, index):

@@ -101,9 +101,9 @@ def write_film(
 
 def _mark(job: Frames, frames: list[int], way: object) -> Mark:
     """Return the mark of a film, or of a part of it, that is encoded in a way."""
-    first = job.mark_of(frames[0])
-    scene = short_hash((first.scene, frames, way, job.skip))
-    return replace(first, scene=scene, inputs=short_hash([job.mark_of(n).inputs for n in frames]))
+    marks = [job.mark_of(number) for number in frames]
+    scene = short_hash(([mark.scene for mark in marks], frames, way, job.skip))
+    return replace(marks[0], scene=scene, inputs=short_hash([mark.inputs for mark in marks]))
 
 
 class _Groups:
@@ -190,10 +190,7 @@ class _Groups:
     def join(self) -> None:
         """Put the packets of all groups into the film."""
         path = self._plan.path
-        with (
-            replacing(path) as place,
-            closing(Remote(path, "written", Film, self._plan)) as film,
-        ):
+        with replacing(path) as place, closing(Remote(path, "written", Film, self._plan)) as film:
             film.call("open", place)
             for part in self._groups:
                 with np.load(part, allow_pickle=False) as packets:

@@ -210,9 +210,10 @@ class Journal:
 
     def require_bits(self, mark: Mark) -> None:
         """Refuse a folder with files of the same scene that have other bits."""
+        common = _common(mark.scene)
         for name, lines in self._lines.items():
             for line in lines.values():
-                other = line.get("scene") == mark.scene and line.get("bits") != mark.bits
+                other = line.get("bits") != mark.bits and _common(line.get("scene")) == common
                 if other and self._store.exists(self._folder / name):
                     raise Refused(self._store.name_of(self._folder / name), mark.differs(line))
 
@@ -248,6 +249,11 @@ class Journal:
             found = self._texts[name][1] if name in self._texts else self._read(name)
             lines.update(dict.fromkeys(found))
         return b"".join(b"%s\n" % line for line in sorted(lines.keys() - self._old))
+
+
+def _common(scene: object) -> str:
+    """Return the part of a scene's hash that all its frames have."""
+    return str(scene).partition("+")[0]
 
 
 def _bytes(entry: Entry) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import hashlib
 import pickle
 import socket
@@ -12,8 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from flurries.effects.kinds import kind_of
+from flurries.camera.path import CameraPath
+from flurries.effects.kinds import OURS, kind_of
+from flurries.effects.motion import STILL
 from flurries.io import Pattern
+from flurries.motion.keys import Keys
 from flurries.scene.depth import DepthMap
 from flurries.scene.foreground import listed
 from flurries.scene.scene import Scene, expect_scene
@@ -30,9 +34,22 @@ BITS = 32
 _TICK = 2_000_000_000
 
 
+# What a frame sees of these, where they are keyed, is the value of its own time.
+_NOW = {
+    "effects": ("amount", "color", "emission", "haze", "opacity"),
+    "lens": ("focus", "f_stop"),
+    "lights": ("place", "direction", "color", "power"),
+}
+
+# Of a camera it sees the way since frame 0 and what comes in the next frame. These effects ask no
+# more of the rest than `_rest_of_way` says.
+_WAY = ("position", "velocity", "orientation", "focal")
+_ON_THE_WAY = {"snow", "rain", "mist"}
+
+
 def fingerprint(scene: Scene) -> str:
     """Return a hash of all that a scene's frames depend on, files' contents included."""
-    digest = hashlib.sha256(settings(scene).encode())
+    digest = hashlib.sha256(Settings(scene, whole=True).common.encode())
     for name, spec in _specs(scene).items():
         digest.update(name.encode())
         for file in _files(spec):
@@ -40,27 +57,90 @@ def fingerprint(scene: Scene) -> str:
     return digest.hexdigest()[:16]
 
 
-def settings(scene: Scene) -> str:
-    """Return a hash of all that a scene's frames depend on but the files that it reads."""
-    expect_scene(scene)
-    digest = hashlib.sha256()
-    given = list(_specs(scene))
-    for name, value in _values(scene).items():
-        value = value.source if isinstance(value, DepthMap) else value
-        if isinstance(value, np.ndarray):
-            digest.update(f"{name} {value.shape} {value.dtype}".encode())
-            digest.update(np.ascontiguousarray(value).tobytes())
-            given.append(name)
-    for place, effect in enumerate(scene.effects):
-        if kind_of(effect) is None:
-            # Somebody's own, which no scene file can hold but frames can be made of. Its fields: an
-            # effect may keep what it made of them.
-            whole = not is_dataclass(effect)
-            own = effect if whole else [getattr(effect, f.name) for f in fields(effect)]
-            digest.update(f"effect {place}".encode() + pickle.dumps((type(effect), own), 5))
-    table = describe(scene, leave_out=(*given, "effects", "output"))
-    digest.update(repr((sorted(given), sorted(table.items()))).encode())
-    return digest.hexdigest()[:16]
+class Settings:
+    """Hashes of all that a scene's frames depend on but the files that the scene reads."""
+
+    # Of keys a frame sees those up to the first that it has not come to: who changes a later one
+    # changes no bit of it.
+
+    def __init__(self, scene: Scene, *, whole: bool = False) -> None:
+        expect_scene(scene)
+        digest = hashlib.sha256()
+        given = list(_specs(scene))
+        for name, value in _values(scene).items():
+            value = value.source if isinstance(value, DepthMap) else value
+            if isinstance(value, np.ndarray):
+                digest.update(f"{name} {value.shape} {value.dtype}".encode())
+                digest.update(np.ascontiguousarray(value).tobytes())
+                given.append(name)
+        kinds = [kind_of(effect) for effect in scene.effects]
+        for place, effect in enumerate(scene.effects):
+            if kinds[place] is None:
+                # Somebody's own, which no scene file can hold but frames can be made of. Its
+                # fields: an effect may keep what it made of them.
+                bare = not is_dataclass(effect)
+                own = effect if bare else [getattr(effect, f.name) for f in fields(effect)]
+                digest.update(f"effect {place}".encode() + pickle.dumps((type(effect), own), 5))
+        table = describe(scene, leave_out=(*given, "effects", "output"))
+        # Times of keys, hashes of the keys up to each, and how many frames ahead a frame looks.
+        self._courses: list[tuple[list[float], list[str], float | None]] = []
+        if not whole and scene.loop is None:
+            self._take_values(table)
+            if _ON_THE_WAY.issuperset(kinds):
+                self._take_way(scene, table)
+        digest.update(repr((sorted(given), sorted(table.items()))).encode())
+        self.common = digest.hexdigest()[:16]  # A hash of what is the same for all frames.
+
+    def of(self, number: int) -> str:
+        """Return what `common` lacks for a frame; empty where that is all."""
+        seen = []
+        for times, hashes, after in self._courses:
+            if after is None:
+                end = bisect.bisect_left(times, number)
+            else:
+                end = bisect.bisect_right(times, max(number, 0) + after)
+            seen.append(hashes[min(end, len(hashes) - 1)])
+        return f"+{short_hash(seen)}" if seen else ""
+
+    def _take_values(self, table: dict[str, Any]) -> None:
+        for name, known in _NOW.items():
+            parts = table.get(name, [])
+            for part in [parts] if isinstance(parts, dict) else parts:
+                keyed = {key for key, value in part.items() if isinstance(value, dict)}
+                # Densities and sizes, where keyed, are made to one course with the amount.
+                if part.get("kind", "snow") in OURS and keyed.issubset(known):
+                    for key in keyed:
+                        self._take(part, key, part[key]["keys"])
+
+    def _take_way(self, scene: Scene, table: dict[str, Any]) -> None:
+        table["way"] = _rest_of_way(scene._path)
+        shutters = [getattr(effect, "shutter", None) or 1.0 for effect in scene.effects]
+        longest = [max(v for _, v in s.keys) if isinstance(s, Keys) else s for s in shutters]
+        after = max([scene.fps * STILL, *longest])
+        for name in _WAY:
+            value = table["camera"].get(name)
+            if isinstance(value, dict):
+                self._take(table["camera"], name, value["keys"], after)
+            elif isinstance(value, list) and name != "velocity":
+                self._take(table["camera"], name, list(enumerate(value)), after)
+
+    def _take(
+        self, table: dict[str, Any], name: str, keys: list[Any], after: float | None = None
+    ) -> None:
+        """Take keys out of a table."""
+        digest, hashes = hashlib.sha256(), []
+        for key in keys:
+            digest.update(repr(key).encode())
+            hashes.append(digest.hexdigest())
+        self._courses.append(([time for time, _ in keys], hashes, after))
+        table[name] = type(table[name]).__name__
+
+
+def _rest_of_way(path: CameraPath) -> tuple[object, ...]:
+    """Return what frames depend on of a camera's way after them."""
+    comes = path.goes_along(path.camera.matrix()[:, 2])
+    bends = len(path.course(1.0).knots) > 0
+    return path.turns, path.zooms, path.widest.focal, path.longest_focal, comes, bends
 
 
 def short_hash(value: object) -> str:

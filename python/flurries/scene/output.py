@@ -12,10 +12,7 @@ from flurries.io.films.codecs import CODECS, QUALITIES
 from flurries.io.pictures.writer import COMPRESSIONS
 
 # What the numbers of motion vectors in a file mean.
-MOTION = {
-    "y-down": "px per frame, x right, y down",
-    "y-up": "px per frame, x right, y up",
-}
+MOTION = {"y-down": "px per frame, x right, y down", "y-up": "px per frame, x right, y up"}
 
 Bits: TypeAlias = Literal[8, 10, 16, "half", "float"]
 Motion: TypeAlias = Literal["y-down", "y-up"]

@@ -14,12 +14,7 @@ from flurries import _core
 from flurries._contract import LARGEST, Array, Float64, real
 from flurries.spectral.envelope import amplitude_of, odd_rate
 from flurries.spectral.request import Request
-from flurries.spectral.tables import (
-    band_amplitude,
-    random_phase,
-    temporal_gain,
-    tent_rate,
-)
+from flurries.spectral.tables import band_amplitude, random_phase, temporal_gain, tent_rate
 from flurries.spectral.texture import Texture
 from flurries.spectral.tiles import Blend, blend_tiles, starts
 

@@ -196,11 +196,7 @@ def warn_far(cycles: float, *, stacklevel: int = 3) -> None:
 
 
 def random_phase(
-    shape: tuple[int, int],
-    *,
-    seed: int,
-    tile: tuple[int, int] = (0, 0),
-    out: Float64 | None = None,
+    shape: tuple[int, int], *, seed: int, tile: tuple[int, int] = (0, 0), out: Float64 | None = None
 ) -> Float64:
     """Random phases of a tile, odd in k so that the field is real.
 

@@ -17,7 +17,7 @@ from flurries.camera.importers.matrices import path_of
 from flurries.camera.importers.text import lines_of
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
-from flurries.camera.rotation import matrices_of
+from flurries.camera.rotation import matrices_of, rotation_matrix
 from flurries.io.files import plain_file
 
 # COLMAP's models: where focal lengths and the principal point are among the numbers.
@@ -131,7 +131,4 @@ def _upright(down: Float64) -> Float64:
     sine, cosine = float(np.linalg.norm(axis)), float(unit[1])
     if sine < 1e-12:
         return np.eye(3) if cosine > 0.0 else np.diag([1.0, -1.0, -1.0])
-    x, y, z = axis / sine
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turn: Float64 = np.eye(3) + sine * cross + (1.0 - cosine) * cross @ cross
-    return turn
+    return rotation_matrix(axis * (math.atan2(sine, cosine) / sine))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from flurries.camera.csv import floats
 from flurries.camera.importers.matrices import AXES, FLIP, from_matrices, path_of
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
+from flurries.camera.rotation import rotation_matrix
 from flurries.io.files import plain_file, read_text
 
 _MOST_BYTES = 1 << 25
@@ -82,17 +82,11 @@ def _frames(file: Path, given: Float64, start: int | None) -> Float64:
 
 def _euler(degrees: Float64, order: str) -> Float64:
     """Return the rotation about x, y and z by degrees, the first axis of `order` first."""
-    matrix = np.eye(3)
-    for axis in order:
-        angle = math.radians(degrees["XYZ".index(axis)])
-        cos, sin = math.cos(angle), math.sin(angle)
-        one = {
-            "X": [[1, 0, 0], [0, cos, -sin], [0, sin, cos]],
-            "Y": [[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]],
-            "Z": [[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]],
-        }[axis]
-        matrix = np.array(one) @ matrix
-    return matrix
+    first, second, last = (
+        rotation_matrix(np.eye(3)[axis] * np.radians(degrees[axis]))
+        for axis in map("XYZ".index, order)
+    )
+    return np.asarray(last @ second @ first)
 
 
 def read_kitti(path: str | os.PathLike[str], camera: Camera, *, scale: float = 1.0) -> CameraPath:

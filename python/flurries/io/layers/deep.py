@@ -18,6 +18,7 @@ from flurries.io.layers.planes import require_exr
 from flurries.io.oiio import last_error, openimageio
 from flurries.io.pictures import metadata as header
 from flurries.io.pictures.header import reader_of
+from flurries.io.pictures.rows import output_of
 from flurries.io.pictures.slate import Slate
 
 __all__ = ["Deep", "read_deep", "write_deep"]
@@ -93,10 +94,7 @@ def write_deep(
     specification.attribute("compression", "zips")
     starts = np.concatenate([[0], np.cumsum(deep.counts.sum(axis=1))])
     with replacing(path) as temporary:
-        output = library.ImageOutput.create(str(temporary))
-        if output is None or not output.open(str(temporary), specification):
-            raise OSError(f"{target}: cannot be written: {last_error(output)}")
-        try:
+        with output_of(target, temporary, specification) as output:
             for top in range(0, height, _ROWS):
                 last = min(top + _ROWS, height)
                 values = deep.values[starts[top] : starts[last]]
@@ -104,10 +102,6 @@ def write_deep(
                 above = specification.y
                 if not output.write_deep_scanlines(above + top, above + last, 0, band):
                     raise OSError(f"{target}: cannot be written: {last_error(output)}")
-        finally:
-            closed = output.close()
-        if not closed:
-            raise OSError(f"{target}: cannot be written: {last_error(output)}")
         if not np.array_equal(_counts(*_read(temporary)), deep.counts):
             raise OSError(f"{target}: does not read back as what was written")
 

@@ -241,7 +241,7 @@ def opened_picture(
     limits = Budget.of(budget)
     if found.stat().st_size == 0:
         raise OSError(f"{found}: the file is empty")
-    require_whole_png(found)
+    require_whole_png(found, f"{found}: the picture is damaged or cut short")
     reader = reader_of(found, limits)
     try:
         part, spec = _part_with_color(found, reader)

@@ -70,25 +70,24 @@ def _write(target: str, temporary: Path, parts: Sequence[tuple[Any, Band]]) -> l
     first, *_ = specifications = tuple(specification for specification, _ in parts)
     large = temporary.suffix.lower() == ".exr" and first.width * first.height >= _LARGE
     threads = packing_threads() if large else nullcontext()
-    with threads, _output(target, temporary) as output:
+    with threads, output_of(target, temporary, specifications if parts[1:] else first) as output:
         for number, (specification, band) in enumerate(parts):
-            if number:
-                opened = output.open(str(temporary), specification, "AppendSubimage")
-            else:
-                opened = output.open(str(temporary), specifications if parts[1:] else first)
-            if not opened:
+            if number and not output.open(str(temporary), specification, "AppendSubimage"):
                 raise OSError(f"{target}: cannot be written: {last_error(output)}")
             checksums.append(_write_rows(target, output, specification, band))
     return checksums
 
 
 @contextmanager
-def _output(target: str, temporary: Path) -> Iterator[Any]:
+def output_of(target: str, temporary: Path, wanted: Any) -> Iterator[Any]:
+    """Open a file for a specification, or one for each part, and close it."""
     output = openimageio().ImageOutput.create(str(temporary))
     if output is None:
         raise ValueError(f"{target}: cannot be written: {last_error()}")
     closed = False
     try:
+        if not output.open(str(temporary), wanted):
+            raise OSError(f"{target}: cannot be written: {last_error(output)}")
         yield output
         closed = True
         if not output.close():
@@ -133,7 +132,7 @@ def _verify(
     library = openimageio()
     wishes = library.ImageSpec()
     wishes.attribute("oiio:UnassociatedAlpha", 1)
-    require_whole_png(temporary)
+    require_whole_png(temporary, f"{target}: cannot be read back")
     reader = library.ImageInput.open(str(temporary), wishes)
     if reader is None:
         raise OSError(f"{target}: cannot be read back: {last_error()}")
