@@ -18,7 +18,6 @@ sys.path.insert(0, str(ROOT / "docs" / "site"))
 
 import absolute  # noqa: E402
 import links  # noqa: E402
-import searching  # noqa: E402
 
 
 def test_a_lost_link_a_lost_place_and_a_strange_load_are_seen(tmp_path: Path):
@@ -56,15 +55,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scenes.write(folder)
     commands.write(folder)
     return folder
-
-
-def test_all_words_for_the_search_stand_below_a_heading(made: Path):
-    pages = [*(ROOT / "docs").glob("*.md"), *made.glob("*.md")]
-    texts = {page.name: page.read_text(encoding="utf-8") for page in pages}
-    found = {name: len(searching.WORDS.findall(text)) for name, text in texts.items()}
-    assert found == {name: text.count("<!-- search:") for name, text in texts.items()}
-    without = {"README.md", "index.md", "howto.md"}
-    assert {name for name in texts if not found[name]} == without
 
 
 def test_no_public_name_is_without_a_page(made: Path):

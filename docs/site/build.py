@@ -25,7 +25,6 @@ import notebooks
 import pictures
 import reference
 import scenes
-import searching
 import untyped
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -61,7 +60,6 @@ def main() -> None:
     commands.write(stage / "reference")
     say("notebooks as they are" if options.quick else "running notebooks")
     notebooks.write(ROOT / "notebooks", stage / "notebooks", run=not options.quick)
-    searching.index(stage)
     say("pages")
     made = ROOT / "build" / "html"
     shutil.rmtree(made, ignore_errors=True)

@@ -9,7 +9,6 @@ import click
 from flurries.cli.main import COMMANDS, commands
 
 HEAD = """# Commands
-<!-- search: command line, cli, options, terminal, shell completion -->
 
 `flurries --help` lists the commands and `flurries COMMAND --help` says what stands here. Words go to stderr, names of files and
 other data to stdout. `-q` says nothing but warnings and errors, `-v` says more. Completion for a shell:
@@ -35,7 +34,6 @@ def write(folder: Path) -> None:
 
 
 VARIABLES = """# Variables
-<!-- search: environment, environment variables, number of threads, cache folder -->
 
 Variables of the environment, read when `flurries` is imported or when they are first needed.
 

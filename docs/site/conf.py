@@ -18,6 +18,7 @@ html_theme = "pydata_sphinx_theme"
 html_title = "flurries"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_js_files = [("search.js", {"defer": "defer"})]
 html_search_scorer = str(Path(__file__).parent / "scorer.js")
 # Pages without others below them.
 html_sidebars = {

@@ -31,8 +31,7 @@ TABLES = (
     ("wind = {...}", "wind", fl.Wind, tables.WIND),
 )
 
-HEAD = """# Keys of scene.toml
-<!-- search: scene.toml, scene file, toml, keys, settings, config file -->
+HEAD = """# Scene files: the keys of scene.toml
 
 A scene file says what `fl.Scene` and its effects say in Python, with the same names. `flurries render scene.toml`
 renders it, `fl.open` and `scene.save` read and write it. A key that is not known is refused with its line and the

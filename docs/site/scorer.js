@@ -1,6 +1,6 @@
 // Guides before the reference, and both before what is for those who change the code.
 const PLACES = [
-  [/^(changelog|contributing|internals\/)/, -20],
+  [/^(changelog|contributing|internals\/)/, -40],
   [/^(reference|notebooks)\//, 0],
   [/./, 12],
 ];

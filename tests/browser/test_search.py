@@ -39,7 +39,7 @@ QUESTIONS: list[tuple[str, tuple[str, str], set[str]]] = [
     ("How does it become faster?", ("faster", "speed up"), {"plan", "faq"}),
     ("How do I hide snow behind things?", ("hide snow behind", "depth map"), {"depth", "faq"}),
     ("How does a film loop?", ("seamless loop", "loop"), {"film"}),
-    ("How do I light it with a lamp?", ("street lamp", "night"), {"light"}),
+    ("How do I light it with a lamp?", ("street lamp", "night"), {"light", "looks"}),
     ("Where are labels for training?", ("bounding boxes", "pytorch"), {"augment", "faq"}),
     ("How do I make an anaglyph?", ("3d glasses", "anaglyph"), {"stereo", "reference/stereo"}),
     ("Does it know ACES?", ("aces", "ocio"), {"shot"}),
@@ -47,6 +47,11 @@ QUESTIONS: list[tuple[str, tuple[str, str], set[str]]] = [
     ("Can I make my own effect?", ("custom effect", "plugin"), {"your-own-effect"}),
     ("Which keys has a scene file?", ("scene.toml", "scene file"), {"reference/scene-toml"}),
     ("How do I install and cite it?", ("install", "bibtex"), {"start", "cite"}),
+    (
+        "What if I mistype, or type too much?",
+        ("shuter angle", "coco yolo xylophone"),
+        {"faq", "augment"},
+    ),
     ("Is there a texture for a game?", ("game engine", "tileable texture"), {"faq"}),
 ]
 
