@@ -129,9 +129,8 @@ def test_channels_that_come_first_are_named(shape: tuple[int, ...], words: str):
 
 def seen_by_eyes(weather: Any, shape: tuple[int, int], apart: float) -> list[Here]:
     """The air before both eyes."""
-    air = weather._air(weather.record(index=0))
-    views = [weather._view(shape, side * apart, 0.5 * apart) for side in (-0.5, 0.5)]
-    return [Here(air, view, weather._distances(None, view), 0.0) for view in views]
+    both = [np.empty(shape)] * 2, [weather.record(index=0)] * 2, None, [0.0] * 2, None
+    return list(weather._airs(*both, apart, (-1, 1)))
 
 
 @pytest.mark.parametrize("kind", ["snow", "rain"])

@@ -13,6 +13,8 @@ import pytest
 import flurries as fl
 from flurries.augment import Fog, Ground, Snowfall, Weathered, occlusion
 from flurries.augment.air import Here
+from flurries.augment.distance import distances_of
+from flurries.augment.record import view_of
 from test_augment import DTYPES, EACH, KINDS, PICTURE
 
 
@@ -47,10 +49,10 @@ def test_what_is_beyond_the_air_looks_alike_and_keeps_its_depth(kind: str):
 
 def test_flakes_stay_behind_what_is_nearer():
     snow = Snowfall(severity=5, seed=1)
-    air, view = snow._air(snow.record(index=0)), snow._view((128, 128))
+    air, view = snow._air(snow.record(index=0)), view_of((128, 128), snow.focal)
 
     def fallen(air: Any, depth: Any) -> np.ndarray:
-        here = Here(air, view, snow._distances(depth, view), 0.0)
+        here = Here(air, view, distances_of(depth, view.shape, snow.ground, view.camera.focal), 0.0)
         here.extinction = 0.0
         return here.alpha()[0]
 
@@ -64,7 +66,7 @@ def test_flakes_stay_behind_what_is_nearer():
     # There are so many more flakes that the picture loses as much: half of it sees few of them.
     assert air.falling is not None
     reach = air.falling.far - air.falling.near
-    depths = snow._distances(wall, view).quantiles
+    depths = distances_of(wall, view.shape, snow.ground, view.camera.focal).quantiles
     more = 1.0 / np.clip((depths - air.falling.near) / reach, 0.0, 1.0).mean()
     assert more == pytest.approx(1.0 / (0.5 + 0.5 * 1.0 / 9.0), rel=0.02)
     many = replace(air, **{

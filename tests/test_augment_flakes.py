@@ -17,9 +17,8 @@ EACH = pytest.mark.parametrize("kind", ["Snowfall", "Rainfall"])
 
 
 def here_of(weather: Any, shape: tuple[int, int], index: int = 0) -> Here:
-    view = weather._view(shape)
-    air, distances = weather._air(weather.record(index=index)), weather._distances(None, view)
-    return Here(air, view, distances, 0.0)
+    one = [np.empty(shape)], [weather.record(index=index)], None, [0.0], None
+    return next(weather._airs(*one))
 
 
 @pytest.mark.parametrize("gain, ratio", [

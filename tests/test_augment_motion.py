@@ -9,7 +9,6 @@ import pytest
 
 import flurries as fl
 from flurries import _core
-from flurries.augment.air import Here
 from flurries.augment.slices import labels_of, slices
 
 
@@ -52,14 +51,14 @@ def test_slices_carried_by_their_own_motions_are_the_next_frame(
 ):
     """What falls overlaps, so that one vector a pixel cannot carry it; each slice has its own."""
     weather = getattr(fl.augment, kind)(severity=severity, seed=5, veil=0.0)
-    air, view = weather._air(weather.record(index=0)), weather._view((512, 512))
-    distances = weather._distances(None, view)
+    two = [np.empty((512, 512))] * 2, [weather.record(index=0)] * 2, None, [1.0, 1.0 + 1.0 / fps]
+    here, there = weather._airs(*two, fps)
     left = np.ones((512, 512))
-    for part in slices(Here(air, view, distances, 1.0, fps), fps):
+    for part in slices(here, fps):
         motion = np.broadcast_to(part.motion, (512, 512, 2))
         carried, _ = moved(part.opacity.astype(np.float64), motion)
         left *= 1.0 - carried
-    then, _ = Here(air, view, distances, 1.0 + 1.0 / fps, fps).alpha()
+    then, _ = there.alpha()
     # What comes in from outside is not known.
     inner = np.zeros((512, 512), bool)
     inner[96:-16, 64:-64] = True
@@ -80,16 +79,17 @@ def test_weather_drawn_anew_for_each_frame_does_not_move():
 def test_vectors_are_focal_over_depth(kind: str):
     """At every flake that hides what is behind it: its own exact motion, by finite differences."""
     weather = getattr(fl.augment, kind)(severity=2, seed=5, exposure=1e-3)
-    air, view = weather._air(weather.record(index=0)), weather._view((512, 512))
-    distances = weather._distances(None, view)
-    _, motion, where = labels_of(Here(air, view, distances, 1.0, 30.0), 30.0).most
+    times = [1.0 - 0.5 / 30.0, 1.0, 1.0 + 0.5 / 30.0]
+    three = [np.empty((512, 512))] * 3, [weather.record(index=0)] * 3
+    airs = list(weather._airs(*three, None, times, 30.0))
+    _, motion, where = labels_of(airs[1], 30.0).most
     found = []
-    for time in (1.0 - 0.5 / 30.0, 1.0, 1.0 + 0.5 / 30.0):
-        request = Here(air, view, distances, time, 30.0).request()
+    for here in airs:
+        request = here.request()
         assert request is not None
         ids, rows, _ = _core.flake_rows(_core.fall(request))
         found.append(dict(zip(ids.tolist(), rows, strict=True)))
-    focal, errors = view.camera.focal, []
+    focal, errors = airs[0].view.camera.focal, []
     for number, (_, _, z, u, v, depth, diameter, share) in found[1].items():
         if not (number in found[0] and number in found[2]):
             continue

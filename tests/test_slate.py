@@ -115,7 +115,7 @@ def test_windows_go_through_and_overscan_is_rendered(name: str, tmp_path: Path):
 def test_pixels_that_are_not_square_stretch_the_lens(tmp_path: Path):
     plate(tmp_path / "plate.exr", ["PixelAspectRatio"])
     scene = fl.Scene(tmp_path / "plate.exr")
-    assert scene._pixel_aspect == scene.camera.camera.aspect == 2.0
+    assert scene._backdrop.aspect == scene.camera.camera.aspect == 2.0
     (tmp_path / "scene.toml").write_text(
         'format = 3\nbackground = "plate.exr"\n[camera]\nfocal = 50.0\n'
     )

@@ -74,7 +74,7 @@ def test_what_a_film_says_goes_through(name: str, tmp_path: Path):
     out = tmp_path / f"out{Path(file).suffix}"
     scene.write(out, **codec)
     assert io.open_background(out).tags == before
-    assert scene._pixel_aspect == scene.camera.camera.aspect == float(tags.aspect)
+    assert scene._backdrop.aspect == scene.camera.camera.aspect == float(tags.aspect)
     if tags.timecode is not None:
         scene.write(tmp_path / f"later{out.suffix}", "1-2", **codec)
         later = io.open_background(tmp_path / f"later{out.suffix}").tags.timecode

@@ -110,16 +110,12 @@ def flag(name: str, value: object) -> bool:
 
 def choice(name: str, value: object, options: Sequence[str]) -> str:
     """Return `value` if it is one of `options`."""
+    if isinstance(value, str) and value in options:
+        return value
+    refusal = f"{name} must be one of {', '.join(map(repr, options))}, got {_came(value)}"
     if not isinstance(value, str):
-        raise TypeError(
-            f"{name} must be one of {', '.join(map(repr, options))}, got {_came(value)}"
-        )
-    if value not in options:
-        raise ValueError(
-            f"{name} must be one of {', '.join(map(repr, options))}, got {_came(value)}"
-            f"{suggestion(value, options)}"
-        )
-    return value
+        raise TypeError(refusal)
+    raise ValueError(refusal + suggestion(value, options))
 
 
 def rate_of(fps: object) -> float:
@@ -191,9 +187,14 @@ def tile_of(tile: object, overlap: object) -> tuple[tuple[int, int], int]:
     return size, pixels
 
 
+def int64(name: str, value: object) -> int:
+    """Return an int that fits 64 bits."""
+    return integer(name, value, low=-(2**63), high=2**63 - 1)
+
+
 def seed_of(seed: object) -> int:
     """Return a seed that fits an int64."""
-    return integer("seed", seed, low=-(2**63), high=2**63 - 1)
+    return int64("seed", seed)
 
 
 def float_dtype(dtype: npt.DTypeLike) -> np.dtype[Any]:
@@ -243,6 +244,23 @@ def table(name: str, value: object, *, ndim: int | None = 2, finite: bool = True
     if finite and not _within(array, math.inf):
         require(name, array, np.isfinite(array), "finite")
     return array
+
+
+def rows_of(name: str, value: object, columns: int) -> Float64:
+    """Return (n, columns) float64, such as places."""
+    array = table(name, value)
+    if array.shape[1] != columns:
+        raise ValueError(f"{name} must have shape (n, {columns}), got {array.shape}")
+    return array
+
+
+def each_of(name: str, value: Any, count: int, row: tuple[int, ...] = ()) -> Float64:
+    """Return a row for all, (1, *row), or one for each, (count, *row)."""
+    array, shape = table(name, value, ndim=None), np.shape(value)
+    if shape not in (row, (count, *row)):
+        wanted = f"{row or 'one number'} or {(count, *row)}"
+        raise ValueError(f"{name} must be {wanted}, got an array of shape {shape}")
+    return array.reshape(-1, *row)
 
 
 def require(name: str, array: Array, good: Array, wanted: str) -> None:
@@ -302,21 +320,22 @@ def pixels(name: str, value: object, *, ndim: int) -> tuple[Array, np.dtype[Any]
     # float16 is computed in float32 and comes back as float16; lists and integers become float64;
     # the rest is refused.
     array = _numeric(name, value)
-    working: np.dtype[Any]
-    kept: np.dtype[Any]
     if array.ndim != ndim:
         raise ValueError(f"{name} must have {ndim} dimensions, got {_came(value)}")
     if 0 in array.shape:
         raise ValueError(f"{name} must not be empty, got {_came(value)}")
-    if array.dtype.kind in "iu":
-        working, kept = np.dtype(np.float64), np.dtype(np.float64)
-    elif array.dtype.itemsize == 2:
-        working, kept = np.dtype(np.float32), np.dtype(np.float16)
-    elif array.dtype.itemsize in (4, 8):
-        working = kept = array.dtype.newbyteorder("=")
-    else:
+    kept = np.dtype(np.float64) if array.dtype.kind in "iu" else array.dtype.newbyteorder("=")
+    if kept.itemsize > 8:
         raise TypeError(f"{name} must be float16, float32 or float64, got {_came(value)}")
-    return aligned(array, working), kept
+    return aligned(array, np.float32 if kept == np.float16 else kept), kept
+
+
+def plane_of(name: str, value: object, shape: tuple[int, int]) -> Array:
+    """Return float pixels of a picture's shape, (H, W)."""
+    array, _ = pixels(name, value, ndim=2)
+    if array.shape != shape:
+        raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
+    return array
 
 
 def depths(name: str, array: Array) -> Array:

@@ -17,7 +17,7 @@ from flurries import augment
 from flurries._contract import rate_of
 from flurries.augment.labels import thicker
 from flurries.augment.pictures import mixed
-from flurries.augment.signature import Fields, suggests
+from flurries.augment.signature import Fields, transforms
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -136,22 +136,4 @@ def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-@suggests
-class Snowfall(_Transform):
-    """:class:`flurries.augment.Snowfall` in a pipeline; all but its `seed`."""
-
-    KIND = augment.Snowfall
-
-
-@suggests
-class Rainfall(_Transform):
-    """:class:`flurries.augment.Rainfall` in a pipeline; all but its `seed`."""
-
-    KIND = augment.Rainfall
-
-
-@suggests
-class Fog(_Transform):
-    """:class:`flurries.augment.Fog` in a pipeline; all but its `seed`."""
-
-    KIND = augment.Fog
+Snowfall, Rainfall, Fog = transforms(_Transform, augment.Snowfall, augment.Rainfall, augment.Fog)

@@ -51,13 +51,9 @@ class Ground:
     far: float = 25.0
 
     def __post_init__(self) -> None:
-        settle = object.__setattr__
-        for name, low, high in (
-            ("horizon", -10.0, 10.0),
-            ("height", 1e-3, 1e6),
-            ("far", 1e-3, 1e9),
-        ):
-            settle(self, name, real(name, getattr(self, name), low=low, high=high))
+        limits = {"horizon": (-10.0, 10.0), "height": (1e-3, 1e6), "far": (1e-3, 1e9)}
+        for name, (low, high) in limits.items():
+            object.__setattr__(self, name, real(name, getattr(self, name), low=low, high=high))
 
     def rows(self, shape: tuple[int, int], focal: float) -> Array:
         """Return the depth of each row, (H, 1) float32 metres; `focal` in pixels."""
@@ -181,9 +177,10 @@ class Distances:
 
 
 def distances_of(
-    depth: Depth, shape: tuple[int, int], ground: Ground | None, focal: float, far: float
+    depth: Depth, shape: tuple[int, int], ground: Ground | None, focal: float
 ) -> Distances:
-    """Return the depth of a picture, its sky at `far` or at twice the farthest finite depth."""
+    """Return the depth of a picture, its sky at the ground's or twice the farthest finite depth."""
+    far = SKY if ground is None else ground.far
     if depth is None:
         return _grounded(shape, ground, focal, far)
     if isinstance(depth, DepthMap):

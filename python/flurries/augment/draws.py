@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Array, Float64, integer, real
+from flurries._contract import Array, Float64, real
 
 Range: TypeAlias = float | tuple[float, float]
 
@@ -30,11 +30,6 @@ def range_of(
         return first, last
     one = real(name, value, low=low, high=high, above=above)
     return one, one
-
-
-def index_of(index: object) -> int:
-    """Return an index that fits an int64."""
-    return integer("index", index, low=-(2**63), high=2**63 - 1)
 
 
 def own_index(seed: int | None, image: Array) -> int:

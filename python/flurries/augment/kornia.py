@@ -16,7 +16,7 @@ from kornia.augmentation import IntensityAugmentationBase2D
 from flurries import augment
 from flurries._contract import Array, flag, integer, rate_of
 from flurries.augment import tensors
-from flurries.augment.signature import Fields, suggests
+from flurries.augment.signature import Fields, transforms
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -55,8 +55,10 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
         same: bool = False, **weather: Unpack[Fields],
     ) -> None:  # fmt: skip
         super().__init__(p=p, same_on_batch=same_on_batch, keepdim=keepdim)
-        self.depth_channel = _channel("depth_channel", depth_channel)
-        self.alpha_channel = _channel("alpha_channel", alpha_channel)
+        self.depth_channel, self.alpha_channel = depth_channel, alpha_channel
+        for name in ("depth_channel", "alpha_channel"):
+            if getattr(self, name) is not None:
+                setattr(self, name, integer(name, getattr(self, name), low=0, high=1 << 20))
         if depth_channel is not None and depth_channel == alpha_channel:
             raise ValueError(f"alpha_channel must not be depth_channel, {depth_channel}")
         self.fps, self.same = rate_of(fps), flag("same", same)
@@ -81,12 +83,9 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
         return {"index": indices.expand(int(batch_shape[0])).contiguous()}
 
     def apply_transform(
-        self,
-        input: torch.Tensor,
-        params: dict[str, torch.Tensor],
-        flags: dict[str, Any],
+        self, input: torch.Tensor, params: dict[str, torch.Tensor], flags: dict[str, Any],
         transform: torch.Tensor | None = None,
-    ) -> torch.Tensor:
+    ) -> torch.Tensor:  # fmt: skip
         """Return the pictures, each in its weather."""
         if input.numel() == 0:
             return input
@@ -136,26 +135,4 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
         return np.concatenate([seen for seen, _ in parts]), np.concatenate([a for _, a in parts])
 
 
-def _channel(name: str, value: int | None) -> int | None:
-    return None if value is None else integer(name, value, low=0, high=1 << 20)
-
-
-@suggests
-class Snowfall(_Augmentation):
-    """:class:`flurries.augment.Snowfall` in a pipeline; all but its `seed`."""
-
-    KIND = augment.Snowfall
-
-
-@suggests
-class Rainfall(_Augmentation):
-    """:class:`flurries.augment.Rainfall` in a pipeline; all but its `seed`."""
-
-    KIND = augment.Rainfall
-
-
-@suggests
-class Fog(_Augmentation):
-    """:class:`flurries.augment.Fog` in a pipeline; all but its `seed`."""
-
-    KIND = augment.Fog
+Snowfall, Rainfall, Fog = transforms(_Augmentation, augment.Snowfall, augment.Rainfall, augment.Fog)

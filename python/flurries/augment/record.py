@@ -5,17 +5,18 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
+from functools import partial
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, choice, integer, mapping, real
+from flurries._contract import Array, choice, int64, mapping, real
 from flurries._kept import kept
 from flurries.augment.air import Air, View
 from flurries.augment.calibration import PROFILES, Profile
-from flurries.augment.distance import SKY, Depth, Distances, Ground, distances_of, ground_of
-from flurries.augment.draws import Range, between, index_of, own_index, range_of, uniforms
+from flurries.augment.distance import Ground, ground_of
+from flurries.augment.draws import Range, between, own_index, range_of, uniforms
 from flurries.augment.pictures import picture_of
 from flurries.camera.lens import Camera
 
@@ -44,31 +45,27 @@ class Recorded(ABC):
     DRAWN: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
-        settle = object.__setattr__
+        settle = partial(object.__setattr__, self)
         if self.amount is not None and self.severity is not None:
             raise ValueError("amount and severity must not both be given")
         if self.severity is not None:
-            given = self.severity
-            levels = given if isinstance(given, (tuple, list, np.ndarray)) else (given, given)
-            low, high = range_of("severity", tuple(levels), low=SEVERITY[0], high=SEVERITY[1])
+            low, high = range_of("severity", self.severity, low=SEVERITY[0], high=SEVERITY[1])
             if low != int(low) or high != int(high):
-                raise TypeError(f"severity must be an integer or two, got {given!r}")
-            settle(self, "severity", (int(low), int(high)))
-        settle(self, "profile", choice("profile", self.profile, PROFILES))
+                raise TypeError(f"severity must be an integer or two, got {self.severity!r}")
+            settle("severity", (int(low), int(high)))
+        settle("profile", choice("profile", self.profile, PROFILES))
         if self.amount is not None:
-            settle(self, "amount", range_of("amount", self.amount, low=0.0, high=1.0))
+            settle("amount", range_of("amount", self.amount, low=0.0, high=1.0))
         if isinstance(self.color, (tuple, list, np.ndarray)) and len(self.color) == 3:
-            rgb = tuple(real("color", c, low=0.0, high=1.0) for c in self.color)
-            settle(self, "color", rgb)
+            settle("color", tuple(real("color", c, low=0.0, high=1.0) for c in self.color))
         else:
-            settle(self, "color", range_of("color", self.color, low=0.0, high=1.0))
-        settle(self, "ground", ground_of(self.ground))
-        settle(self, "focal", real("focal", self.focal, low=0.05, high=1e3))
-        settle(self, "white", real("white", self.white, low=1e-30, high=1e30))
+            settle("color", range_of("color", self.color, low=0.0, high=1.0))
+        settle("ground", ground_of(self.ground))
+        settle("focal", real("focal", self.focal, low=0.05, high=1e3))
+        settle("white", real("white", self.white, low=1e-30, high=1e30))
         for name in ("seed", "weather_seed"):
-            value = getattr(self, name)
-            if value is not None:
-                settle(self, name, integer(name, value, low=-(2**63), high=2**63 - 1))
+            if getattr(self, name) is not None:
+                settle(name, int64(name, getattr(self, name)))
 
     def record(self, image: npt.ArrayLike | None = None, *, index: int | None = None) -> Any:
         """Return the draws of a call, as plain numbers and words.
@@ -111,7 +108,7 @@ class Recorded(ABC):
     def _drawn(self, image: Array | None, index: int | None) -> dict[str, Any]:
         """Return the record of a call."""
         if index is not None:
-            number = index_of(index)
+            number = int64("index", index)
         elif self.seed is None and self.weather_seed is not None:
             number = 0
         else:
@@ -147,14 +144,7 @@ class Recorded(ABC):
     def _air(self, record: dict[str, Any]) -> Air:
         """Return the air that a record describes."""
 
-    def _view(self, shape: tuple[int, ...], aside: float = 0.0, eyes: float = 0.0) -> View:
-        return _view_of((shape[0], shape[1]), self.focal, aside, eyes)
-
-    def _distances(self, depth: Depth, view: View) -> Distances:
-        far = SKY if self.ground is None else self.ground.far
-        return distances_of(depth, view.shape, self.ground, view.camera.focal, far)
-
 
 @kept(32)
-def _view_of(shape: tuple[int, int], focal: float, aside: float, eyes: float) -> View:
+def view_of(shape: tuple[int, int], focal: float, aside: float = 0.0, eyes: float = 0.0) -> View:
     return View(shape, Camera(focal * max(shape), offset=(aside, 0.0, 0.0)), eyes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
+from collections.abc import Iterator
 from typing import Any, TypedDict, TypeVar
 
 from flurries._contract import suggestion
@@ -32,6 +33,15 @@ class Fields(TypedDict, total=False):
     exposure: Range
     visibility: Range | None
     patches: Range
+
+
+def transforms(host: _Kind, *weathers: type) -> Iterator[_Kind]:
+    """Yield a transform of a pipeline's library for each weather, named like it."""
+    for weather in weathers:
+        name = weather.__name__
+        page = f":class:`flurries.augment.{name}` in a pipeline; all but its `seed`."
+        own = {"KIND": weather, "__doc__": page, "__module__": host.__module__}
+        yield suggests(type(host)(name, (host,), own))
 
 
 def suggests(kind: _Kind) -> _Kind:

@@ -17,7 +17,7 @@ from flurries import augment
 from flurries._contract import rate_of, real
 from flurries.augment import tensors
 from flurries.augment.labels import thicker
-from flurries.augment.signature import Fields, suggests
+from flurries.augment.signature import Fields, transforms
 from flurries.augment.weather import Weather
 
 if TYPE_CHECKING:
@@ -152,22 +152,4 @@ def painted(weather: Weather, picture: Any, depth: Any) -> Any:
     return seen
 
 
-@suggests
-class Snowfall(_Transform):
-    """:class:`flurries.augment.Snowfall` in a pipeline; all but its `seed`."""
-
-    KIND = augment.Snowfall
-
-
-@suggests
-class Rainfall(_Transform):
-    """:class:`flurries.augment.Rainfall` in a pipeline; all but its `seed`."""
-
-    KIND = augment.Rainfall
-
-
-@suggests
-class Fog(_Transform):
-    """:class:`flurries.augment.Fog` in a pipeline; all but its `seed`."""
-
-    KIND = augment.Fog
+Snowfall, Rainfall, Fog = transforms(_Transform, augment.Snowfall, augment.Rainfall, augment.Fog)

@@ -1,23 +1,25 @@
-"""Weather for data sets as a function of one picture, and again from its record."""
+"""Weather for data sets as a function of pictures, films, batches and both eyes' views."""
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, overload
 
+import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, choice, flag, mapping, output, real
-from flurries.augment.air import FPS
-from flurries.augment.distance import Depth
-from flurries.augment.labels import layer_of
-from flurries.augment.pictures import mixed, picture_of
-from flurries.augment.several import Several
+from flurries._contract import Array, choice, flag, int64, mapping, output, rate_of, real
+from flurries.augment.air import FPS, Here
+from flurries.augment.distance import Depth, Distances, distances_of
+from flurries.augment.labels import Weathered, boxes_of, flow_of, hidden, layer_of, mixture
+from flurries.augment.pictures import mixed, picture_of, stack_of
+from flurries.augment.record import Recorded, view_of
+from flurries.augment.slices import labels_of
 
 
-class Weather(Several):
-    """Weather as a function of a picture. The fields are described in the weathers themselves."""
+class Weather(Recorded):
+    """Weather as a function of pictures; the fields are described in the weathers themselves."""
 
     @overload
     def __call__(
@@ -72,18 +74,267 @@ class Weather(Several):
             premultiplied with the opacity.
         """
         given = picture_of("image", image)
-        layer = flag("return_layer", return_layer)
-        record = self._drawn(given, index)
         moment = 0.0 if time is None else real("time", time, low=-1e9, high=1e9)
         rate = None if time is None else FPS
-        (here,) = self._airs([given], [record], [depth], [moment], rate)
-        alpha, _ = here.alpha(passing=True)
-        seen = mixed(given, alpha, record["color"], self.white)
+        made = self._made(
+            [given], [self._drawn(given, index)], [depth], [moment], return_layer, rate
+        )
+        ((seen, layer),) = made
         if out is not None:
             result = output(out, seen.shape, seen.dtype, given)
             result[...] = seen
             seen = result
-        return (seen, layer_of(alpha, record["color"])) if layer else seen
+        return seen if layer is None else (seen, layer)
+
+    def clip(
+        self,
+        frames: npt.ArrayLike,
+        *,
+        index: int | None = None,
+        fps: float = 30.0,
+        time: float = 0.0,
+        depth: Depth = None,
+        return_layer: bool = False,
+    ) -> Any:
+        """Return the frames of one film in one weather that moves.
+
+        Parameters
+        ----------
+        frames : (T, H, W) or (T, H, W, 1 or 3)
+            As `image` of a call.
+        index, return_layer
+            As for a call.
+        fps : float
+            Frames per second.
+        time : float
+            Seconds at the first frame.
+        depth : as for a call, or (T, H, W), optional
+            For all frames, or of each.
+
+        Returns
+        -------
+        array of the shape and dtype of `frames`
+            Or with `return_layer` that and the layers, (T, H, W, 4) float32.
+        """
+        given = stack_of("frames", frames)
+        rate = rate_of(fps)
+        start = real("time", time, low=-1e9, high=1e9)
+        records = [self._drawn(given[0], index)] * len(given)
+        times = [start + number / rate for number in range(len(given))]
+        return self._stacked(given, records, depth, times, return_layer, rate)
+
+    def batch(
+        self,
+        images: npt.ArrayLike,
+        *,
+        index: int | Sequence[int] | None = None,
+        depth: Depth = None,
+        return_layer: bool = False,
+    ) -> Any:
+        """Return pictures, each in a weather of its own.
+
+        Parameters
+        ----------
+        images : (N, H, W) or (N, H, W, 1 or 3)
+            As `image` of a call.
+        index : int or N ints, optional
+            Of the first picture, whose followers count up; or of each.
+        depth : as for a call, or (N, H, W), optional
+        return_layer : bool
+
+        Returns
+        -------
+        array of the shape and dtype of `images`
+            Or with `return_layer` that and the layers, (N, H, W, 4) float32. Picture k is what a
+            call with its index gives.
+        """
+        given = stack_of("images", images)
+        count = len(given)
+        if index is None or isinstance(index, (int, np.integer)):
+            first = None if index is None else int64("index", index) + 2**63
+            # Wrapped within an int64.
+            wanted = [None if first is None else (first + k) % 2**64 - 2**63 for k in range(count)]
+        else:
+            if len(index) != count:
+                raise ValueError(f"index must be one or {count} integers, got {len(index)}")
+            wanted = [int64("index", value) for value in index]
+        records = [self._drawn(image, k) for image, k in zip(given, wanted, strict=True)]
+        return self._stacked(given, records, depth, [0.0] * count, return_layer)
+
+    def pair(
+        self,
+        left: npt.ArrayLike,
+        right: npt.ArrayLike,
+        *,
+        index: int | None = None,
+        time: float = 0.0,
+        depth: Depth = None,
+        distance: float = 0.12,
+        return_layer: bool = False,
+    ) -> Any:
+        """Return both pictures of a rectified stereo pair in one weather.
+
+        Parameters
+        ----------
+        left, right : (H, W) or (H, W, 1 or 3)
+            As `image` of a call; of one shape.
+        index, time, return_layer
+            As for a call.
+        depth : as for a call, or (left, right), optional
+            One for both, or a tuple of two.
+        distance : float
+            Of the two cameras, metres. Set `focal` to the camera's.
+
+        Returns
+        -------
+        left, right
+            Or with `return_layer` (left, right, left layer, right layer).
+
+        Notes
+        -----
+        A flake at depth z has the disparity ``focal * distance / z``, and so have each layer
+        of sheets.
+        """
+        pictures = _pair(left, right)
+        times = [real("time", time, low=-1e9, high=1e9)] * 2
+        records = [self._drawn(pictures[0], index)] * 2
+        eyes = None, distance, (-1, 1)
+        seen, layers = zip(
+            *self._made(pictures, records, depth, times, return_layer, *eyes), strict=True
+        )
+        return (*seen, *layers) if layers[0] is not None else seen
+
+    def apply(
+        self,
+        image: Any,
+        *,
+        index: int | None = None,
+        time: float | None = None,
+        fps: float = 30.0,
+        depth: Depth = None,
+        boxes: Any = None,
+        masks: Any = None,
+        flow: Any = None,
+        motion: bool = False,
+        eye: Literal["left", "right"] | None = None,
+        distance: float = 0.12,
+    ) -> Any:
+        """Return a picture in this weather with its labels; or those of a film or a stereo pair.
+
+        Parameters
+        ----------
+        image : array, or (left, right)
+            A picture as for a call, a film (T, H, W, 1 or 3), or the two of a rectified pair.
+        index, time, depth
+            As for a call, `clip` and `pair`.
+        fps : float
+            Frames per second of the film, or of that which a picture is of.
+        boxes : (n, 4), optional
+            (x0, y0, x1, y1) in pixels; the result says how much of each is hidden.
+        masks : optional
+            (H, W) integers, one for each instance and 0 for none, or (m, H, W) bool: the result
+            says how much of each instance is hidden. Anything else passes through.
+        flow : (H, W, 2) float, optional
+            Motion of what is seen, pixels (x, y) per frame.
+        motion : bool
+            Also return how the weather moves and how far away it is.
+        eye : {"left", "right"}, optional
+            Which of a pair the picture is, where the other is not at hand.
+        distance : float
+            Between the two cameras, metres.
+
+        Returns
+        -------
+        Weathered
+            Of a film a list and of a pair a tuple of them; their boxes, masks and flow are given
+            as one for each.
+        """
+        wanted, rate = flag("motion", motion), rate_of(fps)
+        left = eye is not None and choice("eye", eye, ("left", "right")) == "left"
+        sides: tuple[int, ...] = () if eye is None else (-1 if left else 1,)
+        moment = 0.0 if time is None else real("time", time, low=-1e9, high=1e9)
+        labels: list[Any] = [boxes, masks, flow]
+        if isinstance(image, tuple):
+            pictures, times, sides = _pair(*image), [moment] * 2, (-1, 1)
+        elif getattr(image, "ndim", 0) == 4:
+            pictures = list(stack_of("image", image))
+            times = [moment + number / rate for number in range(len(pictures))]
+            sides *= len(pictures)
+        else:
+            pictures, times, depth = [picture_of("image", image)], [moment], [depth]
+            labels = [[label] for label in labels]
+        count = len(pictures)
+        each = list(map(_each, ("boxes", "masks", "flow"), labels, [count] * 3))
+        shape = pictures[0].shape[:2]
+        corners = [None if box is None else boxes_of(box) for box in each[0]]
+        flows = [None if label is None else flow_of(label, shape) for label in each[2]]
+        record = self._drawn(pictures[0], index)
+        film = rate if time is not None or len(set(times)) > 1 else None
+        airs = self._airs(pictures, [record] * count, depth, times, film, distance, sides)
+        found = []
+        for k, here in enumerate(airs):
+            alpha, veil = here.alpha()
+            more = hidden(alpha, veil, corners[k], each[1][k])
+            far = here.distances
+            if wanted or sides or flows[k] is not None or far.given is not None:
+                parallax = here.view.camera.focal * 2.0 * here.view.eyes
+                more |= mixture(
+                    alpha, labels_of(here, rate), flow=flows[k], depth=far.given, came=far.came,
+                    motion=wanted, parallax=parallax,
+                )  # fmt: skip
+            color = record["color"]
+            seen = mixed(pictures[k], alpha, color, self.white)
+            found.append(Weathered(seen, alpha, color, record, each[0][k], each[1][k], **more))
+        if isinstance(image, tuple):
+            return tuple(found)
+        return found if getattr(image, "ndim", 0) == 4 else found[0]
+
+    def _airs(
+        self, pictures: Iterable[Array], records: list[dict[str, Any]], depth: Depth,
+        times: list[float], rate: float | None, apart: float = 0.0, sides: tuple[int, ...] = (),
+    ) -> Iterator[Here]:  # fmt: skip
+        """Yield the air before each picture: before both eyes one, by what the left one sees."""
+        apart = real("distance", apart, low=0.0, high=1e3)
+        several = isinstance(depth, (list, tuple)) or getattr(depth, "ndim", 0) == 3
+        depths = _each("depth", depth, len(times)) if several else [depth] * len(times)
+        far: Distances | None = None
+        first: Here | None = None
+        for k, (picture, record) in enumerate(zip(pictures, records, strict=True)):
+            eye = (0.5 * apart * sides[k], 0.5 * apart) if sides else ()
+            view = view_of(picture.shape[:2], self.focal, *eye)
+            if several or far is None:
+                far = distances_of(depths[k], view.shape, self.ground, view.camera.focal)
+            here = Here(self._air(record), view, far, times[k], rate)
+            if sides == (-1, 1):
+                first = first or here
+                here.extinction = first.extinction
+            yield here
+
+    def _made(
+        self, pictures: Iterable[Array], records: list[dict[str, Any]], depth: Depth,
+        times: list[float], layers: bool, *how: Any,
+    ) -> Iterator[tuple[Array, Array | None]]:  # fmt: skip
+        """Yield each picture in its weather, and the layer where it is asked for."""
+        whole = flag("return_layer", layers)
+        airs = self._airs(pictures, records, depth, times, *(how or (None,)))
+        for picture, record, here in zip(pictures, records, airs, strict=True):
+            alpha, _ = here.alpha(passing=True)
+            seen = mixed(picture, alpha, record["color"], self.white)
+            yield seen, layer_of(alpha, record["color"]) if whole else None
+
+    def _stacked(
+        self, given: Array, records: list[dict[str, Any]], depth: Depth, times: list[float],
+        layers: bool, *how: Any,
+    ) -> Any:  # fmt: skip
+        result = np.empty(given.shape, given.dtype.newbyteorder("="))
+        planes = (
+            np.empty((*given.shape[:3], 4), np.float32) if flag("return_layer", layers) else None
+        )
+        for number, made in enumerate(self._made(given, records, depth, times, layers, *how)):
+            result[number] = made[0]
+            if planes is not None:
+                planes[number] = made[1]
+        return result if planes is None else (result, planes)
 
 
 def replay(record: Mapping[str, Any]) -> Weather:
@@ -111,3 +362,22 @@ def replay(record: Mapping[str, Any]) -> Weather:
     name = choice("record: transform", given.get("transform"), ("Snowfall", "Rainfall", "Fog"))
     kind: type[Weather] = getattr(importlib.import_module("flurries.augment"), name)
     return kind.replay(given)
+
+
+def _pair(left: Any, right: Any) -> list[Array]:
+    pictures = [picture_of("left", left), picture_of("right", right)]
+    if pictures[0].shape[:2] != pictures[1].shape[:2]:
+        raise ValueError(
+            f"right must have the height and width of left, {pictures[0].shape[:2]}, got "
+            f"{pictures[1].shape[:2]}"
+        )
+    return pictures
+
+
+def _each(name: str, value: Any, count: int) -> list[Any]:
+    """Return what belongs to each of several pictures."""
+    if value is None:
+        return [None] * count
+    if len(value) != count:
+        raise ValueError(f"{name} must be one or {count} of them, got {len(value)}")
+    return list(value)

@@ -19,6 +19,7 @@ from flurries._contract import (
     Array,
     Float64,
     real,
+    rows_of,
     shape_of,
     suggesting,
     table,
@@ -128,7 +129,7 @@ def project(
     depth : (n,) float64
         z in camera axes, world units.
     """
-    given = _rows("points", points, 3)
+    given = rows_of("points", points, 3)
     view = expect_camera(camera, stretched=True)
     size = shape_of("shape", shape)
     px, depth = seen_at(given @ view.matrix() - np.array(view.offset), view, size)
@@ -180,7 +181,7 @@ def image_velocity(
         (``docs/internals/deviations.md``, 17). Pure translation vanishes at the focus of expansion
         ``f (Tx, Ty) / Tz``.
     """
-    given = _rows("points_px", points_px, 2)
+    given = rows_of("points_px", points_px, 2)
     view = expect_camera(camera, stretched=True)
     size = shape_of("shape", shape)
     # One number comes as an array of one.
@@ -210,10 +211,3 @@ def rotational(
     across = -(fx + x * x / fx) * wy + (x * y / fy) * wx + (fx / fy) * y * wz
     down = (fy + y * y / fy) * wx - (x * y / fx) * wy - (fy / fx) * x * wz
     return across, down
-
-
-def _rows(name: str, value: object, columns: int) -> Float64:
-    array = table(name, value)
-    if array.shape[1] != columns:
-        raise ValueError(f"{name} must have shape (n, {columns}), got {array.shape}")
-    return array

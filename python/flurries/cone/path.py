@@ -10,7 +10,17 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import LARGEST, SMALLEST, Float64, integer, moderate, real, require, table
+from flurries._contract import (
+    LARGEST,
+    SMALLEST,
+    Float64,
+    each_of,
+    integer,
+    moderate,
+    real,
+    require,
+    table,
+)
 from flurries.cone.sheet import MOST_REPEATS, wrapped
 
 __all__ = ["Path", "State", "path"]
@@ -156,14 +166,18 @@ def path(
     steps = np.diff(moments)
     rising = np.append(True, steps >= 0.0)
     require("times", moments, rising, "no less than the time before")
-    fallen, moved = _rows("drop", drop, (count, 3)), _rows("camera", camera, (count, 3))
+    fallen, moved = (
+        moderate(name, each_of(name, value, count, (3,)))
+        for name, value in (("drop", drop), ("camera", camera))
+    )
     velocity = fallen - real("damping", damping, low=0.0, high=1.0) * moved
     around = integer("repeats", repeats, low=1, high=MOST_REPEATS)
     tile = 2.0 * math.pi * real("radius", radius, low=SMALLEST, high=LARGEST) / around
     slow = real("still", still, above=0.0)
-    seconds = _rows("exposure", exposure, (count,))
+    seconds = moderate("exposure", each_of("exposure", exposure, count))
     require("exposure", seconds, seconds >= 0.0, "at least 0")
     blur = seconds / real("length", length, above=0.0, high=LARGEST)
+    velocity, blur = np.broadcast_to(velocity, (count, 3)), np.broadcast_to(blur, count)
     axis, speed = np.empty((count, 3)), np.empty(count)
     last = DOWN
     for i, rate in enumerate(velocity):
@@ -174,15 +188,6 @@ def path(
         phase[i + 1] = wrapped(phase[i] + math.fmod(step, 1.0))
     stretch = 1.0 + blur * np.abs(speed)
     return Path(moments, axis, phase, stretch, speed, velocity, blur, tile, slow)
-
-
-def _rows(name: str, value: npt.ArrayLike, shape: tuple[int, ...]) -> Float64:
-    """Return a row for each time, of one for all or one for each."""
-    given = moderate(name, table(name, value, ndim=None))
-    one = shape[1:] or (1,)
-    if given.shape not in (one, shape):
-        raise ValueError(f"{name} must be {one} or {shape}, got shape {given.shape}")
-    return np.array(np.broadcast_to(given, shape))
 
 
 def _tilt(velocity: Float64, last: Float64, still: float) -> tuple[Float64, float]:

@@ -17,13 +17,13 @@ from flurries._contract import (
     float_dtype,
     integer,
     output,
+    pixels,
     real,
+    rows_of,
     shape_of,
     shares,
-    table,
     vector,
 )
-from flurries._contract import pixels as pixels_of
 from flurries.camera.lens import Camera, expect_camera
 
 __all__ = ["Rays", "layer", "rays"]
@@ -93,10 +93,8 @@ def rays(
     if points_px is None:
         places = np.mgrid[: size[0], : size[1]][::-1].reshape(2, -1).T + 0.5
     else:
-        places = table("points_px", points_px)
+        places = rows_of("points_px", points_px, 2)
         wanted = (len(places),)
-        if places.shape[1] != 2:
-            raise ValueError(f"points_px must have shape (n, 2), got {places.shape}")
     values = np.empty((len(places), 5))
     _core.cone_rays(values, np.ascontiguousarray(places), given)
     return Rays(*(np.ascontiguousarray(column).reshape(wanted) for column in values.T))
@@ -216,7 +214,7 @@ def wrapped(tiles: float) -> float:
 
 def texture_of(tile: Any) -> Float64:
     """Return a square, finite texture of opacities in float64."""
-    texture, _ = pixels_of("tile", tile, ndim=2)
+    texture, _ = pixels("tile", tile, ndim=2)
     if texture.shape[0] != texture.shape[1]:
         raise ValueError(f"tile must be square, got shape {texture.shape}")
     if len(texture) > LARGEST_TILE:

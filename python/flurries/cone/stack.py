@@ -19,12 +19,12 @@ from flurries._contract import (
     integer,
     is_pair,
     output,
+    plane_of,
     real,
     shape_of,
     table,
     vector,
 )
-from flurries._contract import pixels as pixels_of
 from flurries._kept import kept
 from flurries.camera.lens import Camera, expect_camera
 from flurries.cone.sheet import MOST_REPEATS, Pose, layer, pose, reach_of, wrapped
@@ -220,11 +220,8 @@ def _view(
 
 def _before(depth: npt.ArrayLike, size: tuple[int, int], view: _View, radius: float) -> Array:
     """Return the number of layers, nearest first, before a depth map, of a view's rows."""
-    map_, _ = pixels_of("depth", depth, ndim=2)
-    if map_.shape != size:
-        raise ValueError(f"depth must have shape {size}, got {map_.shape}")
     top, height = view.course[2], view.shape[0]
-    part = aligned(map_[top : top + height], np.float32)
+    part = aligned(plane_of("depth", depth, size)[top : top + height], np.float32)
     counts = np.zeros((height, -(-size[1] // BLOCK) * BLOCK), np.uint8)
     radii = [radius * factor for factor in MULTIPLES]
     _core.cone_shown(counts, part, view.poses[0], radii, top)

@@ -109,10 +109,10 @@ class Field:
         if layout.needed:
             layout.warn_small()
         if band[1] > max(tile):
-            warn_long(tile, band, stacklevel=4)
+            warn_long(tile, band)
         cycles = max(float(drift.max()), -float(drift.min())) / band[1]
         if cycles > FAR:
-            warn_far(cycles, stacklevel=4)
+            warn_far(cycles)
         texture = Texture(
             tile=tile, overlap=overlap, blend=self.blend, wavelengths=band, exponent=self.exponent,
             jitter=self.jitter, ring_edges=edges, alias=self.alias, shutter=way.shutter,

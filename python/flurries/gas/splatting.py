@@ -15,12 +15,14 @@ from flurries._contract import (
     Array,
     Float64,
     choice,
+    each_of,
     float_dtype,
     moderate,
     output,
-    pixels,
+    plane_of,
     real,
     require,
+    rows_of,
     shape_of,
     table,
 )
@@ -170,24 +172,16 @@ error, dtype
 
 
 def _drawn(
-    shape: tuple[int, int],
-    gas: Gas,
-    colors: Float64 | None,
-    camera: Camera,
-    manner: tuple[Any, ...],
-    depth: npt.ArrayLike | None,
-    dtype: npt.DTypeLike,
-    out: Array | None,
-) -> Array:
+    shape: tuple[int, int], gas: Gas, colors: Float64 | None, camera: Camera,
+    manner: tuple[Any, ...], depth: npt.ArrayLike | None, dtype: npt.DTypeLike, out: Array | None,
+) -> Array:  # fmt: skip
     """Return the light and alpha of a gas of colors, or its alpha alone."""
     size = shape_of("shape", shape)
     kind = float_dtype(dtype)
     sight = lens_of(camera, size), manner_of(kind, *manner)
     ground = None
     if depth is not None:
-        ground, _ = pixels("depth", depth, ndim=2)
-        if ground.shape != size:
-            raise ValueError(f"depth must have shape {size}, got {ground.shape}")
+        ground = plane_of("depth", depth, size)
         if np.isnan(ground.min()):
             raise ValueError("depth must not be NaN: infinity says that nothing stands there")
     inputs = [one for one in (*vars(gas).values(), colors, ground) if one is not None]
@@ -212,16 +206,8 @@ def sorted_gas(
 
 def gas_of(centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike) -> Gas:
     """Return particles as the kernels take them, or refuse them."""
-    places = moderate("centers", table("centers", centers))
-    if places.shape[1] != 3:
-        raise ValueError(f"centers must be (n, 3), got an array of shape {places.shape}")
-    sizes, cover = table("radius", radius, ndim=None), table("density", density, ndim=None)
-    for name, value in (("radius", radius), ("density", density)):
-        if np.shape(value) not in ((), (len(places),)):
-            raise ValueError(
-                f"{name} must be one number or {len(places)}, got an array of shape "
-                f"{np.shape(value)}"
-            )
+    places = moderate("centers", rows_of("centers", centers, 3))
+    sizes, cover = each_of("radius", radius, len(places)), each_of("density", density, len(places))
     wanted = f"from {SMALLEST:g} to {LARGEST:g}"
     require("radius", sizes, (sizes >= SMALLEST) & (sizes <= LARGEST), wanted)
     require("density", cover, (cover >= 0.0) & (cover <= 1.0), "from 0 to 1")

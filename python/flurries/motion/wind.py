@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Float64, integer, real, seed_of, suggesting, table
+from flurries._contract import Float64, integer, real, rows_of, seed_of, suggesting, table
 from flurries.motion.keys import Keys, Vector, as_vector
 from flurries.motion.waves import Waves, eddies, strongest
 
@@ -167,9 +167,7 @@ class Wind:
         (n, 3) float64
             Metres per second.
         """
-        at = table("points", points)
-        if at.shape[1] != 3:
-            raise ValueError(f"points must be (n, 3), got an array of shape {at.shape}")
+        at = rows_of("points", points, 3)
         steady = self.steady
         mean = steady.at(0.0) if isinstance(steady, Keys) else steady
         found = np.tile(np.array(mean), (len(at), 1))

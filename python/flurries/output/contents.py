@@ -102,7 +102,7 @@ class Content:
             if self.space is not None:
                 pixels = self._colored(scene, pixels)
                 encoding = "linear" if self.space.linear else "display"
-            more["bits"] = self._bits_in(form, slate, encoding, deep=scene._deep)
+            more["bits"] = self._bits_in(form, slate, encoding, deep=scene._backdrop.deep)
             write_picture(path, pixels, encoding=encoding, compression=self.compression, **more)
 
     def _bits_in(

@@ -217,7 +217,7 @@ def _tags(scene: Scene, first: int) -> Tags:
     film = scene._film
     code = scene._slate(first).timecode
     tags: Tags = Tags() if film is None else film.tags
-    aspect = Fraction(scene._pixel_aspect).limit_denominator(1000)
+    aspect = Fraction(scene._backdrop.aspect).limit_denominator(1000)
     return replace(tags, aspect=aspect, timecode=code)
 
 

@@ -17,15 +17,17 @@ from flurries._contract import (
     Array,
     Float64,
     _came,
+    each_of,
     float_dtype,
     integer,
     is_pair,
     output,
-    pixels,
+    plane_of,
     real,
+    rectangular,
+    rows_of,
     seed_of,
     shape_of,
-    table,
     vector,
 )
 from flurries.camera.lens import Camera, expect_camera
@@ -67,7 +69,7 @@ def positions(
     """
     number = integer("count", count, low=0, high=MOST_ELEMENTS // 3)
     sides, middle = _box(box, center)
-    rate = _rows("velocity", velocity, number, (3,), "(3,) or (count, 3)")
+    rate = each_of("velocity", velocity, number, (3,))
     result = output(out, (number, 3), np.dtype(np.float64), rate)
     swing = None if sway is None else _sway(sway)
     _core.particle_positions(result, sides, middle, seed_of(seed), rate, real("time", time), swing)
@@ -117,7 +119,7 @@ def edge_fade(
         The product over the axes of 1 - smoothstep(0.85, 1, 2 |p - c| / B), from 0 at the walls
         (and outside) to 1; to be multiplied into the opacity.
     """
-    place = _points(points)
+    place = rows_of("points", points, 3)
     sides, middle = _box(box, center)
     result = output(out, (len(place),), np.dtype(np.float64), place)
     _core.particle_edge_fade(result, place, sides, middle)
@@ -203,21 +205,14 @@ def _read(
     depth: npt.ArrayLike | None,
 ) -> tuple[tuple[Any, ...], list[npt.NDArray[Any]]]:  # fmt: skip
     """Return flakes as the kernels read them, and the arrays that no output may overlap."""
-    place = _points(points)
+    place = rows_of("points", points, 3)
     aspect = expect_camera(camera, stretched=True).aspect
-    width = _rows("radius", radius, len(place), (), "one number or (n,)")
-    cover = _rows("opacity", opacity, len(place), (), "one number or (n,)")
-    moved = (0.0, 0.0, 0.0) if velocity is None else velocity
-    rate = _rows("velocity", moved, len(place), (3,), "(3,) or (n, 3)")
+    width, cover = each_of("radius", radius, len(place)), each_of("opacity", opacity, len(place))
+    rate = each_of("velocity", np.zeros(3) if velocity is None else velocity, len(place), (3,))
     exposure = real("shutter", shutter, low=0.0)
     closest = real("near", near, above=0.0)
-    inputs: list[npt.NDArray[Any]] = [place, width, cover, rate]
-    map_: npt.NDArray[Any] | None = None
-    if depth is not None:
-        map_, _ = pixels("depth", depth, ndim=2)
-        if map_.shape != shape:
-            raise ValueError(f"depth must have shape {shape}, got {map_.shape}")
-        inputs.append(map_)
+    map_ = None if depth is None else plane_of("depth", depth, shape)
+    inputs = [place, width, cover, rate, *([] if map_ is None else [map_])]
     if aspect != 1.0:
         # Everything is as much higher as pixels are.
         stretch = np.array([1.0, aspect, 1.0])
@@ -227,37 +222,10 @@ def _read(
     return ((place, width, cover, rate, exposure), lens, map_), inputs
 
 
-def _single(value: object) -> bool:
-    """Tell one number from an array; lists and tuples are arrays."""
-    return getattr(value, "ndim", 0) == 0 and not isinstance(value, (list, tuple))
-
-
 def _box(box: npt.ArrayLike, center: npt.ArrayLike) -> tuple[Any, Any]:
-    sides = [real("box", box, above=0.0)] * 3 if _single(box) else vector("box", box, 3).tolist()
+    one = rectangular("box", box).ndim == 0
+    sides = [real("box", box, above=0.0)] * 3 if one else vector("box", box, 3).tolist()
     return sides, vector("center", center, 3).tolist()
-
-
-def _points(points: npt.ArrayLike) -> Float64:
-    place = table("points", points)
-    if place.shape[1] != 3:
-        raise ValueError(f"points must be (n, 3), got an array of shape {place.shape}")
-    return place
-
-
-def _rows(
-    name: str, value: npt.ArrayLike, count: int, row: tuple[int, ...], wanted: str
-) -> Float64:
-    """Return (1, *row) or (count, *row): a value for all flakes, or one for each."""
-    if row == () and _single(value):
-        return np.array([real(name, value)])
-    values = table(name, value, ndim=None)
-    if row != () and values.shape == row:
-        return values.reshape((1, *row))
-    if values.shape != (count, *row):
-        raise ValueError(
-            f"{name} must be {wanted} with {count} rows, got an array of shape {values.shape}"
-        )
-    return values
 
 
 def _sway(sway: Any) -> tuple[float, float]:

@@ -60,10 +60,7 @@ def parse_region(region: Any, shape: tuple[int, int]) -> Window:
         return whole(shape)
     wanted = "region must be two slices, as from np.s_[100:200, 50:80]"
     try:
-        rows, cols = region
-        (top, bottom, down), (left, right, along) = (
-            slice.indices(rows, shape[0]), slice.indices(cols, shape[1])
-        )  # fmt: skip
+        (top, bottom, down), (left, right, along) = map(slice.indices, region, shape)
     except (TypeError, ValueError):
         raise TypeError(f"{wanted}, got {region!r}") from None
     if down != 1 or along != 1 or bottom <= top or right <= left:

@@ -90,11 +90,8 @@ def backdrop(
         return _of_source(opened, size, extend, start)
     if isinstance(background, (tuple, list)) and len(background) == 3 and np.ndim(background) == 1:
         return _plain(table("background", background, ndim=1), np.dtype(np.float32), size)
-    if (
-        hasattr(background, "frame")
-        and hasattr(background, "size")
-        and not isinstance(background, np.ndarray)
-    ):
+    is_array = isinstance(background, np.ndarray)
+    if not is_array and hasattr(background, "frame") and hasattr(background, "size"):
         return _of_source(background, size, extend, start)
     return _of_array(background, size)
 
@@ -119,14 +116,13 @@ def _of_source(
     wanted = size or tuple(source.size)
     files = Numbered.of("background", source, extend=extend, start=start)
     rate, display = getattr(source, "fps", None), getattr(source, "display", None)
-    if display is not None and wanted != tuple(source.size):
+    refitted = wanted != tuple(source.size)
+    if display is not None and refitted:
         raise ValueError(
             f"size must be left out for a background that was opened with its overscan, got {size}"
         )
-    aspect = float(getattr(source, "aspect", 1.0))
-    if wanted != tuple(source.size):
-        # Fitted to another size pixels are square, as the frame's are.
-        aspect = 1.0
+    # Fitted to another size pixels are square, as the frame's are.
+    aspect = 1.0 if refitted else float(getattr(source, "aspect", 1.0))
     warned = False
 
     def fitted(picture: Any) -> Array:
@@ -139,8 +135,7 @@ def _of_source(
         warned = True
         return pixels if (pixels.shape[1], pixels.shape[0]) == wanted else fit(pixels, wanted)
 
-    planes = Planes(None, files, (fitted,))
-    kind = source.encoding, source.count, planes, rate, display, aspect
+    kind = source.encoding, source.count, Planes(None, files, (fitted,)), rate, display, aspect
     return Backdrop(wanted, *kind, photograph=source.encoding == "display")
 
 

@@ -96,14 +96,9 @@ def _greys(source: Any) -> Array:
 
 
 def distance_of(
-    value: Any,
-    shape: tuple[int, int],
-    *,
-    name: str = "depth",
-    extend: str = "stop",
-    start: int | None = None,
-    display: Display | None = None,
-) -> Planes:
+    value: Any, shape: tuple[int, int], *, name: str = "depth", extend: str = "stop",
+    start: int | None = None, display: Display | None = None,
+) -> Planes:  # fmt: skip
     """Return the depth of a scene's `depth` argument, or of another called `name`."""
 
     def of_files(source: Any, law: DepthMap | None) -> Planes:

@@ -125,18 +125,14 @@ class Sources:
 
     def _look(self, t: float) -> None:
         """Read background, depth and mattes of a frame, as `render` will; raise what it would."""
-        time = real("t", t)
-        self._backdrop.frame(time)
-        if self._distance is not None:
-            self._distance.frame(time)
-        if self._mattes is not None:
-            self._mattes.frame(time)
+        for part in (self._backdrop, self._distance, self._mattes):
+            if part is not None:
+                part.frame(real("t", t))
 
     @property
     def _film(self) -> Any:
         """The source of a background that is a video; None for others."""
-        source = self._source
-        return source if isinstance(source, VideoSource) else None
+        return self._source if isinstance(self._source, VideoSource) else None
 
     @property
     def _held(self) -> set[int]:
@@ -150,11 +146,6 @@ class Sources:
         """The opened files of the background, or None."""
         files = self._backdrop.files
         return None if files is None else files.source
-
-    @property
-    def _deep(self) -> bool:
-        """Whether the background has more than 8 bits a color."""
-        return self._backdrop.deep
 
 
 def frames_of(scene: Rendering, frames: Frames, *, film: bool = False) -> list[int]:

@@ -118,14 +118,9 @@ def listed(value: Any) -> list[Foreground]:
 
 
 def mattes_of(
-    value: Any,
-    shape: tuple[int, int],
-    *,
-    extend: str,
-    start: int | None,
-    display: Display | None = None,
+    value: Any, shape: tuple[int, int], *, display: Display | None = None, **numbers: Any
 ) -> Mattes | None:
-    """Return the mattes of a scene's `foreground` argument."""
+    """Return the mattes of a scene's `foreground` argument; `numbers`: see `Numbered.of`."""
     if value is None or (isinstance(value, (list, tuple)) and len(value) == 0):
         return None
     parts = []
@@ -134,18 +129,15 @@ def mattes_of(
         if isinstance(one.source, (str, os.PathLike)):
             with file_of(name):
                 source = open_background(one.source, overscan=display is not None)
-            files = Numbered.of(name, source, extend=extend, start=start)
+            files = Numbered.of(name, source, **numbers)
             matte = Planes(None, files, (partial(_of_picture, shape=shape, display=display),))
             if matte.still:
                 # A mask that cannot be read is refused now.
                 matte.frame(0.0)
         else:
             matte = Planes(_of_array(one.source, shape))
-        far = None
-        if one.depth is not None:
-            far = distance_of(
-                one.depth, shape, name=f"{name} depth", extend=extend, start=start, display=display
-            )
+        how = {"name": f"{name} depth", "display": display, **numbers}
+        far = None if one.depth is None else distance_of(one.depth, shape, **how)
         parts.append((matte, far))
     return Mattes(tuple(parts))
 
@@ -182,9 +174,8 @@ def _front(parts: Sequence[tuple[Array, bool, Array | None]]) -> Front:
     flat: list[Matte] = []
     deep: list[tuple[Matte, Array]] = []
     for plane, whole, depth in parts:
-        if plane.ndim == 2:
-            matte = Matte(plane, None)
-        else:
+        matte = Matte(plane, None)
+        if plane.ndim == 3:
             # A flat picture hides what is behind it by itself; the weather is whole under it.
             cover = np.zeros_like(plane[..., 3]) if depth is None else plane[..., 3]
             matte = Matte(np.ascontiguousarray(cover), plane, linear_light=not whole)

@@ -45,12 +45,15 @@ def looped_scene(scene: Rendering, lap: Lap) -> Looped:
     effects, path, lights, fps = scene.effects, scene._path, scene.lights, scene.fps
     bent: list[str] = []
 
+    def goes_back(name: str, field: str, back: float) -> None:
+        bent.append(
+            f"{name}: {field} does not end as it begins: from frame {back:g} on it goes back"
+        )
+
     def close(name: str, thing: Any) -> Any:
         made, fields = closed_fields(thing, lap)
         for field, back in fields.items():
-            bent.append(
-                f"{name}: {field} does not end as it begins: from frame {back:g} on it goes back"
-            )
+            goes_back(name, field, back)
         return made
 
     shown: list[Any] = []
@@ -77,21 +80,17 @@ def looped_scene(scene: Rendering, lap: Lap) -> Looped:
         if made is not getattr(path, field):
             path = replace(path, **{field: made})
         if back is not None:
-            bent.append(
-                f"camera: {field} does not end as it begins: from frame {back:g} on it goes back"
-            )
+            goes_back("camera", field, back)
     banks = [effect for effect in effects if isinstance(effect, Mist)]
-    placed = not all(lamp.carried for lamp in lights) or any(
-        bank.center is not None for bank in banks
-    )
+    placed = any(bank.center is not None for bank in banks)
+    placed |= not all(lamp.carried for lamp in lights)
     stays = (placed, placed or any(bank.top is not None for bank in banks), placed)
     tilts = any(isinstance(effect, (ConeRain, ConeSnow)) for effect in effects)
     path, of_camera = looped_path(path, lap.first, lap.frames, fps, stays=stays, tilts=tilts)
     bent += of_camera
     if scene._frames is not None:
         bent.append(
-            f"background: it is shown from frame {lap.first} to {lap.end - 1} and begins again, as "
-            "it is"
+            f"background: it is shown from frame {lap.first} to {lap.end - 1} and begins again"
         )
     bent += [
         f"effects[{index}] ({effect.NAME}): {words}"
@@ -156,34 +155,23 @@ def looped_path(
         if isinstance(keyed, Keys):
             inner = [t for t, _ in keyed.keys if first < t < end]
             times = np.union1d(times, inner)
+
+    def place(t: float, rounds: int) -> Float64:
+        part = (t - first) / frames
+        return np.asarray(path.place(t, fps=fps) - part * back + rounds * (gone - back))
+
+    def quaternion(t: float, _: int) -> Float64:
+        less = rotation_matrix(-(t - first) / frames * turn)
+        return np.asarray(quaternions_of((path.rig(t) @ less)[None])[0])
+
+    def rounds(value: Callable[[float, int], Float64]) -> Keys:
+        """Return keys of the round before, this one and the next."""
+        moments = [(float(t), n) for n in (-1, 0, 1) for t in times[:-1]]
+        return Keys([(t + n * frames, tuple(value(t, n).tolist())) for t, n in moments])
+
     changes: dict[str, Any] = {"extend": "on"}
     if moves or closes:
-
-        def place(t: float, rounds: int) -> Float64:
-            part = (t - first) / frames
-            at = path.place(t, fps=fps)
-            return np.asarray(at - part * back + rounds * (gone - back))
-
-        changes["velocity"] = None
-        changes["position"] = Keys(_rounds(times, frames, lambda t, n: tuple(place(t, n))))
+        changes |= {"velocity": None, "position": rounds(place)}
     if turned:
-        assert turning is not None
-        rig = turning
-
-        def quaternion(t: float, _: int) -> tuple[float, ...]:
-            less = rotation_matrix(-(t - first) / frames * turn)
-            return tuple(quaternions_of((rig.at(t) @ less)[None])[0].tolist())
-
-        changes["orientation"] = Keys(_rounds(times, frames, quaternion))
+        changes["orientation"] = rounds(quaternion)
     return replace(path, **changes), bent
-
-
-def _rounds(
-    times: Float64, frames: int, value: Callable[[float, int], tuple[float, ...]]
-) -> list[tuple[float, tuple[float, ...]]]:
-    """Return keys of the round before, this one and the next."""
-    return [
-        (float(t) + n * frames, tuple(float(v) for v in value(float(t), n)))
-        for n in (-1, 0, 1)
-        for t in times[:-1]
-    ]

@@ -137,13 +137,9 @@ def read_only(plane: Array) -> Array:
 
 
 def placed(
-    plane: Array,
-    own: Display | None,
-    shape: tuple[int, int],
-    display: Display | None,
-    fitted: Callable[[Array, tuple[int, int]], Array],
-    outside: float,
-) -> Array:
+    plane: Array, own: Display | None, shape: tuple[int, int], display: Display | None,
+    fitted: Callable[[Array, tuple[int, int]], Array], outside: float,
+) -> Array:  # fmt: skip
     """Return a plane of a depth or a matte, with the overscan that its file has, for the frame."""
     # `own` is the display window in the plane and `display` that in the frame, None where it is
     # all; `fitted` brings a plane to a (width, height), and `outside` stands beside the display

@@ -145,8 +145,8 @@ class Output:
 
     def changed(self) -> dict[str, Any]:
         """Return the values that differ from their defaults."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {f.name: values[f.name] for f in fields(self) if values[f.name] != f.default}
+        values = ((f, getattr(self, f.name)) for f in fields(self))
+        return {f.name: value for f, value in values if value != f.default}
 
 
 def takes_output(write: _Method) -> _Method:

@@ -23,13 +23,7 @@ from flurries.io import open_background
 from flurries.io.sequences import EXTEND, MOST_FRAMES
 from flurries.io.sources import Source
 from flurries.light.lamp import Lamp, Sun
-from flurries.scene.arguments import (
-    effects_of,
-    lights_of,
-    number_or_none,
-    one_or_none,
-    parse_size,
-)
+from flurries.scene.arguments import effects_of, lights_of, number_or_none, one_or_none, parse_size
 from flurries.scene.background import Backdrop, backdrop
 from flurries.scene.depth import DepthMap, distance_of
 from flurries.scene.foreground import Foreground, Mattes, frozen, mattes_of
@@ -46,7 +40,6 @@ Space: TypeAlias = Literal["auto", "display", "linear"]
 Extend: TypeAlias = Literal["stop", "hold", "loop"]
 Matte: TypeAlias = str | Path | Array | Foreground
 Front: TypeAlias = Matte | Sequence[Matte] | None
-Region: TypeAlias = tuple[slice, slice]
 
 SPACES = ("auto", "display", "linear")
 
@@ -184,9 +177,7 @@ class Scene(Rendering):
         loop: int | None = None,
         output: Output | None = None,
     ) -> None:
-        def settle(name: str, value: Any) -> None:
-            object.__setattr__(self, name, value)
-
+        settle = partial(object.__setattr__, self)
         settle("seed", seed_of(seed))
         settle("space", choice("space", space, SPACES))
         settle("extend", choice("extend", extend, EXTEND))
@@ -248,11 +239,6 @@ class Scene(Rendering):
         """The display window in the frame: (left, top, width, height), px."""
         return self._backdrop.display or (0, 0, *self.size)
 
-    @property
-    def _pixel_aspect(self) -> float:
-        """Width of a pixel over its height, as the background says."""
-        return self._backdrop.aspect
-
     def __reduce__(self) -> tuple[Any, ...]:
         # What it was made from, not what was made of it: a color is not a picture of it.
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
@@ -267,15 +253,12 @@ class Scene(Rendering):
     def _derive(self, **changes: Any) -> Scene:
         """Return the scene with some attributes changed, without checks."""
         made = object.__new__(Scene)
-        # What runs belongs to the scene that it was found for.
         if "camera" in changes:
             changes["_path"] = changes["camera"]
-        own = {
-            name: value
-            for name, value in vars(self).items()
-            if name not in ("_program", "_fine", "_looped")
-        }
-        vars(made).update(own, **changes)
+        vars(made).update(vars(self), **changes)
+        # What runs belongs to the scene that it was found for.
+        for name in ("_program", "_fine", "_looped"):
+            vars(made).pop(name, None)
         return made
 
     def _holding(self) -> Scene:
@@ -290,7 +273,7 @@ class Scene(Rendering):
     @cached_property
     def _fine(self) -> Scene:
         """The scene with a background of 8 bits in 16: weather over it has their steps."""
-        return self if self._deep else self._derive(_backdrop=self._backdrop.fine())
+        return self if self._backdrop.deep else self._derive(_backdrop=self._backdrop.fine())
 
     def _anew(self) -> Scene:
         """Return the scene with nothing kept of its files: all are read again."""

@@ -19,6 +19,9 @@ from flurries.spectral.volume import film, rendered
 # Frames made at once: enough for all threads, little in memory.
 TOGETHER = 16
 
+# What the description says of the waves.
+_LAW = ("wavelengths", "exponent", "seed", "alias", "soft_from", "shutter", "jitter")
+
 # Formats that keep a torus seamless: no block of a lossy one knows its neighbour across the border.
 INTEGERS, FLOATS = (".png", ".tif", ".tiff"), (".exr", ".tif", ".tiff")
 
@@ -81,20 +84,21 @@ def export_loop(
     from flurries.io import Pattern, write_picture
     from flurries.io.atomic import checked_target, replacing
 
-    kept = flag("overwrite", overwrite)
+    again = flag("overwrite", overwrite)
     narrow = flag("half", half)
     asked = film(
         frames, shape, velocity, seed=seed, wavelengths=wavelengths, exponent=exponent,
         alias=alias, soft_from=soft_from, shutter=shutter, jitter=jitter,
     )  # fmt: skip
     mapped = opacity_map(mean, spread, power, amount)
+    look: dict[str, Any] = dict(zip(("mean", "spread", "power", "amount"), mapped, strict=True))
     target = Pattern(os.fspath(pattern))
     stored = _stored(target, bits, narrow)
     files = [target.path(t) for t in range(asked.frames)]
     side = _description(target)
     for file in (*files, side):
         checked_target(file)
-        if not kept and file.exists():
+        if not again and file.exists():
             raise ValueError(
                 f"{file} is there already (pattern {target.text!r}); overwrite=True (--overwrite) "
                 "replaces it"
@@ -104,13 +108,9 @@ def export_loop(
     if integer:
         options["bits"] = int(stored[4:])
     total, done = 0.0, 0
-    for first in (progress or _silent)(range(0, asked.frames, TOGETHER)):
+    for first in (progress or iter)(range(0, asked.frames, TOGETHER)):
         times = np.arange(first, min(first + TOGETHER, asked.frames), dtype=np.float64)
-        fields = rendered(asked, times, np.float32, None)
-        alphas = opacity(
-            fields, mean=mapped[0], spread=mapped[1], power=mapped[2], amount=mapped[3]
-        )
-        values = _as_stored(alphas, stored)
+        values = _as_stored(opacity(rendered(asked, times, np.float32, None), **look), stored)
         for t, picture in zip(range(first, first + len(times)), values, strict=True):
             write_picture(files[t], picture, **options)
         total += float(values.sum(dtype=np.float64))
@@ -127,25 +127,12 @@ def export_loop(
         "periodic": ["x", "y", "t"],
         "mean_opacity": total / done / top,
         "velocity": [c * asked.wavelengths[1] for c in asked.drift],
-        "wavelengths": list(asked.wavelengths),
-        "exponent": asked.exponent,
-        "seed": asked.seed,
-        "alias": asked.alias,
-        "soft_from": asked.soft_from,
-        "shutter": asked.shutter,
-        "jitter": asked.jitter,
-        "mean": mapped[0],
-        "spread": mapped[1],
-        "power": mapped[2],
-        "amount": mapped[3],
+        **{name: getattr(asked, name) for name in _LAW},
+        **look,
     }
     with replacing(side) as temporary:
         temporary.write_text(json.dumps(described, indent=2) + "\n", encoding="utf-8")
     return [*files, side]
-
-
-def _silent(numbers: Iterable[int]) -> Iterable[int]:
-    return numbers
 
 
 def _stored(target: Any, bits: object, half: bool) -> str:

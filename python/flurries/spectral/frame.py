@@ -137,14 +137,14 @@ def _made(
     dtype: npt.DTypeLike, out: Array | None,
 ) -> Array:  # fmt: skip
     own = own_of(asked, texture, time)
-    if own is not None and keep:
-        raise ValueError("preserve_mean must be False beside envelope or rate, got True")
     result = output(out, asked.shape, float_dtype(dtype), *asked.arrays())
     if own is None:
         _core.field(result, asked, mapped, keep)
-        return result
-    whole = result if mapped is None else np.empty(asked.shape, result.dtype)
-    own_field(asked, own, whole)
-    if mapped is not None:
-        _core.opacity(result, whole, mapped)
+    elif keep:
+        raise ValueError("preserve_mean must be False beside envelope or rate, got True")
+    else:
+        whole = result if mapped is None else np.empty_like(result)
+        own_field(asked, own, whole)
+        if mapped is not None:
+            _core.opacity(result, whole, mapped)
     return result

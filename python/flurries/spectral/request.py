@@ -53,22 +53,15 @@ def _vectors(name: str, value: object, rings: int | None) -> Float64:
     if value is NOWHERE:
         return _ZERO
     array = bounded(name, value)
-    ringed = rings is not None
-    if array.ndim == 1 and array.shape == (2,):
-        return array.reshape(1, 1, 1, 2)
-    if array.ndim == 2 and ringed and array.shape == (rings, 2):
-        return array.reshape(1, 1, -1, 2)
-    if array.ndim == 3 and array.shape[2] == 2:
-        return array.reshape(array.shape[0], array.shape[1], 1, 2)
-    if array.ndim == 4 and ringed and array.shape[2:] == (rings, 2):
-        return array
+    if array.shape == (2,) or (array.ndim == 3 and array.shape[2] == 2):
+        return array.reshape(*(array.shape[:-1] or (1, 1)), 1, 2)
+    if array.ndim in (2, 4) and array.shape[-2:] == (rings, 2):
+        return array.reshape(*(array.shape[:-2] or (1, 1)), -1, 2)
     wanted = "(2,) or (rows, cols, 2)"
-    if name in ("drift", "velocity"):
-        wanted += (
-            f", or ({rings}, 2) or (rows, cols, {rings}, 2) for the rings of ring_edges"
-            if ringed
-            else "; rings need ring_edges"
-        )
+    if name in ("drift", "velocity") and rings is None:
+        wanted += "; rings need ring_edges"
+    elif name in ("drift", "velocity"):
+        wanted += f", or ({rings}, 2) or (rows, cols, {rings}, 2) for the rings of ring_edges"
     raise ValueError(f"{name} must have shape {wanted}, got {array.shape}")
 
 
@@ -97,11 +90,11 @@ def request(
             "got None"
         )
     if texture.envelope is None:
-        warn_long(texture.sides, band, stacklevel=4)
+        warn_long(texture.sides, band)
     rings = None if edges is None else len(np.asarray(edges)) - 1
     offsets = _vectors("drift", drift, rings)
     if offsets is not _ZERO and band[1] > 0.0:
-        warn_far(float(np.abs(offsets).max(initial=0.0)) / band[1], stacklevel=4)
+        warn_far(float(np.abs(offsets).max(initial=0.0)) / band[1])
     return request_of(
         texture,
         size,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Literal, TypeAlias, get_args
@@ -19,6 +18,7 @@ from flurries._contract import (
     _came,
     choice,
     flag,
+    int64,
     integer,
     is_pair,
     output,
@@ -28,6 +28,7 @@ from flurries._contract import (
     table,
     vector,
 )
+from flurries._warnings import warn
 
 Aliasing: TypeAlias = Literal["cut", "soft", "keep"]
 ALIAS = get_args(Aliasing)
@@ -174,24 +175,20 @@ def band_amplitude(
     return result
 
 
-def warn_long(tile: tuple[int, int], band: tuple[float, float], *, stacklevel: int = 3) -> None:
-    """Warn the public function's caller, `stacklevel` frames up, of waves that do not exist."""
+def warn_long(tile: tuple[int, int], band: tuple[float, float]) -> None:
+    """Warn of waves that do not exist."""
     if band[1] > max(tile):
-        warnings.warn(
+        warn(
             f"wavelengths asks for waves up to {band[1]:g} px, but a tile of {tile[0]} x {tile[1]} "
-            f"px holds none longer than {max(tile)} px",
-            UserWarning,
-            stacklevel=stacklevel,
+            f"px holds none longer than {max(tile)} px"
         )
 
 
-def warn_far(cycles: float, *, stacklevel: int = 3) -> None:
+def warn_far(cycles: float) -> None:
     """Warn where float64 no longer holds the phase: the drift counts in whole cycles, too."""
     if cycles > FAR:
-        warnings.warn(
-            f"drift is {cycles:.1e} cycles: phases are off by more than 1e-5 cycles beyond {FAR:g}",
-            UserWarning,
-            stacklevel=stacklevel,
+        warn(
+            f"drift is {cycles:.1e} cycles: phases are off by more than 1e-5 cycles beyond {FAR:g}"
         )
 
 
@@ -218,7 +215,7 @@ def random_phase(
     size = shape_of("shape", shape)
     if not is_pair(tile):
         raise TypeError(f"tile must be (row, col), got {_came(tile)}")
-    row, col = (integer("tile", index, low=-(2**63), high=2**63 - 1) for index in tile)
+    row, col = (int64("tile", index) for index in tile)
     number = seed_of(seed)
     result = output(out, size, FLOAT64)
     _core.random_phase(result, number, (row, col))

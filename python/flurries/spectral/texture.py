@@ -20,7 +20,7 @@ from flurries._contract import (
     table,
     tile_of,
 )
-from flurries.spectral.envelope import amplitude_of, odd_rate
+from flurries.spectral.own import amplitude_of, odd_rate
 from flurries.spectral.tables import ALIAS, BANDS, SOFT_FROM, Aliasing, band_of
 from flurries.spectral.tiles import BLEND, Blend
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import warnings
-from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +26,7 @@ from flurries._contract import (
     table,
     vector,
 )
+from flurries._warnings import warn
 from flurries.spectral.tables import ALIAS, BANDS, SOFT_FROM, Aliasing, band_of, warn_long
 
 Cells: TypeAlias = Literal["one", "overlap"]
@@ -73,25 +73,21 @@ def film(
     band = band_of(wavelengths)
     speed = vector("velocity", velocity, 2)
     law = choice("alias", alias, ALIAS)
-    warn_long(size, band, stacklevel=4)
+    warn_long(size, band)
     cycles = speed / band[1] if band[1] > 0.0 else np.zeros(2)
     steepest = math.hypot(float(cycles[0]), float(cycles[1]))
     if steepest >= 0.5 and law == "keep":
-        warnings.warn(
+        warn(
             f"velocity turns the fastest waves by {steepest:.3g} cycles a frame; from half a cycle "
-            'on they seem to run backwards: lower it, or drop them with alias="cut"',
-            UserWarning,
-            stacklevel=3,
+            'on they seem to run backwards: lower it, or drop them with alias="cut"'
         )
     turns = steepest * count
     # Rates below half a turn round to none; snow that is asked to stand still needs no warning.
     still = 2.0 / math.pi * math.asin(min(1.0, 0.5 / turns)) if turns > 0.0 else 0.0
     if still > most_still and cells == "one":
-        warnings.warn(
+        warn(
             f"a loop of {count} frames rounds {100 * still:.0f} % of the waves to rest at this "
-            "velocity: take more frames",
-            UserWarning,
-            stacklevel=3,
+            "velocity: take more frames"
         )
     return Film(
         frames=count,
@@ -262,12 +258,8 @@ def loop(
     times = moderate("time", table("time", time, ndim=None))
     if times.ndim > 1 or times.size == 0:
         raise ValueError(f"time must be a number or (n,), got an array of shape {times.shape}")
-    if np.ndim(time) == 0:
-        return _one(asked, times.reshape(1), dtype, out)
-    return rendered(asked, times, dtype, out)
-
-
-def _one(asked: Film, times: Float64, dtype: npt.DTypeLike, out: Array | None) -> Array:
-    result: npt.NDArray[Any] = output(out, asked.shape, float_dtype(dtype))
-    rendered(asked, times, dtype, result[np.newaxis])
+    if np.ndim(time) != 0:
+        return rendered(asked, times, dtype, out)
+    result = output(out, asked.shape, float_dtype(dtype))
+    rendered(asked, times.reshape(1), dtype, result[np.newaxis])
     return result

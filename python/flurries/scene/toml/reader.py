@@ -63,18 +63,14 @@ def load(path: str | os.PathLike[str]) -> Scene:
     # A key that is no scene's is told first: it may be a mistyped "format".
     if "format" not in values and "colour" not in values:
         scene.table(values, (*SCENE, "format"), "the scene")
-    _require_format(scene, values.pop("format", None))
-    return _scene(scene, values)
-
-
-def _require_format(text: SceneText, version: object) -> None:
+    version = values.pop("format", None)
     if type(version) is int and version == FORMAT:
-        return
+        return _scene(scene, values)
     given = "none" if version is None else repr(version)[:60]
     raise ValueError(
-        f"{text.where('format')}: format must be {FORMAT}, got {given}: write format = {FORMAT} at "
-        "the top, and in a file that had no format (version 0.1) the kinds tent_snow and tent_rain "
-        "for snow and rain, and color for colour"
+        f"{scene.where('format')}: format must be {FORMAT}, got {given}: write format = {FORMAT} "
+        "at the top, and in a file that had no format (version 0.1) the kinds tent_snow and "
+        "tent_rain for snow and rain, and color for colour"
     )
 
 
@@ -82,7 +78,7 @@ def _scene(text: SceneText, values: dict[str, Any]) -> Scene:
     arguments = text.table(values, SCENE, "the scene")
     background = arguments.get("background")
     if isinstance(background, str) and not background.startswith("#"):
-        arguments["background"] = str(text.path.parent / background)
+        arguments["background"] = text.file(background)
     if "foreground" in arguments:
         arguments["foreground"] = _foreground(text, arguments["foreground"])
     if "depth" in arguments:
@@ -139,35 +135,31 @@ def _effect(text: SceneText, table: Any, index: int) -> Any:
 def _foreground(text: SceneText, value: Any) -> Any:
     """Return a file, or [[foreground]] tables, each a file and perhaps a depth."""
     if isinstance(value, str):
-        return str(text.path.parent / value)
+        return text.file(value)
     found = []
     for index, table in enumerate(_tables(text, value, "foreground")):
         at = ("foreground", index)
         given = {"source": table} if isinstance(table, str) else table
         entry = text.table(given, ("source", "depth"), "foreground", *at)
-        source = entry.get("source")
-        if not isinstance(source, str):
-            raise TypeError(f"{text.where(*at)}: source must be a file, got {source!r}")
+        source = text.file(entry.get("source"), *at)
         depth = _depth(text, entry["depth"], *at, "depth") if "depth" in entry else None
-        found.append(Foreground(str(text.path.parent / source), depth=depth))
+        found.append(Foreground(source, depth=depth))
     return found
 
 
 def _depth(text: SceneText, value: Any, *at: str | int) -> Any:
     """Return a depth: a number, a file, or a table of a grey picture."""
     if isinstance(value, str):
-        return str(text.path.parent / value)
+        return text.file(value)
     if not isinstance(value, dict):
         return value
     values = text.table(value, DEPTH, "depth", *at)
     for key in ("source", "near", "far"):
         if key not in value:
             raise ValueError(f"{text.where(*at)}: depth needs {key}")
-    source = values.pop("source")
-    if not isinstance(source, str):
-        raise TypeError(f"{text.where(*at, 'source')}: source must be a file, got {source!r}")
+    source = text.file(values.pop("source"), *at, "source")
     with text.errors(value, *at):
-        return DepthMap(str(text.path.parent / source), **values)
+        return DepthMap(source, **values)
 
 
 def _camera(text: SceneText, table: Any, scene: Scene) -> CameraPath:
@@ -179,7 +171,7 @@ def _camera(text: SceneText, table: Any, scene: Scene) -> CameraPath:
     ending = values.pop("extend", None)
     _, _, width, height = scene._display
     values.setdefault("focal", DEFAULT_FOCAL * width)
-    values.setdefault("aspect", scene._pixel_aspect)
+    values.setdefault("aspect", scene._backdrop.aspect)
     zoom = values["focal"] if isinstance(values["focal"], (Keys, tuple)) else None
     if zoom is not None:
         values["focal"] = 1.0
@@ -239,6 +231,12 @@ class SceneText:
             if line is not None:
                 return f"{self.path}, line {line}"
         return str(self.path)
+
+    def file(self, name: Any, *keys: str | int) -> str:
+        """Return the path of a file that is named from the scene file's folder, or refuse it."""
+        if not isinstance(name, str):
+            raise TypeError(f"{self.where(*keys)}: source must be a file, got {name!r}")
+        return str(self.path.parent / name)
 
     def table(
         self, value: Any, known: tuple[str, ...], name: str, *keys: str | int

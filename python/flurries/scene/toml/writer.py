@@ -37,11 +37,10 @@ def describe(
         described = _depth("depth", scene.depth, folder, bare="depth" in leave_out)
         if described is not None:
             table["depth"] = described
-    if scene.sun is not None:
-        table["sun"] = _said(scene.sun)
-    if scene.lens is not None:
-        table["lens"] = _said(scene.lens)
-    elif scene._backdrop.photograph:
+    for name, part in (("sun", scene.sun), ("lens", scene.lens)):
+        if part is not None:
+            table[name] = _said(part)
+    if scene.lens is None and scene._backdrop.photograph:
         table["lens"] = "none"
     if "output" not in leave_out and (said := scene.output.changed()):
         table["output"] = said
