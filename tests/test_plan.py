@@ -378,3 +378,9 @@ def test_accuracy_says_where_the_hand_over_has_no_say():
     for effects in ([TentSnow()], [fl.Snow(method="simulated")]):
         found = fl.Scene(BYTES, effects=effects).plan(2, probe=False, accuracy=True).accuracy
         assert found is not None and found.settings == () and "draws near flakes" in found.why
+
+
+def test_a_still_is_one_frame_with_all_that_it_takes():
+    plan = fl.Scene(BYTES, effects=[fl.Snow()]).plan()
+    assert plan.frames[2] == 1 and plan.first is not None and "the first frame" in str(plan)
+    assert fl.Scene(BYTES, effects=[fl.Snow()], fps=24).plan(probe=False).frames[2] > 1

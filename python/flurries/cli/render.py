@@ -2,10 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+import click
+
+from flurries import stereo
 from flurries._trace import tracing
-from flurries.cli.options import FILE, FRAMES, OVERWRITE, WORK, OneOf, command, dask, option, voice
+from flurries.cli.options import (
+    FILE,
+    FRAMES,
+    OVERWRITE,
+    WORK,
+    OneOf,
+    command,
+    dask,
+    numbers,
+    option,
+    voice,
+)
 from flurries.cli.weather import scene_of, scene_options
 from flurries.cli.words import Words, count, say, stages
 from flurries.io.films.codecs import CODECS, QUALITIES
@@ -63,26 +78,49 @@ NAMED = 10
         help="where the background's frame is missing or damaged: stop, leave the frame out and "
         "exit with 3, or hold the last good one")  # fmt: skip
 @option("--no-sound", is_flag=True, help="a video without the film's sound")
+@option("--eyes", type=numbers(2), metavar="METRES,METRES", example="0.064,20", unset="one eye",
+        help="distance of two eyes, and how far away both see the same; %V in names of files is "
+        "left and right")  # fmt: skip
 @dask("the threads of this machine")
 @option("--dask-patience", type=float, default=60.0, metavar="SECONDS", example="600",
         help="how long to wait while the cluster has no worker")  # fmt: skip
 @WORK
 @voice
-def render(
-    words: Words, output: str, frames: str | None, overwrite: bool, bits: str | None,
-    no_sound: bool, output_colorspace: str | None, dask: str | None, dask_patience: float,
-    **given: Any,
-) -> int:  # fmt: skip
+def render(words: Words, output: str, eyes: tuple[float, float] | None, **given: Any) -> int:
     """Render weather over a picture, a film, a sequence, a color such as #203040, or a scene.toml.
 
     Prints the files that are there. Run again, it makes only the frames that are missing.
     """
+    two = "%V" in output
+    if two != (eyes is not None or "%V" in (given["camera"] or "")):
+        raise click.UsageError("two eyes need %V in --output, and --eyes or %V in --camera")
+    if not two:
+        return _render(words, output, None, **given)
+    ends = []
+    for side, view in enumerate(("left", "right")):
+        own: dict[str, Any] = {
+            n: v.replace("%V", view) if isinstance(v, str) else v for n, v in given.items()
+        }
+        own["foreground"] = [name.replace("%V", view) for name in given["foreground"]]
+        ends.append(_render(words, output.replace("%V", view), eyes and (*eyes, side), **own))
+    return max(ends)
+
+
+def _render(
+    words: Words, output: str, eye: tuple[float, float, int] | None, *, frames: str | None,
+    overwrite: bool, bits: str | None, no_sound: bool, output_colorspace: str | None,
+    dask: str | None, dask_patience: float, **given: Any,
+) -> int:  # fmt: skip
+    """Render the frames of one eye."""
     names = OutputFields.__annotations__
     files: Any = {name: given.pop(name) for name in names if name in given if name != "colorspace"}
     files["bits"] = int(bits) if bits is not None and bits.isdigit() else bits
     scene = scene_of(**given)
     if scene._still and (frames is not None or "%" in with_percent(output)):
         scene = scene.replace(fps=scene.fps)
+    if eye is not None:
+        pair = stereo.eyes(scene.camera.camera, distance=eye[0], convergence=eye[1])
+        scene = scene.replace(camera=replace(scene.camera, camera=pair[eye[2]]))
     for line in scene.bent:
         words.say(line)
     if words.verbose:

@@ -48,8 +48,9 @@ def plan_of(program: Program, numbers: Sequence[int], *, probe: bool = True) -> 
     probed = _probed(looks, middle, keyed) if probe else ()
     cold, warm = _traces(program, probed)
     steps = _steps(program, looks, cold, warm)
-    rest = total = None
+    first = rest = total = None
     if warm:
+        first = 1e3 * (sum(cold[0].seconds.values()) + cold[0].outside.seconds)
         rest = 1e3 * float(np.mean([trace.outside.seconds for trace in warm]))
         total = rest + sum(s.share * (s.milliseconds or 0.0) for s in steps if not s.once)
     return Plan(
@@ -59,6 +60,7 @@ def plan_of(program: Program, numbers: Sequence[int], *, probe: bool = True) -> 
         left_out=(*program.left_out, *_left_out(looks)),
         probed=probed,
         milliseconds=total,
+        first=first,
         rest=rest,
         bytes=max((trace.bytes for trace in cold), default=None),
         threads=threads(),

@@ -52,6 +52,7 @@ class Plan:
     probed: tuple[int, ...]  # The frames that were rendered to measure; none without a probe.
     # For a frame: the steps by their shares without what runs once, and rest.
     milliseconds: float | None
+    first: float | None  # Milliseconds of the first frame, with what is made once and kept.
     rest: float | None  # Milliseconds between the steps.
     bytes: int | None  # Most at one time while a frame is rendered, without what the scene holds.
     threads: int  # What the times are for.
@@ -101,6 +102,7 @@ class Plan:
             film = f"frames {first} to {last}: {1e-3 * self.milliseconds * count:.3g} s"
             film = f"frame {first}" if count == 1 else film
             rows.append(("between the steps", "", *_figures(self.rest, None), ""))
+            rows.append(("the first frame", "with what is kept", *_figures(self.first, None), ""))
             rows.append(("a frame", film, *_figures(self.milliseconds, self.bytes), ""))
             title = f"{size}, {self.threads} thread{'s' * (self.threads > 1)}"
             title += f", measured in frame{'s' * (len(self.probed) > 1)} "

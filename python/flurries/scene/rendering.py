@@ -228,8 +228,8 @@ class Rendering(Sources):
         Parameters
         ----------
         frames : str, int or iterable of int, optional
-            As for :meth:`write`. Of a film a few stand for all: the first, the middle and the last,
-            and some where something is keyed.
+            As for :meth:`write`, but one for a still. Of a film a few stand for all: the first, the
+            middle and the last, and some where something is keyed.
         probe : bool
             Whether to render these frames, at most five, twice each: for their memory, and for
             their times on this machine. Without it nothing is rendered.
@@ -246,7 +246,7 @@ class Rendering(Sources):
         from flurries.frame.plan import plan_of
         from flurries.scene.accuracy import accuracy_of
 
-        numbers = frames_of(self, frames)
+        numbers = frames_of(self, frames)[: 1 if frames is None and self._still else None]
         plan = plan_of(self._program, numbers, probe=probe)
         if not accuracy:
             return plan
