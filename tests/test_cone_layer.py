@@ -15,16 +15,13 @@ SHAPE = (30, 40)
 CAMERA = Camera(30.0, rotation=(0.2, -0.4, 0.1))
 
 
-@pytest.mark.parametrize(
-    "given",
-    [
-        {"axis": (0, 1, 0), "phase": 0.0},
-        {"axis": (0.3, 0.9, -0.4), "phase": 0.7, "stretch": 2.5, "repeats": 3, "slope": 0.2},
-        {"axis": (0.1, 0.3, 1.0), "phase": -8.25, "offset": (0.3, -0.7), "gain": 0.5},
-        {"axis": (-1, 0.02, 0), "phase": 1e6 + 0.125, "repeats": 1},
-        {"axis": (0, -1, 0), "phase": 0.3, "repeats": 32},
-    ],
-)
+@pytest.mark.parametrize("given", [
+    {"axis": (0, 1, 0), "phase": 0.0},
+    {"axis": (0.3, 0.9, -0.4), "phase": 0.7, "stretch": 2.5, "repeats": 3, "slope": 0.2},
+    {"axis": (0.1, 0.3, 1.0), "phase": -8.25, "offset": (0.3, -0.7), "gain": 0.5},
+    {"axis": (-1, 0.02, 0), "phase": 1e6 + 0.125, "repeats": 1},
+    {"axis": (0, -1, 0), "phase": 0.3, "repeats": 32},
+])  # fmt: skip
 @pytest.mark.parametrize("size", [8, 33])
 def test_a_layer_is_the_twins(given, size):
     tile = np.random.default_rng(0).random((size, size))

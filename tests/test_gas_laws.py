@@ -38,16 +38,13 @@ def mean_transmittance(footprint, near, far, draws, *, edge):
     return np.mean(values, axis=0), np.std(values, axis=0) / math.sqrt(draws)
 
 
-@pytest.mark.parametrize(
-    ("footprint", "near", "edge", "off"),
-    [
-        ("volume", 2.0, "taper", 0.0),
-        ("volume", 2.0, "square", 0.0),
-        ("viewpoint", 3.0, "taper", 0.0),
-        # Optical depth 1.002 to 1.005 of the exact one at depth 3.
-        ("viewplane_c", 3.0, "taper", 0.005),
-    ],
-)
+@pytest.mark.parametrize(("footprint", "near", "edge", "off"), [
+    ("volume", 2.0, "taper", 0.0),
+    ("volume", 2.0, "square", 0.0),
+    ("viewpoint", 3.0, "taper", 0.0),
+    # Optical depth 1.002 to 1.005 of the exact one at depth 3.
+    ("viewplane_c", 3.0, "taper", 0.005),
+])  # fmt: skip
 def test_the_mean_transmittance_is_kept(footprint, near, edge, off):
     mean, error = mean_transmittance(footprint, near, near + 2.0, 800, edge=edge)
     beta = fl.gas.extinction(9.6, 1.0, RADIUS, DENSITY, edge="disc" if edge == "square" else edge)

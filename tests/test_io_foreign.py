@@ -56,15 +56,12 @@ def test_orientation_is_honoured(tmp_path, orientation):
     assert read_header(tmp_path / "a.jpg").size == picture.size == upright.shape[1::-1]
 
 
-@pytest.mark.parametrize(
-    ("data", "display"),
-    [
-        ((2, 1), (0, 0, 12, 9)),  # smaller than the display
-        ((-3, -2), (0, 0, 4, 3)),  # larger: overscan
-        ((5, -1), (-2, 3, 9, 4)),  # partly outside, origin not at 0
-        ((100, 100), (0, 0, 5, 6)),  # not in it at all
-    ],
-)
+@pytest.mark.parametrize(("data", "display"), [
+    ((2, 1), (0, 0, 12, 9)),  # smaller than the display
+    ((-3, -2), (0, 0, 4, 3)),  # larger: overscan
+    ((5, -1), (-2, 3, 9, 4)),  # partly outside, origin not at 0
+    ((100, 100), (0, 0, 5, 6)),  # not in it at all
+])  # fmt: skip
 def test_the_display_window_is_what_comes(tmp_path, data, display):
     pixels = np.abs(noise((7, 8, 4)))
     write_exr(tmp_path / "a.exr", pixels, ("R", "G", "B", "A"), data=data, display=display)
