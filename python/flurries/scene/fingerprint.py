@@ -105,6 +105,8 @@ class Settings:
     def _take_values(self, table: dict[str, Any]) -> None:
         for name, known in _NOW.items():
             parts = table.get(name, [])
+            if parts == "none":
+                continue
             for part in [parts] if isinstance(parts, dict) else parts:
                 keyed = {key for key, value in part.items() if isinstance(value, dict)}
                 # Densities and sizes, where keyed, are made to one course with the amount.
