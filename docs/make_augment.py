@@ -1,4 +1,4 @@
-"""Print the table of docs/augment.md: the contrast that each severity takes, at three sizes.
+"""Print the table of docs/internals/effects.md: the contrast that each severity takes, at three sizes.
 
 python docs/make_augment.py
 """

@@ -91,7 +91,7 @@ def splat(
     camera : Camera
         Its focal length, principal point and offset are used.
     footprint : str
-        From cheap to exact (``docs/gas.md`` has times and errors):
+        From cheap to exact (``docs/internals/effects.md`` has times and errors):
 
         - "table": the paper's Eq. 2, a table of 65 x 65 laid over whole pixels, for reference.
         - "viewplane": the paper's billboard, too thin off the axis by the cosine of the angle.
