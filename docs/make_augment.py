@@ -1,4 +1,4 @@
-"""Print the table of docs/internals/effects.md: the contrast that each severity takes, at three sizes.
+"""Print a table of docs/internals/effects.md: the contrast that severities take, at three sizes.
 
 python docs/make_augment.py
 """
