@@ -73,8 +73,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     "code", ["io.read_picture(sys.argv[1])", "fl.Scene(sys.argv[1], size=(64, 48)).render(0)"]
 )
 @pytest.mark.parametrize(
-    ("name", "size"),
-    [("huge.png", "23000 x 23000"), ("window.exr", "20000 x 20000")],
+    ("name", "size"), [("huge.png", "23000 x 23000"), ("window.exr", "20000 x 20000")]
 )
 def test_16_8_a_small_file_that_claims_many_pixels(hostile: Path, name: str, size: str, code: str):
     words = said(code, hostile / name)

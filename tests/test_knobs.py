@@ -88,17 +88,14 @@ def test_a_visibility_is_visibility():
     assert fl.Mist("fog", severity=4) == fl.Mist("fog", visibility=100.0)
 
 
-@pytest.mark.parametrize(
-    ("make", "named"),
-    [
-        (lambda: fl.effects.TentRain(rate=3.0, severity=2), "severity and rate"),
-        (lambda: fl.effects.TentSnow(rate=3.0, flakes=10), "rate and flakes"),
-        (lambda: fl.effects.TentRain(severity=3, drops=10), "severity and drops"),
-        (lambda: fl.effects.TentSnow("heavy", severity=3), "severity and a preset"),
-        (lambda: fl.Mist(severity=2, visibility=30.0), "severity and visibility"),
-        (lambda: replace(fl.effects.TentSnow(severity=2), severity=3), "severity"),
-    ],
-)
+@pytest.mark.parametrize(("make", "named"), [
+    (lambda: fl.effects.TentRain(rate=3.0, severity=2), "severity and rate"),
+    (lambda: fl.effects.TentSnow(rate=3.0, flakes=10), "rate and flakes"),
+    (lambda: fl.effects.TentRain(severity=3, drops=10), "severity and drops"),
+    (lambda: fl.effects.TentSnow("heavy", severity=3), "severity and a preset"),
+    (lambda: fl.Mist(severity=2, visibility=30.0), "severity and visibility"),
+    (lambda: replace(fl.effects.TentSnow(severity=2), severity=3), "severity"),
+])  # fmt: skip
 def test_knobs_are_refused_by_name(make: Any, named: str):
     with pytest.raises((TypeError, ValueError), match=named):
         make()

@@ -135,16 +135,13 @@ def test_scene_files_have_lamps_and_a_lens(tmp_path: Any):
     assert np.array_equal(again.render(3), scene.render(3))
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: fl.scene.Lamp(), "needs a place, a direction"),
-        (lambda: fl.scene.Lamp(place=(0, 0, 1), direction=(0, 0, 1)), "a spot has a place"),
-        (lambda: fl.scene.Lamp(direction=(0, 0, 0)), "direction must not be"),
-        (lambda: fl.Scene(size=(8, 8), lights=[3]), "lights must be"),
-        (lambda: fl.Scene(size=(8, 8), lens=2.8), "lens must be"),
-    ],
-)
+@pytest.mark.parametrize(("call", "message"), [
+    (lambda: fl.scene.Lamp(), "needs a place, a direction"),
+    (lambda: fl.scene.Lamp(place=(0, 0, 1), direction=(0, 0, 1)), "a spot has a place"),
+    (lambda: fl.scene.Lamp(direction=(0, 0, 0)), "direction must not be"),
+    (lambda: fl.Scene(size=(8, 8), lights=[3]), "lights must be"),
+    (lambda: fl.Scene(size=(8, 8), lens=2.8), "lens must be"),
+])  # fmt: skip
 def test_refusals(call: Any, message: str):
     with pytest.raises((ValueError, TypeError), match=message):
         call()

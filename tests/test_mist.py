@@ -27,14 +27,10 @@ def cover(shown, t=0.0, **options):
     return shown.layers(t, **options).alpha
 
 
-@pytest.mark.parametrize(
-    ("name", "numbers", "beta"),
-    [
-        ("clouds", (1500, 0.37, 0.4, 0.86), 0.4356),
-        ("mist", (1000, 0.45, 0.15, 0.6), 0.1611),
-        ("fog", (1200, 0.45, 0.4, 0.7), 0.5154),
-    ],
-)
+@pytest.mark.parametrize(("name", "numbers", "beta"), [
+    ("clouds", (1500, 0.37, 0.4, 0.86), 0.4356), ("mist", (1000, 0.45, 0.15, 0.6), 0.1611),
+    ("fog", (1200, 0.45, 0.4, 0.7), 0.5154),
+])  # fmt: skip
 def test_presets_have_the_papers_numbers(name, numbers, beta):
     effect = gas(name)
     assert (effect.count, effect.radius, effect.density, effect.color) == numbers

@@ -80,6 +80,16 @@ def test_energy_of_streaks_of_every_length_and_angle(sigma, length):
             assert abs(energy - 1) < 0.002, (angle, x, energy)
 
 
+def test_an_aspect_stretches_places_and_no_flakes():
+    eye = Camera(200.0, offset=(0.1, -0.2, 0.3), aspect=1.5)
+    alpha = particles.splat((120, 160), [(0.3, 0.1, 4.3)], 0.2, eye, opacity=0.5, dtype="float64")
+    places = np.indices(alpha.shape) + 0.5
+    middle = (places * alpha).sum(axis=(1, 2)) / alpha.sum()
+    assert middle == pytest.approx([60.0 + 300.0 * 0.3 / 4.0, 80.0 + 200.0 * 0.2 / 4.0], abs=1e-3)
+    spread = ((places - middle[:, None, None]) ** 2 * alpha).sum(axis=(1, 2)) / alpha.sum()
+    assert spread[0] == pytest.approx(spread[1], rel=1e-3)
+
+
 def test_the_rim_has_no_step():
     # A flake moves by 1e-4 px; nowhere does alpha change by more than its slope allows.
     for sigma in (0.3, 1.0, 4.0):

@@ -61,19 +61,14 @@ def test_outside_it_goes_on_with_the_end_rates():
     assert np.allclose(held.rate(100, fps=FPS), np.array([3.0, -2.0, 9.0]) / FPS)
 
 
-@every(
-    ("arguments", "forward"),
-    [
-        ({"velocity": (1.0, 1.0, 0.0)}, False),
-        ({"velocity": (0.0, 0.0, -1.0)}, True),
-        ({"velocity": fl.Keys([(0, (0, 0, 0)), (9, (0, 0, 1))])}, True),
-        ({"velocity": fl.Keys([(0, (1, 0, 0)), (9, (0, 1, 0))])}, False),
-        ({"position": [(0, 0, 5), (1, 1, 5)]}, False),
-        ({"position": [(0, 0, 5), (0, 0, 6)]}, True),
-        ({"position": fl.Keys([(0, (0, 0, 5)), (3, (1, 0, 5))])}, False),
-        ({"position": fl.Keys([(0, (0, 0, 5)), (3, (1, 0, 6))])}, True),
-    ],
-)
+@every(("arguments", "forward"), [
+    ({"velocity": (1.0, 1.0, 0.0)}, False), ({"velocity": (0.0, 0.0, -1.0)}, True),
+    ({"velocity": fl.Keys([(0, (0, 0, 0)), (9, (0, 0, 1))])}, True),
+    ({"velocity": fl.Keys([(0, (1, 0, 0)), (9, (0, 1, 0))])}, False),
+    ({"position": [(0, 0, 5), (1, 1, 5)]}, False), ({"position": [(0, 0, 5), (0, 0, 6)]}, True),
+    ({"position": fl.Keys([(0, (0, 0, 5)), (3, (1, 0, 5))])}, False),
+    ({"position": fl.Keys([(0, (0, 0, 5)), (3, (1, 0, 6))])}, True),
+])  # fmt: skip
 def test_whether_it_goes_forward(arguments: dict[str, Any], forward: bool):
     assert fl.CameraPath(LENS, **arguments).goes_along(FORWARD) is forward
 

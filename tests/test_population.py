@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from flurries.particles import sizes as laws
 from flurries.particles.population import Population, slabs_of
-from flurries.particles.sizes import Sizes, drop_mass, drop_speed, rain_of, snow_mass, snow_speed
+from flurries.particles.sizes import Sizes
 from measure import cover
 
 SIZES = Sizes.with_mean(0.003, 0.008, 0.03)
-DENSE = Population(50.0, SIZES, 0.9, snow_speed)
+DENSE = Population(50.0, SIZES, 0.9, laws.snow_speed)
 
 
 @pytest.mark.parametrize("law", [
@@ -42,14 +43,22 @@ def test_rates_are_carried_by_the_flakes_and_drops(rate: float):
     """A sum over a million quantiles of mass times speed, kg per square metre and hour."""
     shares = (np.arange(1_000_000) + 0.5) / 1e6
     for effect, mass, speed in (
-        (fl.Snow(rate=rate), snow_mass, snow_speed),
-        (fl.Rain(rate=rate), drop_mass, drop_speed),
+        (fl.Snow(rate=rate), laws.snow_mass, laws.snow_speed),
+        (fl.Rain(rate=rate), laws.drop_mass, laws.drop_speed),
     ):
         given = effect.flake_size if isinstance(effect, fl.Snow) else effect.drop_size
         at = Sizes.with_mean(*given).quantile(shares)
         carried = 3600.0 * effect.density * float((mass(at) * speed(at)).mean())
         assert carried == pytest.approx(rate, rel=1e-4)
-    assert rain_of(2.0 * rate)[1].mean > rain_of(rate)[1].mean
+    # The middle of the mass of melted diameters, whose number falls as exp(-slope D).
+    d = np.linspace(1e-6, 0.4, 400_001)
+    for (_, sizes), mass, slope in (
+        (laws.snow_of(rate), laws.snow_mass, 2.55 * rate**-0.48),
+        (laws.rain_of(rate), laws.drop_mass, 4.1 * rate**-0.21),
+    ):  # fmt: skip
+        weight = np.exp(-sizes.slope * d) * mass(d)
+        melted = (mass(np.array((weight * d).sum() / weight.sum())) * 6e-3 / math.pi) ** (1.0 / 3.0)
+        assert melted == pytest.approx(4e-3 / slope, rel=1e-4)
 
 
 def test_severities_are_rates():

@@ -124,11 +124,7 @@ def scene_of_two() -> fl.Scene:
     front = np.zeros((H, W, 4), np.float32)
     front[150:, :100] = (0.1, 0.2, 0.05, 0.8)
     return fl.Scene(
-        LIGHT,
-        effects=[TentSnow(flakes=300), TentRain()],
-        depth=30.0,
-        foreground=front,
-        seed=9,
+        LIGHT, effects=[TentSnow(flakes=300), TentRain()], depth=30.0, foreground=front, seed=9
     )
 
 

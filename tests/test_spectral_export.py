@@ -25,17 +25,12 @@ def alphas(**options) -> np.ndarray:
     return fl.spectral.opacity(film, **options)
 
 
-@pytest.mark.parametrize(
-    ("name", "options", "kind", "error"),
-    [
-        ("snow_%04d.png", {}, "uint8", 0.5 / 255),
-        ("snow_%04d.png", {"bits": 16}, "uint16", 0.5 / 65535),
-        ("snow_%04d.tif", {"bits": 8}, "uint8", 0.5 / 255),
-        ("snow_%04d.tif", {}, "float", 0.0),
-        ("snow_%04d.exr", {}, "float", 0.0),
-        ("snow_%04d.exr", {"half": True}, "half", 2.0**-12),
-    ],
-)
+@pytest.mark.parametrize(("name", "options", "kind", "error"), [
+    ("snow_%04d.png", {}, "uint8", 0.5 / 255),
+    ("snow_%04d.png", {"bits": 16}, "uint16", 0.5 / 65535),
+    ("snow_%04d.tif", {"bits": 8}, "uint8", 0.5 / 255), ("snow_%04d.tif", {}, "float", 0.0),
+    ("snow_%04d.exr", {}, "float", 0.0), ("snow_%04d.exr", {"half": True}, "half", 2.0**-12),
+])  # fmt: skip
 def test_files_hold_the_opacity_of_the_loop(tmp_path: Path, name, options, kind, error):
     *files, side = export(tmp_path, name, **options)
     assert [file.name for file in files] == [name % t for t in range(FRAMES)]
@@ -87,20 +82,13 @@ def test_what_is_there_is_not_replaced_unasked(tmp_path: Path):
     assert files[3].read_bytes() != before
 
 
-@pytest.mark.parametrize(
-    ("name", "options", "match"),
-    [
-        ("%d.jpg", {}, "pattern must end"),
-        ("%d.hdr", {}, "pattern must end"),
-        ("%d.mp4", {}, "frame token|pattern"),
-        ("still.png", {}, "frame token"),
-        ("%d.png", {"bits": 12}, "bits"),
-        ("%d.exr", {"bits": 8}, "bits"),
-        ("%d.png", {"overwrite": 1}, "overwrite"),
-        ("%d.png", {"spread": 0.0}, "spread"),
-        ("%d.png", {"amount": 1.5}, "amount"),
-    ],
-)
+@pytest.mark.parametrize(("name", "options", "match"), [
+    ("%d.jpg", {}, "pattern must end"), ("%d.hdr", {}, "pattern must end"),
+    ("%d.mp4", {}, "frame token|pattern"), ("still.png", {}, "frame token"),
+    ("%d.png", {"bits": 12}, "bits"), ("%d.exr", {"bits": 8}, "bits"),
+    ("%d.png", {"overwrite": 1}, "overwrite"), ("%d.png", {"spread": 0.0}, "spread"),
+    ("%d.png", {"amount": 1.5}, "amount"),
+])  # fmt: skip
 def test_refusals_come_before_any_file(tmp_path: Path, name: str, options: dict, match: str):
     with pytest.raises((ValueError, TypeError), match=match):
         export(tmp_path, name, **options)

@@ -13,6 +13,8 @@ from scipy.integrate import solve_ivp
 
 import flurries as fl
 from flurries.effects.gusts import wind_at
+from flurries.motion.keys import Course
+from flurries.motion.waves import Waves, carry
 from measure import FOCAL, LONGEST, scene
 
 Wind, Keys, Snow, Camera = fl.Wind, fl.Keys, fl.effects.TentSnow, fl.camera.Camera
@@ -78,35 +80,60 @@ def test_gusts_travel_with_the_wind():
 
 
 def test_a_field_of_one_s_own_is_met_at_its_samples():
-    wind = Wind(field=GRID, spacing=2.0, duration=3.0, modes=4096)
+    wind, plain = (Wind(field=GRID, modes=4096, **how) for how in (
+        {"spacing": 2.0, "duration": 3.0}, {},
+    ))  # fmt: skip
     t, z, y, x = np.indices(GRID.shape[:4]).reshape(4, -1)
     for time in range(4):
         at = np.stack([x, y, z], axis=1)[t == time] * 2.0
         want = GRID[time].reshape(-1, 3)
         assert np.abs(wind.velocity(at, time * 3.0 / 4) - want).max() < 1e-13
+        # A metre and a second, where nobody says.
+        assert np.abs(plain.velocity(0.5 * at, time / 4) - want).max() < 1e-13
         # It repeats in space and time.
         again = wind.velocity(at + np.array([14.0, -12.0, 10.0]), time * 0.75 + 6.0)
         assert np.abs(again - want).max() < 1e-12
     still = Wind(field=GRID[0], spacing=2.0, modes=4096)
     assert np.abs(still.velocity(at, 123.4) - GRID[0].reshape(-1, 3)).max() < 1e-13
     few = Wind(field=GRID, modes=20)
-    assert len(few.waves.k) == 20
-    kept = [np.sum(np.abs(w.waves.a) ** 2) for w in (few, Wind(field=GRID, modes=4096))]
+    assert len(few.waves.k) == 20 and len(Wind(field=GRID).waves.k) == 64
+    kept = [np.sum(np.abs(w.waves.a) ** 2) for w in (few, plain)]
     assert 0.05 < kept[0] / kept[1] < 0.6
+
+
+@pytest.mark.parametrize(("arguments", "shortest", "longest"), [
+    ({"gusts": 1}, 16.0, 64.0), ({"swirl": 1}, 2.0, 8.0), ({"swirl": 1, "scale": 2}, 0.5, 2.0),
+])  # fmt: skip
+def test_waves_are_as_long_as_the_scale_says(arguments: Any, shortest: float, longest: float):
+    """Evenly over the octaves: of 24 waves the ends are within two shares of them."""
+    octaves = np.log2(np.sort(2.0 * np.pi / np.linalg.norm(Wind(**arguments).waves.k, axis=1)))
+    step = math.log2(longest / shortest) / 24
+    assert np.abs(octaves - np.log2(shortest) - step * (np.arange(24) + 0.5)).max() <= 0.5 * step
+
+
+@pytest.mark.parametrize("rate", [0.0015, 0.0005])
+def test_what_is_carried_swings_about_its_place(rate: float):
+    """By a wave that turns slower than this for as long as a film is: it starts where it is."""
+    one = Waves(np.array([[1.0, 0.0, 0.0]]), np.zeros(1), np.ones((1, 3), complex), np.zeros(1))
+    course = Course(np.empty(0), np.array([[rate, 0.0, 0.0]]))
+    _, turns = carry(one, course, 25.0)
+    for t in (0.0, 300.0, 2000.0):
+        want = (np.exp(1j * rate * t) - (rate < 1e-3)) / (1j * rate)
+        assert np.hypot(*(turns.to(t) - [want.real, want.imag])) < 1e-9 / rate
 
 
 # What it carries ---------------------------------------------------------------------------------
 
 
-def carried_by(wind: fl.Wind, start: np.ndarray, fall: float, seconds: float) -> np.ndarray:
-    """Where points come to that fall through the field along their undisturbed ways."""
-    mean = np.array(wind.mean)
+def carried_by(wind: fl.Wind, start: np.ndarray, fall: Any, t: float) -> np.ndarray:
+    """Where points come to by frame t that fall through the field along their undisturbed ways."""
+    mean, falls = (v if isinstance(v, Keys) else Keys([(0, v)]) for v in (wind.mean, fall))
 
-    def rate(t: float, y: np.ndarray) -> np.ndarray:
-        base = start + t * (mean + np.array([0.0, fall, 0.0]))
-        return (wind.velocity(base, t) - mean).ravel()
+    def rate(t: float, _: np.ndarray) -> np.ndarray:
+        way = np.array(mean.integral(t)) + np.array([0.0, falls.integral(t), 0.0])
+        return (wind.velocity(start + way / 30.0, t / 30.0) - mean.at(0.0)).ravel() / 30.0
 
-    got = solve_ivp(rate, (0.0, seconds), np.zeros(start.size), rtol=1e-11, atol=1e-12)
+    got = solve_ivp(rate, (0.0, t), np.zeros(start.size), rtol=1e-11, atol=1e-12)
     return got.y[:, -1].reshape(-1, 3)
 
 
@@ -127,28 +154,19 @@ def blown(wind: fl.Wind, times: Sequence[float], fall: Any = 1.4) -> tuple[np.nd
     return np.array(places[: len(times)]), np.array(places[len(times) :])
 
 
-@pytest.mark.parametrize("t", [12.0, 75.5, -20.0])
-def test_flakes_are_displaced_by_the_integral_along_their_way(t: float):
-    wind = WINDS["both"]
-    (first, later), (start, calm) = blown(wind, (0.0, t))
+KEYED = Wind(Keys([(0, (1.0, 0.0, 0.0)), (40, (-2.0, 0.5, 1.0))]), gusts=0.8, seed=2)
+
+
+@pytest.mark.parametrize(("wind", "fall", "t"), [
+    (WINDS["both"], 1.4, 12.0), (WINDS["both"], 1.4, 75.5), (WINDS["both"], 1.4, -20.0),
+    (KEYED, Keys([(10, 1.0), (30, 2.0)]), 60.0),
+])  # fmt: skip
+def test_flakes_are_displaced_by_the_integral_along_their_way(wind: Any, fall: Any, t: float):
+    (first, later), (start, calm) = blown(wind, (0.0, t), fall)
     # The same flakes as without gusts, each displaced; where the swings begin is free.
-    want = carried_by(wind, start, 1.4, t / 30.0)
+    want = carried_by(wind, start, fall, t)
     assert np.abs((later - calm) - (first - start) - want).max() < 1e-8
     assert np.abs(want).max() > 0.05
-
-
-def test_a_keyed_wind_is_integrated_too():
-    wind = Wind(Keys([(0, (1.0, 0.0, 0.0)), (40, (-2.0, 0.5, 1.0))]), gusts=0.8, seed=2)
-    (first, later), (start, calm) = blown(wind, (0.0, 60.0), Keys([(10, 1.0), (30, 2.0)]))
-    mean, fall = wind.mean, Keys([(10, 1.0), (30, 2.0)])
-
-    def rate(t: float, _: np.ndarray) -> np.ndarray:
-        way = np.array(mean.integral(t)) + np.array([0.0, fall.integral(t), 0.0])
-        there = wind.velocity(start + way / 30.0, t / 30.0) - mean.at(0.0)
-        return there.ravel() / 30.0
-
-    got = solve_ivp(rate, (0.0, 60.0), np.zeros(start.size), rtol=1e-10, atol=1e-11).y[:, -1]
-    assert np.abs(((later - calm) - (first - start)).ravel() - got).max() < 1e-7
 
 
 def test_gusts_stay_bounded_for_ever():

@@ -62,13 +62,9 @@ def integer(name: str, value: object, *, low: int, high: int) -> int:
 
 
 def real(
-    name: str,
-    value: object,
-    *,
-    low: float = -math.inf,
-    high: float = math.inf,
+    name: str, value: object, *, low: float = -math.inf, high: float = math.inf,
     above: float = -math.inf,
-) -> float:
+) -> float:  # fmt: skip
     """Return `value` as a finite float with low <= value <= high and value > above."""
     if isinstance(value, (str, bytes, bool, np.bool_, complex, np.complexfloating)):
         raise TypeError(f"{name} must be a real number, got {_came(value)}")

@@ -136,13 +136,9 @@ def anaglyph(
 
 
 def side_by_side(
-    left: npt.ArrayLike,
-    right: npt.ArrayLike,
-    *,
-    cross: bool = False,
-    squeeze: bool = False,
+    left: npt.ArrayLike, right: npt.ArrayLike, *, cross: bool = False, squeeze: bool = False,
     out: Array | None = None,
-) -> Array:
+) -> Array:  # fmt: skip
     """Return both pictures next to each other.
 
     Parameters

@@ -60,18 +60,12 @@ class Corrupted:
 
 
 def corrupt(
-    folder: str | os.PathLike[str],
-    out: str | os.PathLike[str],
-    *,
-    weather: str | Sequence[str] = "snow",
-    severity: int | str | Sequence[int] = (1, 2, 3, 4, 5),
-    profile: Profile = "natural",
-    seed: int = 0,
-    workers: int | None = None,
-    dask: str | None = None,
-    overwrite: bool = False,
+    folder: str | os.PathLike[str], out: str | os.PathLike[str], *,
+    weather: str | Sequence[str] = "snow", severity: int | str | Sequence[int] = (1, 2, 3, 4, 5),
+    profile: Profile = "natural", seed: int = 0, workers: int | None = None,
+    dask: str | None = None, overwrite: bool = False,
     progress: Callable[[Iterable[Any]], Iterable[Any]] | None = None,
-) -> Corrupted:
+) -> Corrupted:  # fmt: skip
     """Write every picture of a folder in weather.
 
     Parameters

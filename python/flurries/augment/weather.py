@@ -34,15 +34,9 @@ class Weather(Recorded):
     ) -> tuple[Array, Array]: ...  # fmt: skip
 
     def __call__(
-        self,
-        image: npt.ArrayLike,
-        *,
-        index: int | None = None,
-        time: float | None = None,
-        depth: Depth = None,
-        return_layer: bool = False,
-        out: Array | None = None,
-    ) -> Any:
+        self, image: npt.ArrayLike, *, index: int | None = None, time: float | None = None,
+        depth: Depth = None, return_layer: bool = False, out: Array | None = None,
+    ) -> Any:  # fmt: skip
         """Return the picture in this weather.
 
         Parameters
@@ -87,15 +81,9 @@ class Weather(Recorded):
         return seen if layer is None else (seen, layer)
 
     def clip(
-        self,
-        frames: npt.ArrayLike,
-        *,
-        index: int | None = None,
-        fps: float = 30.0,
-        time: float = 0.0,
-        depth: Depth = None,
-        return_layer: bool = False,
-    ) -> Any:
+        self, frames: npt.ArrayLike, *, index: int | None = None, fps: float = 30.0,
+        time: float = 0.0, depth: Depth = None, return_layer: bool = False,
+    ) -> Any:  # fmt: skip
         """Return the frames of one film in one weather that moves.
 
         Parameters
@@ -124,13 +112,9 @@ class Weather(Recorded):
         return self._stacked(given, records, depth, times, return_layer, rate)
 
     def batch(
-        self,
-        images: npt.ArrayLike,
-        *,
-        index: int | Sequence[int] | None = None,
-        depth: Depth = None,
-        return_layer: bool = False,
-    ) -> Any:
+        self, images: npt.ArrayLike, *, index: int | Sequence[int] | None = None,
+        depth: Depth = None, return_layer: bool = False,
+    ) -> Any:  # fmt: skip
         """Return pictures, each in a weather of its own.
 
         Parameters
@@ -162,16 +146,9 @@ class Weather(Recorded):
         return self._stacked(given, records, depth, [0.0] * count, return_layer)
 
     def pair(
-        self,
-        left: npt.ArrayLike,
-        right: npt.ArrayLike,
-        *,
-        index: int | None = None,
-        time: float = 0.0,
-        depth: Depth = None,
-        distance: float = 0.12,
-        return_layer: bool = False,
-    ) -> Any:
+        self, left: npt.ArrayLike, right: npt.ArrayLike, *, index: int | None = None,
+        time: float = 0.0, depth: Depth = None, distance: float = 0.12, return_layer: bool = False,
+    ) -> Any:  # fmt: skip
         """Return both pictures of a rectified stereo pair in one weather.
 
         Parameters
@@ -205,20 +182,10 @@ class Weather(Recorded):
         return (*seen, *layers) if layers[0] is not None else seen
 
     def apply(
-        self,
-        image: Any,
-        *,
-        index: int | None = None,
-        time: float | None = None,
-        fps: float = 30.0,
-        depth: Depth = None,
-        boxes: Any = None,
-        masks: Any = None,
-        flow: Any = None,
-        motion: bool = False,
-        eye: Literal["left", "right"] | None = None,
-        distance: float = 0.12,
-    ) -> Any:
+        self, image: Any, *, index: int | None = None, time: float | None = None, fps: float = 30.0,
+        depth: Depth = None, boxes: Any = None, masks: Any = None, flow: Any = None,
+        motion: bool = False, eye: Literal["left", "right"] | None = None, distance: float = 0.12,
+    ) -> Any:  # fmt: skip
         """Return a picture in this weather with its labels; or those of a film or a stereo pair.
 
         Parameters

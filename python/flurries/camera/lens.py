@@ -13,25 +13,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import (
-    LARGEST,
-    SMALLEST,
-    Array,
-    Float64,
-    real,
-    rows_of,
-    shape_of,
-    suggesting,
-    table,
-    vector,
-)
+from flurries import _contract as check
+from flurries._contract import LARGEST, SMALLEST, Array, Float64
 from flurries._kept import kept
 from flurries.camera.rotation import rotation_matrix
 
 __all__ = ["Camera", "image_velocity", "project"]
 
 
-@suggesting
+@check.suggesting
 @dataclass(frozen=True)
 class Camera:
     """A pinhole camera.
@@ -63,13 +53,15 @@ class Camera:
 
     def __post_init__(self) -> None:
         settle = object.__setattr__
-        settle(self, "focal", real("focal", self.focal, low=SMALLEST, high=LARGEST))
+        settle(self, "focal", check.real("focal", self.focal, low=SMALLEST, high=LARGEST))
         if self.center is not None:
-            settle(self, "center", tuple(vector("center", self.center, 2).tolist()))
-        settle(self, "offset", tuple(vector("offset", self.offset, 3).tolist()))
-        settle(self, "center_shift", tuple(vector("center_shift", self.center_shift, 2).tolist()))
-        settle(self, "rotation", tuple(vector("rotation", self.rotation, 3).tolist()))
-        settle(self, "aspect", real("aspect", self.aspect, low=0.05, high=20.0))
+            settle(self, "center", tuple(check.vector("center", self.center, 2).tolist()))
+        settle(self, "offset", tuple(check.vector("offset", self.offset, 3).tolist()))
+        settle(
+            self, "center_shift", tuple(check.vector("center_shift", self.center_shift, 2).tolist())
+        )
+        settle(self, "rotation", tuple(check.vector("rotation", self.rotation, 3).tolist()))
+        settle(self, "aspect", check.real("aspect", self.aspect, low=0.05, high=20.0))
 
     def derive(self, **changes: Any) -> Camera:
         """Return the camera with some values changed, without checks."""
@@ -129,9 +121,9 @@ def project(
     depth : (n,) float64
         z in camera axes, world units.
     """
-    given = rows_of("points", points, 3)
+    given = check.rows_of("points", points, 3)
     view = expect_camera(camera, stretched=True)
-    size = shape_of("shape", shape)
+    size = check.shape_of("shape", shape)
     px, depth = seen_at(given @ view.matrix() - np.array(view.offset), view, size)
     px[depth <= 0.0] = np.nan
     return px, depth
@@ -147,14 +139,9 @@ def seen_at(local: Float64, camera: Camera, shape: tuple[int, int]) -> tuple[Flo
 
 
 def image_velocity(
-    points_px: npt.ArrayLike,
-    depth: npt.ArrayLike,
-    velocity: npt.ArrayLike,
-    camera: Camera,
-    shape: tuple[int, int],
-    *,
-    rotation: npt.ArrayLike = (0.0, 0.0, 0.0),
-) -> Float64:
+    points_px: npt.ArrayLike, depth: npt.ArrayLike, velocity: npt.ArrayLike, camera: Camera,
+    shape: tuple[int, int], *, rotation: npt.ArrayLike = (0.0, 0.0, 0.0),
+) -> Float64:  # fmt: skip
     """Velocities of the images of points of the air.
 
     Parameters
@@ -181,18 +168,20 @@ def image_velocity(
         (``docs/internals/deviations.md``, 17). Pure translation vanishes at the focus of expansion
         ``f (Tx, Ty) / Tz``.
     """
-    given = rows_of("points_px", points_px, 2)
+    given = check.rows_of("points_px", points_px, 2)
     view = expect_camera(camera, stretched=True)
-    size = shape_of("shape", shape)
+    size = check.shape_of("shape", shape)
     # One number comes as an array of one.
-    distance = table("depth", depth, ndim=None).reshape(np.shape(depth))
+    distance = check.table("depth", depth, ndim=None).reshape(np.shape(depth))
     if distance.ndim not in (0, 1) or (distance.ndim == 1 and distance.shape != given.shape[:1]):
         raise ValueError(f"depth must be a number or {len(given)} of them, got {distance.shape}")
     if not (distance > 0.0).all():
         raise ValueError(f"depth must be positive, got {distance.min()}")
-    omega = vector("rotation", rotation, 3)
+    omega = check.vector("rotation", rotation, 3)
     # An eye beside the axis of rotation is carried along by it.
-    tx, ty, tz = vector("velocity", velocity, 3) @ view.matrix() + np.cross(omega, view.offset)
+    tx, ty, tz = check.vector("velocity", velocity, 3) @ view.matrix() + np.cross(
+        omega, view.offset
+    )
     fx, fy = view.focals
     x, y = (given - np.array(view.principal(size))).T
     flow = np.stack([tz * x - fx * tx, tz * y - fy * ty], axis=1)

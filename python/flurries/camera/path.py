@@ -245,8 +245,9 @@ class CameraPath:
     def goes_along(self, axis: Float64) -> bool:
         """Whether the camera ever moves along a direction of the house axes, (3,)."""
         if self.velocity is not None:
-            keys = self.velocity.keys if isinstance(self.velocity, Keys) else [(0, self.velocity)]
-            return any(np.dot(axis, value) != 0.0 for _, value in keys)
+            keyed = isinstance(self.velocity, Keys)
+            values = self.velocity.columns[1] if keyed else [self.velocity]
+            return any(np.dot(axis, value) != 0.0 for value in values)
         if self._places is None:
             return False
         return bool((np.diff(self._places.columns[1], axis=0) @ axis != 0.0).any())

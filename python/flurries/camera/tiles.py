@@ -7,17 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import (
-    OVERLAP,
-    SMALLEST,
-    TILE,
-    Float64,
-    output,
-    real,
-    shape_of,
-    tile_of,
-    vector,
-)
+from flurries import _contract as check
+from flurries._contract import OVERLAP, SMALLEST, TILE, Float64
 from flurries.camera.lens import Camera, expect_camera, rotational
 from flurries.spectral.tiles import starts
 
@@ -25,15 +16,9 @@ __all__ = ["tile_drift", "tile_shift", "tile_zoom"]
 
 
 def tile_drift(
-    shape: tuple[int, int],
-    displacement: npt.ArrayLike,
-    camera: Camera,
-    *,
-    near_depth: float,
-    tile: int | tuple[int, int] = TILE,
-    overlap: int = OVERLAP,
-    out: Float64 | None = None,
-) -> Float64:
+    shape: tuple[int, int], displacement: npt.ArrayLike, camera: Camera, *, near_depth: float,
+    tile: int | tuple[int, int] = TILE, overlap: int = OVERLAP, out: Float64 | None = None,
+) -> Float64:  # fmt: skip
     """Drift of every tile of :func:`flurries.spectral.field` for a moving camera.
 
     Parameters
@@ -56,22 +41,17 @@ def tile_drift(
         principal point. Exact for sideways motion of any size; to first order in forward motion.
     """
     view, x, y, result = _asked(shape, camera, tile, overlap, out)
-    near = real("near_depth", near_depth, low=SMALLEST)
-    moved = vector("displacement", displacement, 3)
+    near = check.real("near_depth", near_depth, low=SMALLEST)
+    moved = check.vector("displacement", displacement, 3)
     drift_at(x, y, moved + view.offset, view.focals, result)
     result /= near
     return result
 
 
 def tile_shift(
-    shape: tuple[int, int],
-    rotation: npt.ArrayLike,
-    camera: Camera,
-    *,
-    tile: int | tuple[int, int] = TILE,
-    overlap: int = OVERLAP,
-    out: Float64 | None = None,
-) -> Float64:
+    shape: tuple[int, int], rotation: npt.ArrayLike, camera: Camera, *,
+    tile: int | tuple[int, int] = TILE, overlap: int = OVERLAP, out: Float64 | None = None,
+) -> Float64:  # fmt: skip
     """Shift of every tile of :func:`flurries.spectral.field` for a turning camera.
 
     Parameters
@@ -91,18 +71,13 @@ def tile_shift(
         (``docs/internals/deviations.md``, 17).
     """
     view, x, y, result = _asked(shape, camera, tile, overlap, out)
-    return shift_at(x, y, vector("rotation", rotation, 3), view, result)
+    return shift_at(x, y, check.vector("rotation", rotation, 3), view, result)
 
 
 def tile_zoom(
-    shape: tuple[int, int],
-    growth: float,
-    camera: Camera,
-    *,
-    tile: int | tuple[int, int] = TILE,
-    overlap: int = OVERLAP,
-    out: Float64 | None = None,
-) -> Float64:
+    shape: tuple[int, int], growth: float, camera: Camera, *, tile: int | tuple[int, int] = TILE,
+    overlap: int = OVERLAP, out: Float64 | None = None,
+) -> Float64:  # fmt: skip
     """Shift of every tile of :func:`flurries.spectral.field` for a lens that zooms.
 
     Parameters
@@ -120,7 +95,7 @@ def tile_zoom(
         content moves, whatever its depth.
     """
     _, x, y, result = _asked(shape, camera, tile, overlap, out)
-    part = real("growth", growth)
+    part = check.real("growth", growth)
     result[..., 0], result[..., 1] = part * x[None, :], part * y[:, None]
     return result
 
@@ -129,9 +104,9 @@ def _asked(
     shape: object, camera: object, tile: Any, overlap: Any, out: Any
 ) -> tuple[Camera, Float64, Float64, Float64]:
     """Return checked arguments: the eye, the middles of tiles, and the array to fill."""
-    size, view = shape_of("shape", shape), expect_camera(camera, stretched=True)
-    x, y = tile_middles(size, view, *tile_of(tile, overlap))
-    return view, x, y, output(out, (len(y), len(x), 2), np.dtype(np.float64))
+    size, view = check.shape_of("shape", shape), expect_camera(camera, stretched=True)
+    x, y = tile_middles(size, view, *check.tile_of(tile, overlap))
+    return view, x, y, check.output(out, (len(y), len(x), 2), np.dtype(np.float64))
 
 
 # The same for numbers that are checked.

@@ -176,10 +176,8 @@ def _matrices(values: Float64) -> Float64:
 
 def _rates(frames: Float64, matrices: Float64, vectors: Float64 | None) -> Float64:
     """Return radians per frame between keys, the shortest way or the one that vectors mean."""
-    if len(frames) == 1:
-        return np.zeros((1, 3))
-    rates = np.empty((len(frames) - 1, 3))
-    for i in range(len(rates)):
+    rates = np.zeros((max(len(frames) - 1, 1), 3))
+    for i in range(len(frames) - 1):
         turn = rotation_vector(matrices[i].T @ matrices[i + 1])
         angle = float(np.linalg.norm(turn))
         if vectors is not None and angle > 0.0:

@@ -10,17 +10,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import (
-    LARGEST,
-    SMALLEST,
-    Float64,
-    each_of,
-    integer,
-    moderate,
-    real,
-    require,
-    table,
-)
+from flurries import _contract as check
+from flurries._contract import LARGEST, SMALLEST, Float64
 from flurries.cone.sheet import MOST_REPEATS, wrapped
 
 __all__ = ["Path", "State", "path"]
@@ -86,7 +77,7 @@ class Path:
         Before the first and after the last time velocity and exposure stay what they are there;
         between two times they are linear, and the phase an integral.
         """
-        t = real("time", time)
+        t = check.real("time", time)
         times = self.times
         i = max(bisect.bisect_right(times, t) - 1, 0)
         part = 0.0
@@ -109,17 +100,10 @@ class Path:
 
 
 def path(
-    times: npt.ArrayLike,
-    drop: npt.ArrayLike,
-    camera: npt.ArrayLike = (0.0, 0.0, 0.0),
-    *,
-    damping: float = 1.0,
-    exposure: npt.ArrayLike = 1.0 / 60.0,
-    length: float = 0.02,
-    radius: float = 2.0,
-    repeats: int = 4,
-    still: float = STILL,
-) -> Path:
+    times: npt.ArrayLike, drop: npt.ArrayLike, camera: npt.ArrayLike = (0.0, 0.0, 0.0), *,
+    damping: float = 1.0, exposure: npt.ArrayLike = 1.0 / 60.0, length: float = 0.02,
+    radius: float = 2.0, repeats: int = 4, still: float = STILL,
+) -> Path:  # fmt: skip
     """Return axis, phase and stretch of the cone for a whole way of the camera.
 
     With v = drop - damping camera the axis is v / |v|, at first (0, 1, 0). Below `still` it stays
@@ -159,24 +143,24 @@ def path(
     >>> alpha = fl.cone.layer((90, 120), fl.Camera(150.0), fl.cone.rain_tile(64, seed=1),
     ...                       axis=state.axis, phase=state.phase, stretch=state.stretch)
     """
-    moments = moderate("times", table("times", times, ndim=1))
+    moments = check.moderate("times", check.table("times", times, ndim=1))
     count = len(moments)
     if count == 0:
         raise ValueError("times must hold at least one time, got none")
     steps = np.diff(moments)
     rising = np.append(True, steps >= 0.0)
-    require("times", moments, rising, "no less than the time before")
+    check.require("times", moments, rising, "no less than the time before")
     fallen, moved = (
-        moderate(name, each_of(name, value, count, (3,)))
+        check.moderate(name, check.each_of(name, value, count, (3,)))
         for name, value in (("drop", drop), ("camera", camera))
     )
-    velocity = fallen - real("damping", damping, low=0.0, high=1.0) * moved
-    around = integer("repeats", repeats, low=1, high=MOST_REPEATS)
-    tile = 2.0 * math.pi * real("radius", radius, low=SMALLEST, high=LARGEST) / around
-    slow = real("still", still, above=0.0)
-    seconds = moderate("exposure", each_of("exposure", exposure, count))
-    require("exposure", seconds, seconds >= 0.0, "at least 0")
-    blur = seconds / real("length", length, above=0.0, high=LARGEST)
+    velocity = fallen - check.real("damping", damping, low=0.0, high=1.0) * moved
+    around = check.integer("repeats", repeats, low=1, high=MOST_REPEATS)
+    tile = 2.0 * math.pi * check.real("radius", radius, low=SMALLEST, high=LARGEST) / around
+    slow = check.real("still", still, above=0.0)
+    seconds = check.moderate("exposure", check.each_of("exposure", exposure, count))
+    check.require("exposure", seconds, seconds >= 0.0, "at least 0")
+    blur = seconds / check.real("length", length, above=0.0, high=LARGEST)
     velocity, blur = np.broadcast_to(velocity, (count, 3)), np.broadcast_to(blur, count)
     axis, speed = np.empty((count, 3)), np.empty(count)
     last = DOWN

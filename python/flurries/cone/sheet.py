@@ -9,21 +9,9 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _contract as check
 from flurries import _core
-from flurries._contract import (
-    Array,
-    Float64,
-    flag,
-    float_dtype,
-    integer,
-    output,
-    pixels,
-    real,
-    rows_of,
-    shape_of,
-    shares,
-    vector,
-)
+from flurries._contract import Array, Float64
 from flurries.camera.lens import Camera, expect_camera
 
 __all__ = ["Rays", "layer", "rays"]
@@ -65,14 +53,9 @@ class Rays:
 
 
 def rays(
-    shape: tuple[int, int],
-    camera: Camera,
-    *,
-    axis: npt.ArrayLike,
-    slope: float = 0.0,
-    radius: float = math.inf,
-    points_px: npt.ArrayLike | None = None,
-) -> Rays:
+    shape: tuple[int, int], camera: Camera, *, axis: npt.ArrayLike, slope: float = 0.0,
+    radius: float = math.inf, points_px: npt.ArrayLike | None = None,
+) -> Rays:  # fmt: skip
     """Return the places on a double cone that the pixels see.
 
     Parameters
@@ -87,13 +70,13 @@ def rays(
     Rays
         Planes (H, W), or rows (n,) for `points_px`.
     """
-    size = shape_of("shape", shape)
+    size = check.shape_of("shape", shape)
     given = pose(size, camera, axis, slope, radius)
     wanted: tuple[int, ...] = size
     if points_px is None:
         places = np.mgrid[: size[0], : size[1]][::-1].reshape(2, -1).T + 0.5
     else:
-        places = rows_of("points_px", points_px, 2)
+        places = check.rows_of("points_px", points_px, 2)
         wanted = (len(places),)
     values = np.empty((len(places), 5))
     _core.cone_rays(values, np.ascontiguousarray(places), given)
@@ -106,8 +89,8 @@ def pose(
     """Return the pose of a camera in a cone, as a kernel takes it."""
     view = expect_camera(camera)
     x, y = view.principal(shape)
-    cone = real("slope", slope, low=0.0, high=1e6)
-    way = vector("axis", axis, 3)
+    cone = check.real("slope", slope, low=0.0, high=1e6)
+    way = check.vector("axis", axis, 3)
     if not way.any():
         raise ValueError(f"axis must not be zero, got {tuple(way.tolist())}")
     # No negative zeros.
@@ -125,26 +108,15 @@ def reach_of(radius: object) -> float:
     """Return the radius of a cone, which may be infinite."""
     if isinstance(radius, float) and radius == math.inf:
         return math.inf
-    return real("radius", radius, above=0.0)
+    return check.real("radius", radius, above=0.0)
 
 
 def layer(
-    shape: tuple[int, int],
-    camera: Camera,
-    tile: npt.ArrayLike,
-    *,
-    axis: npt.ArrayLike,
-    phase: float,
-    stretch: float = 1.0,
-    slope: float = 0.0,
-    repeats: int = 4,
-    offset: tuple[float, float] = (0.0, 0.0),
-    gain: float = 1.0,
-    conserve: bool = True,
-    radius: float = math.inf,
-    dtype: npt.DTypeLike = np.float32,
-    out: Array | None = None,
-) -> Array:
+    shape: tuple[int, int], camera: Camera, tile: npt.ArrayLike, *, axis: npt.ArrayLike,
+    phase: float, stretch: float = 1.0, slope: float = 0.0, repeats: int = 4,
+    offset: tuple[float, float] = (0.0, 0.0), gain: float = 1.0, conserve: bool = True,
+    radius: float = math.inf, dtype: npt.DTypeLike = np.float32, out: Array | None = None,
+) -> Array:  # fmt: skip
     """Return the alpha of one texture on a double cone around the camera (Wang 2004, corrected).
 
     A pixel at azimuth a (turns) and height w sees the texture around
@@ -184,19 +156,19 @@ def layer(
     (H, W) array
         Alpha, 0 to 1; against 10 x 10 supersampling the mean error is below 0.012.
     """
-    size = shape_of("shape", shape)
-    kind = float_dtype(dtype)
+    size = check.shape_of("shape", shape)
+    kind = check.float_dtype(dtype)
     texture = texture_of(tile)
-    length = real("stretch", stretch, low=1e-6, high=1e6)
+    length = check.real("stretch", stretch, low=1e-6, high=1e6)
     given = pose(size, camera, axis, slope, radius)
-    place = vector("offset", offset, 2)
-    strength = real("gain", gain, low=0.0, high=1e6)
-    if flag("conserve", conserve):
+    place = check.vector("offset", offset, 2)
+    strength = check.real("gain", gain, low=0.0, high=1e6)
+    if check.flag("conserve", conserve):
         strength /= length
-    result = output(out, size, kind, texture)
+    result = check.output(out, size, kind, texture)
     sheet = (
-        integer("repeats", repeats, low=1, high=MOST_REPEATS),
-        wrapped(real("phase", phase)),
+        check.integer("repeats", repeats, low=1, high=MOST_REPEATS),
+        wrapped(check.real("phase", phase)),
         length,
         (wrapped(float(place[0])), wrapped(float(place[1]))),
         strength,
@@ -214,11 +186,11 @@ def wrapped(tiles: float) -> float:
 
 def texture_of(tile: Any) -> Float64:
     """Return a square, finite texture of opacities in float64."""
-    texture, _ = pixels("tile", tile, ndim=2)
+    texture, _ = check.pixels("tile", tile, ndim=2)
     if texture.shape[0] != texture.shape[1]:
         raise ValueError(f"tile must be square, got shape {texture.shape}")
     if len(texture) > LARGEST_TILE:
         raise ValueError(f"tile must be at most {LARGEST_TILE} texels wide, got {len(texture)}")
     texture = np.ascontiguousarray(texture, dtype=np.float64)
-    shares("tile", texture)
+    check.shares("tile", texture)
     return texture

@@ -9,22 +9,9 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _contract as check
 from flurries import _core
-from flurries._contract import (
-    Array,
-    _came,
-    aligned,
-    flag,
-    float_dtype,
-    integer,
-    is_pair,
-    output,
-    plane_of,
-    real,
-    shape_of,
-    table,
-    vector,
-)
+from flurries._contract import Array
 from flurries._kept import kept
 from flurries.camera.lens import Camera, expect_camera
 from flurries.cone.sheet import MOST_REPEATS, Pose, layer, pose, reach_of, wrapped
@@ -54,23 +41,12 @@ Sheet: TypeAlias = tuple[int, int, int, float, float]
 
 
 def layers(
-    shape: tuple[int, int],
-    camera: Camera,
-    tile: npt.ArrayLike | Texture,
-    *,
-    axis: npt.ArrayLike,
-    phase: float,
-    stretch: float = 1.0,
-    slope: float = 0.0,
-    repeats: int = 4,
-    gains: npt.ArrayLike = 1.0,
-    conserve: bool = True,
-    radius: float = math.inf,
-    depth: npt.ArrayLike | None = None,
-    rows: tuple[int, int] | None = None,
-    dtype: npt.DTypeLike = np.float32,
-    out: Array | None = None,
-) -> Array:
+    shape: tuple[int, int], camera: Camera, tile: npt.ArrayLike | Texture, *, axis: npt.ArrayLike,
+    phase: float, stretch: float = 1.0, slope: float = 0.0, repeats: int = 4,
+    gains: npt.ArrayLike = 1.0, conserve: bool = True, radius: float = math.inf,
+    depth: npt.ArrayLike | None = None, rows: tuple[int, int] | None = None,
+    dtype: npt.DTypeLike = np.float32, out: Array | None = None,
+) -> Array:  # fmt: skip
     """Return the joint alpha of four layers of one texture, each smaller and farther away.
 
     They repeat 1, 2, 4 and 8 times `repeats` times around, and stand for cones as many times as
@@ -105,25 +81,25 @@ def layers(
     >>> rain = fl.cone.Texture(fl.cone.rain_tile(128, seed=1))
     >>> alpha = fl.cone.layers((90, 120), fl.Camera(150.0), rain, axis=(0, 1, 0), phase=0.1)
     """
-    size = shape_of("shape", shape)
-    kind = float_dtype(dtype)
-    eye, way = expect_camera(camera), tuple(vector("axis", axis, 3).tolist())
-    moved = wrapped(real("phase", phase))
-    length = real("stretch", stretch, low=1e-6, high=1e6)
-    around = integer("repeats", repeats, low=1, high=MOST_REPEATS)
-    lean, reach = real("slope", slope, low=0.0, high=1e6), reach_of(radius)
-    strengths = table("gains", gains, ndim=None)
+    size = check.shape_of("shape", shape)
+    kind = check.float_dtype(dtype)
+    eye, way = expect_camera(camera), tuple(check.vector("axis", axis, 3).tolist())
+    moved = wrapped(check.real("phase", phase))
+    length = check.real("stretch", stretch, low=1e-6, high=1e6)
+    around = check.integer("repeats", repeats, low=1, high=MOST_REPEATS)
+    lean, reach = check.real("slope", slope, low=0.0, high=1e6), reach_of(radius)
+    strengths = check.table("gains", gains, ndim=None)
     if strengths.shape not in ((1,), (4,)) or not (strengths >= 0.0).all():
         raise ValueError("gains must be one number or 4, none negative")
     each = list(zip(MULTIPLES, OFFSETS, np.broadcast_to(strengths, 4).tolist(), strict=True))
-    shared = flag("conserve", conserve)
+    shared = check.flag("conserve", conserve)
     start, stop = _rows_of(rows, size[0])
     # Blocks lie where they lie in the whole picture.
     top = start - start % BLOCK
     apart = depth is not None or size[0] * size[1] > LARGEST_CHART
     course = around, length, top if apart else 0
     view = _view(size, eye, way, lean, reach, course, stop if apart else size[0])
-    shown = None if depth is None else _before(depth, size, view, real("radius", reach))
+    shown = None if depth is None else _before(depth, size, view, check.real("radius", reach))
     if kind == np.float64:
         exact = tile.tile if isinstance(tile, Texture) else tile
         rest = np.ones((stop - start, size[1]))
@@ -136,9 +112,9 @@ def layers(
             if shown is not None:
                 alpha *= shown[start - top :, : size[1]] > index
             rest *= 1.0 - alpha
-        return np.subtract(1.0, rest, out=output(out, rest.shape, kind))
+        return np.subtract(1.0, rest, out=check.output(out, rest.shape, kind))
     texture = tile if isinstance(tile, Texture) else Texture(tile)
-    result = output(out, (stop - start, size[1]), kind)
+    result = check.output(out, (stop - start, size[1]), kind)
     whole = result if top == start else np.empty((stop - top, size[1]), np.float32)
     full, texels = texture._peak / (length if shared else 1.0), math.log2(len(texture.tile))
     sheets = [
@@ -221,7 +197,7 @@ def _view(
 def _before(depth: npt.ArrayLike, size: tuple[int, int], view: _View, radius: float) -> Array:
     """Return the number of layers, nearest first, before a depth map, of a view's rows."""
     top, height = view.course[2], view.shape[0]
-    part = aligned(plane_of("depth", depth, size)[top : top + height], np.float32)
+    part = check.aligned(check.plane_of("depth", depth, size)[top : top + height], np.float32)
     counts = np.zeros((height, -(-size[1] // BLOCK) * BLOCK), np.uint8)
     radii = [radius * factor for factor in MULTIPLES]
     _core.cone_shown(counts, part, view.poses[0], radii, top)
@@ -239,10 +215,10 @@ def _rows_of(rows: Any, height: int) -> tuple[int, int]:
     """Return the rows that are asked for."""
     if rows is None:
         return 0, height
-    if not is_pair(rows):
-        raise TypeError(f"rows must be (start, stop), got {_came(rows)}")
-    start = integer("rows[0]", rows[0], low=0, high=height - 1)
-    return start, integer("rows[1]", rows[1], low=start + 1, high=height)
+    if not check.is_pair(rows):
+        raise TypeError(f"rows must be (start, stop), got {check._came(rows)}")
+    start = check.integer("rows[0]", rows[0], low=0, high=height - 1)
+    return start, check.integer("rows[1]", rows[1], low=start + 1, high=height)
 
 
 def _word(tiles: float) -> int:

@@ -21,17 +21,10 @@ MOST_DROPS = 1_000_000
 
 
 def rain_tile(
-    size: int,
-    *,
-    seed: int,
-    drops: int = 220,
-    width: float = 0.003,
-    length: float = 0.03,
-    spread: float = 0.5,
-    opacity: float = 0.8,
-    dtype: npt.DTypeLike = np.float32,
+    size: int, *, seed: int, drops: int = 220, width: float = 0.003, length: float = 0.03,
+    spread: float = 0.5, opacity: float = 0.8, dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
-) -> Array:
+) -> Array:  # fmt: skip
     """Return a toroidal texture of raindrops.
 
     Parameters
@@ -64,16 +57,9 @@ def rain_tile(
 
 
 def snow_tile(
-    size: int,
-    *,
-    seed: int,
-    flakes: int = 160,
-    width: float = 0.012,
-    spread: float = 0.9,
-    opacity: float = 0.85,
-    dtype: npt.DTypeLike = np.float32,
-    out: Array | None = None,
-) -> Array:
+    size: int, *, seed: int, flakes: int = 160, width: float = 0.012, spread: float = 0.9,
+    opacity: float = 0.85, dtype: npt.DTypeLike = np.float32, out: Array | None = None,
+) -> Array:  # fmt: skip
     """Return a toroidal texture of snowflakes: Gaussian discs.
 
     Parameters and result are those of :func:`rain_tile`; `width` is two sigma of a flake, tiles.

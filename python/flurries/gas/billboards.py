@@ -22,13 +22,9 @@ FORMS = get_args(Form)
 
 
 def projection_error(
-    centers: npt.ArrayLike,
-    radius: npt.ArrayLike,
-    *,
-    near: float = 1.0,
-    form: Form = "exact",
+    centers: npt.ArrayLike, radius: npt.ArrayLike, *, near: float = 1.0, form: Form = "exact",
     out: Float64 | None = None,
-) -> Float64:
+) -> Float64:  # fmt: skip
     """Return the error of a billboard's right edge on the viewplane.
 
     Parameters
@@ -74,14 +70,9 @@ def projection_error(
 
 
 def parallax_error(
-    centers: npt.ArrayLike,
-    radius: npt.ArrayLike,
-    *,
-    near: float = 1.0,
-    eye_distance: float,
-    form: Form = "exact",
-    out: Float64 | None = None,
-) -> Float64:
+    centers: npt.ArrayLike, radius: npt.ArrayLike, *, near: float = 1.0, eye_distance: float,
+    form: Form = "exact", out: Float64 | None = None,
+) -> Float64:  # fmt: skip
     """Return the error of the parallax of a billboard's right edge (section 3.3).
 
     Parameters

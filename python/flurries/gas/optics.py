@@ -7,20 +7,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _contract as check
 from flurries import _core
-from flurries._contract import (
-    LARGEST,
-    SMALLEST,
-    Array,
-    Float64,
-    choice,
-    integer,
-    output,
-    real,
-    require,
-    table,
-    vector,
-)
+from flurries._contract import LARGEST, SMALLEST, Array, Float64
 from flurries.gas.splatting import gas_of
 
 __all__ = ["extinction", "footprint_table", "light", "phase", "visibility"]
@@ -52,8 +41,8 @@ def footprint_table(size: int, *, intervals: int = 100, out: Float64 | None = No
         exp(-(x^2 + y^2)/2) at x = -3 + 6 i / (n - 1) of column i, y likewise: over the value at the
         origin, at most 1.
     """
-    n = integer("size", size, low=1, high=8192)
-    steps = integer("intervals", intervals, low=1, high=1_000_000)
+    n = check.integer("size", size, low=1, high=8192)
+    steps = check.integer("intervals", intervals, low=1, high=1_000_000)
     x = np.linspace(-3.0, 3.0, n) if n > 1 else np.zeros(1)
     # The two halves of the axis mirror each other exactly.
     x = 0.5 * (x - x[::-1])
@@ -61,7 +50,7 @@ def footprint_table(size: int, *, intervals: int = 100, out: Float64 | None = No
     heights = np.exp(-0.5 * w * w)
     line = (heights.sum() - 0.5 * (heights[0] + heights[-1])) * (6.0 / steps)
     across = np.exp(-0.5 * x * x)
-    result = output(out, (n, n), np.dtype(np.float64))
+    result = check.output(out, (n, n), np.dtype(np.float64))
     np.multiply(np.outer(across, across), line, out=result)
     result /= line
     return result
@@ -93,12 +82,15 @@ def extinction(
     >>> round(fl.gas.extinction(1200, 5**3, 0.45, 0.4), 4)  # the paper's fog
     0.5154
     """
-    number = real("count", count, low=0.0, high=LARGEST)
-    space = real("volume", volume, low=SMALLEST, high=LARGEST)
-    size = real("radius", radius, low=SMALLEST, high=LARGEST)
-    opacity = real("density", density, low=0.0, high=1.0)
+    number = check.real("count", count, low=0.0, high=LARGEST)
+    space = check.real("volume", volume, low=SMALLEST, high=LARGEST)
+    size = check.real("radius", radius, low=SMALLEST, high=LARGEST)
+    opacity = check.real("density", density, low=0.0, high=1.0)
     return (
-        number / space * opacity * (AREAS[choice("edge", edge, tuple(AREAS))] * (size / 3.0) ** 2)
+        number
+        / space
+        * opacity
+        * (AREAS[check.choice("edge", edge, tuple(AREAS))] * (size / 3.0) ** 2)
     )
 
 
@@ -117,21 +109,16 @@ def visibility(beta: float, *, contrast: float = 0.05) -> float:
     float
         -log(contrast) / beta, world units. As well the extinction that gives a visibility `beta`.
     """
-    share = real("contrast", contrast, above=0.0)
+    share = check.real("contrast", contrast, above=0.0)
     if share >= 1.0:
         raise ValueError(f"contrast must be less than 1, got {share!r}")
-    return float(-np.log(share)) / real("beta", beta, low=SMALLEST)
+    return float(-np.log(share)) / check.real("beta", beta, low=SMALLEST)
 
 
 def light(
-    centers: npt.ArrayLike,
-    radius: npt.ArrayLike,
-    density: npt.ArrayLike,
-    direction: npt.ArrayLike,
-    *,
-    forward: float = 0.5,
-    out: Float64 | None = None,
-) -> Float64:
+    centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike, direction: npt.ArrayLike,
+    *, forward: float = 0.5, out: Float64 | None = None,
+) -> Float64:  # fmt: skip
     """Return the share of the light that reaches each particle through the others (Harris 2001).
 
     The time grows with n^2: 2 ms for 1500 particles, 10 s for 100,000.
@@ -152,12 +139,12 @@ def light(
         exp(-(1 - forward) beta L), beta the :func:`extinction`.
     """
     gas = gas_of(centers, radius, density)
-    way = vector("direction", direction, 3)
+    way = check.vector("direction", direction, 3)
     length = math.sqrt(float(way @ way))
     if not length > 0.0:
         raise ValueError(f"direction must not be zero, got {way.tolist()}")
-    share = real("forward", forward, low=0.0, high=1.0)
-    result = output(out, (len(gas.centers),), np.dtype(np.float64), *vars(gas).values())
+    share = check.real("forward", forward, low=0.0, high=1.0)
+    result = check.output(out, (len(gas.centers),), np.dtype(np.float64), *vars(gas).values())
     x, y, z = (way / length).tolist()
     _core.gas_light(result, gas, (x, y, z), share)
     return result
@@ -180,9 +167,9 @@ def phase(cosine: npt.ArrayLike, *, kind: str = "rayleigh", asymmetry: float = 0
     array
         The mean over the sphere is 1.
     """
-    c = table("cosine", cosine, ndim=None)
-    require("cosine", c, np.abs(c) <= 1.0 + 1e-9, "from -1 to 1")
-    if choice("kind", kind, ("rayleigh", "henyey")) == "rayleigh":
+    c = check.table("cosine", cosine, ndim=None)
+    check.require("cosine", c, np.abs(c) <= 1.0 + 1e-9, "from -1 to 1")
+    if check.choice("kind", kind, ("rayleigh", "henyey")) == "rayleigh":
         return np.asarray(0.75 * (1.0 + c * c))
-    g = real("asymmetry", asymmetry, low=-0.99, high=0.99)
+    g = check.real("asymmetry", asymmetry, low=-0.99, high=0.99)
     return np.asarray((1.0 - g * g) / (1.0 + g * g - 2.0 * g * c) ** 1.5)

@@ -8,24 +8,9 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _contract as check
 from flurries import _core
-from flurries._contract import (
-    LARGEST,
-    SMALLEST,
-    Array,
-    Float64,
-    choice,
-    each_of,
-    float_dtype,
-    moderate,
-    output,
-    plane_of,
-    real,
-    require,
-    rows_of,
-    shape_of,
-    table,
-)
+from flurries._contract import LARGEST, SMALLEST, Array, Float64
 from flurries.camera.lens import Camera, expect_camera
 
 __all__ = ["alpha", "splat"]
@@ -54,23 +39,12 @@ class Gas:
 
 
 def splat(
-    shape: tuple[int, int],
-    centers: npt.ArrayLike,
-    radius: npt.ArrayLike,
-    density: npt.ArrayLike,
-    color: npt.ArrayLike,
-    camera: Camera,
-    *,
-    footprint: Footprint = "viewplane_c",
-    edge: Edge = "taper",
-    near: float = 0.1,
-    near_mode: NearMode = "fade",
-    depth: npt.ArrayLike | None = None,
-    occlusion: Occlusion = "soft",
-    error: float | None = None,
-    dtype: npt.DTypeLike = np.float32,
-    out: Array | None = None,
-) -> Array:
+    shape: tuple[int, int], centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike,
+    color: npt.ArrayLike, camera: Camera, *, footprint: Footprint = "viewplane_c",
+    edge: Edge = "taper", near: float = 0.1, near_mode: NearMode = "fade",
+    depth: npt.ArrayLike | None = None, occlusion: Occlusion = "soft", error: float | None = None,
+    dtype: npt.DTypeLike = np.float32, out: Array | None = None,
+) -> Array:  # fmt: skip
     """Return the image of a gas as a layer for `over` (Johnson 2005, sections 2 and 3).
 
     A particle is a Gaussian of sigma = radius / 3 in every direction. Its opacity on a pixel is
@@ -137,22 +111,12 @@ def splat(
 
 
 def alpha(
-    shape: tuple[int, int],
-    centers: npt.ArrayLike,
-    radius: npt.ArrayLike,
-    density: npt.ArrayLike,
-    camera: Camera,
-    *,
-    footprint: Footprint = "viewplane_c",
-    edge: Edge = "taper",
-    near: float = 0.1,
-    near_mode: NearMode = "fade",
-    depth: npt.ArrayLike | None = None,
-    occlusion: Occlusion = "soft",
-    error: float | None = None,
-    dtype: npt.DTypeLike = np.float32,
+    shape: tuple[int, int], centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike,
+    camera: Camera, *, footprint: Footprint = "viewplane_c", edge: Edge = "taper",
+    near: float = 0.1, near_mode: NearMode = "fade", depth: npt.ArrayLike | None = None,
+    occlusion: Occlusion = "soft", error: float | None = None, dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
-) -> Array:
+) -> Array:  # fmt: skip
     """Return the opacity of a gas: the alpha that :func:`splat` gives for one color, bit by bit.
 
     Parameters
@@ -176,16 +140,16 @@ def _drawn(
     manner: tuple[Any, ...], depth: npt.ArrayLike | None, dtype: npt.DTypeLike, out: Array | None,
 ) -> Array:  # fmt: skip
     """Return the light and alpha of a gas of colors, or its alpha alone."""
-    size = shape_of("shape", shape)
-    kind = float_dtype(dtype)
+    size = check.shape_of("shape", shape)
+    kind = check.float_dtype(dtype)
     sight = lens_of(camera, size), manner_of(kind, *manner)
     ground = None
     if depth is not None:
-        ground = plane_of("depth", depth, size)
+        ground = check.plane_of("depth", depth, size)
         if np.isnan(ground.min()):
             raise ValueError("depth must not be NaN: infinity says that nothing stands there")
     inputs = [one for one in (*vars(gas).values(), colors, ground) if one is not None]
-    result = output(out, size if colors is None else (*size, 4), kind, *inputs)
+    result = check.output(out, size if colors is None else (*size, 4), kind, *inputs)
     if colors is None:
         _core.gas_alpha(result, gas, *sight, ground)
     else:
@@ -206,17 +170,20 @@ def sorted_gas(
 
 def gas_of(centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike) -> Gas:
     """Return particles as the kernels take them, or refuse them."""
-    places = moderate("centers", rows_of("centers", centers, 3))
-    sizes, cover = each_of("radius", radius, len(places)), each_of("density", density, len(places))
+    places = check.moderate("centers", check.rows_of("centers", centers, 3))
+    sizes, cover = (
+        check.each_of("radius", radius, len(places)),
+        check.each_of("density", density, len(places)),
+    )
     wanted = f"from {SMALLEST:g} to {LARGEST:g}"
-    require("radius", sizes, (sizes >= SMALLEST) & (sizes <= LARGEST), wanted)
-    require("density", cover, (cover >= 0.0) & (cover <= 1.0), "from 0 to 1")
+    check.require("radius", sizes, (sizes >= SMALLEST) & (sizes <= LARGEST), wanted)
+    check.require("density", cover, (cover >= 0.0) & (cover <= 1.0), "from 0 to 1")
     return Gas(places, sizes, cover)
 
 
 def colors_of(color: npt.ArrayLike, count: int) -> Float64:
     """Return (1, 3) or (count, 3) numbers."""
-    values = moderate("color", table("color", color, ndim=None))
+    values = check.moderate("color", check.table("color", color, ndim=None))
     if values.shape == (3,):
         return values.reshape(1, 3)
     if values.shape in ((1,), (count,)):
@@ -243,12 +210,14 @@ def manner_of(
     error: float | None,
 ) -> tuple[str, str, float, str, bool, float]:  # fmt: skip
     """Return the manner in which gas is drawn, as plain values."""
-    limit = FINISHED[kind.name] if error is None else real("error", error, low=0.0, high=0.999)
+    limit = (
+        FINISHED[kind.name] if error is None else check.real("error", error, low=0.0, high=0.999)
+    )
     return (
-        choice("footprint", footprint, FOOTPRINTS),
-        choice("edge", edge, EDGES),
-        real("near", near, low=SMALLEST, high=LARGEST),
-        choice("near_mode", near_mode, NEAR_MODES),
-        choice("occlusion", occlusion, OCCLUSIONS) == "hard",
+        check.choice("footprint", footprint, FOOTPRINTS),
+        check.choice("edge", edge, EDGES),
+        check.real("near", near, low=SMALLEST, high=LARGEST),
+        check.choice("near_mode", near_mode, NEAR_MODES),
+        check.choice("occlusion", occlusion, OCCLUSIONS) == "hard",
         limit,
     )

@@ -146,13 +146,9 @@ Vector: TypeAlias = tuple[float, ...] | Keys
 
 
 def as_number(
-    name: str,
-    value: object,
-    *,
-    low: float = -math.inf,
-    high: float = math.inf,
+    name: str, value: object, *, low: float = -math.inf, high: float = math.inf,
     above: float = -math.inf,
-) -> Number:
+) -> Number:  # fmt: skip
     """Return a number or keyed numbers, each within the range."""
     if not isinstance(value, Keys):
         return real(name, value, low=low, high=high, above=above)

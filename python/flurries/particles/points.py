@@ -11,25 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _contract as check
 from flurries import _core
-from flurries._contract import (
-    MOST_ELEMENTS,
-    Array,
-    Float64,
-    _came,
-    each_of,
-    float_dtype,
-    integer,
-    is_pair,
-    output,
-    plane_of,
-    real,
-    rectangular,
-    rows_of,
-    seed_of,
-    shape_of,
-    vector,
-)
+from flurries._contract import MOST_ELEMENTS, Array, Float64
 from flurries.camera.lens import Camera, expect_camera
 
 
@@ -67,12 +51,14 @@ def positions(
         Row i is flake i's (x, y, z), absolute, world units. Without sway the offset from the centre
         lies in [-B/2, B/2) on each axis, up to the rounding of the sum with the centre.
     """
-    number = integer("count", count, low=0, high=MOST_ELEMENTS // 3)
+    number = check.integer("count", count, low=0, high=MOST_ELEMENTS // 3)
     sides, middle = _box(box, center)
-    rate = each_of("velocity", velocity, number, (3,))
-    result = output(out, (number, 3), np.dtype(np.float64), rate)
+    rate = check.each_of("velocity", velocity, number, (3,))
+    result = check.output(out, (number, 3), np.dtype(np.float64), rate)
     swing = None if sway is None else _sway(sway)
-    _core.particle_positions(result, sides, middle, seed_of(seed), rate, real("time", time), swing)
+    _core.particle_positions(
+        result, sides, middle, check.seed_of(seed), rate, check.real("time", time), swing
+    )
     return result
 
 
@@ -94,9 +80,9 @@ def sway_offsets(
         Row i is amplitude * (sin(w t + phi1), 0, sin(w t + phi2)), world units, the phases hashed
         for flake i. Their difference over an exposure, over it, is the sway's part of a velocity.
     """
-    number = integer("count", count, low=0, high=MOST_ELEMENTS // 3)
-    result = output(out, (number, 3), np.dtype(np.float64))
-    _core.particle_sway_offsets(result, seed_of(seed), real("time", time), _sway(sway))
+    number = check.integer("count", count, low=0, high=MOST_ELEMENTS // 3)
+    result = check.output(out, (number, 3), np.dtype(np.float64))
+    _core.particle_sway_offsets(result, check.seed_of(seed), check.real("time", time), _sway(sway))
     return result
 
 
@@ -119,9 +105,9 @@ def edge_fade(
         The product over the axes of 1 - smoothstep(0.85, 1, 2 |p - c| / B), from 0 at the walls
         (and outside) to 1; to be multiplied into the opacity.
     """
-    place = rows_of("points", points, 3)
+    place = check.rows_of("points", points, 3)
     sides, middle = _box(box, center)
-    result = output(out, (len(place),), np.dtype(np.float64), place)
+    result = check.output(out, (len(place),), np.dtype(np.float64), place)
     _core.particle_edge_fade(result, place, sides, middle)
     return result
 
@@ -171,9 +157,9 @@ def splat(
         0.2 %. The footprint goes smoothly to 0 from 3 to 4 sigma_e. Flakes whose image is farther
         out or wider than 1e30 px are left out.
     """
-    size, kind = shape_of("shape", shape), float_dtype(dtype)
+    size, kind = check.shape_of("shape", shape), check.float_dtype(dtype)
     flakes, inputs = _read(size, points, radius, camera, opacity, velocity, shutter, near, depth)
-    result = output(out, size, kind, *inputs)
+    result = check.output(out, size, kind, *inputs)
     _core.particle_splat(result, *flakes)
     return result
 
@@ -192,9 +178,9 @@ def ids(
         The row in `points` of the flake whose own opacity at the pixel's centre is the greatest,
         the first of equals; -1 outside all footprints. A footprint ends where its opacity is 0.
     """
-    size = shape_of("shape", shape)
+    size = check.shape_of("shape", shape)
     flakes, inputs = _read(size, points, radius, camera, opacity, velocity, shutter, near, depth)
-    result = output(out, size, np.dtype(np.int32), *inputs)
+    result = check.output(out, size, np.dtype(np.int32), *inputs)
     _core.particle_ids(result, *flakes)
     return result
 
@@ -205,13 +191,18 @@ def _read(
     depth: npt.ArrayLike | None,
 ) -> tuple[tuple[Any, ...], list[npt.NDArray[Any]]]:  # fmt: skip
     """Return flakes as the kernels read them, and the arrays that no output may overlap."""
-    place = rows_of("points", points, 3)
+    place = check.rows_of("points", points, 3)
     aspect = expect_camera(camera, stretched=True).aspect
-    width, cover = each_of("radius", radius, len(place)), each_of("opacity", opacity, len(place))
-    rate = each_of("velocity", np.zeros(3) if velocity is None else velocity, len(place), (3,))
-    exposure = real("shutter", shutter, low=0.0)
-    closest = real("near", near, above=0.0)
-    map_ = None if depth is None else plane_of("depth", depth, shape)
+    width, cover = (
+        check.each_of("radius", radius, len(place)),
+        check.each_of("opacity", opacity, len(place)),
+    )
+    rate = check.each_of(
+        "velocity", np.zeros(3) if velocity is None else velocity, len(place), (3,)
+    )
+    exposure = check.real("shutter", shutter, low=0.0)
+    closest = check.real("near", near, above=0.0)
+    map_ = None if depth is None else check.plane_of("depth", depth, shape)
     inputs = [place, width, cover, rate, *([] if map_ is None else [map_])]
     if aspect != 1.0:
         # Everything is as much higher as pixels are.
@@ -223,12 +214,12 @@ def _read(
 
 
 def _box(box: npt.ArrayLike, center: npt.ArrayLike) -> tuple[Any, Any]:
-    one = rectangular("box", box).ndim == 0
-    sides = [real("box", box, above=0.0)] * 3 if one else vector("box", box, 3).tolist()
-    return sides, vector("center", center, 3).tolist()
+    one = check.rectangular("box", box).ndim == 0
+    sides = [check.real("box", box, above=0.0)] * 3 if one else check.vector("box", box, 3).tolist()
+    return sides, check.vector("center", center, 3).tolist()
 
 
 def _sway(sway: Any) -> tuple[float, float]:
-    if not is_pair(sway):
-        raise TypeError(f"sway must be (amplitude, angular_frequency), got {_came(sway)}")
-    return real("sway[0]", sway[0]), real("sway[1]", sway[1])
+    if not check.is_pair(sway):
+        raise TypeError(f"sway must be (amplitude, angular_frequency), got {check._came(sway)}")
+    return check.real("sway[0]", sway[0]), check.real("sway[1]", sway[1])

@@ -109,10 +109,10 @@ class Planes:
         """Return what frame floor(t) has."""
         if self.files is None and not self.steps:
             return self.given
-        place = 0 if self.files is None else self.files.place(t)
+        place = None if self.files is None else self.files.place(t)
         return self.last.of((place,), lambda: self._made(place))
 
-    def _made(self, place: int) -> Any:
+    def _made(self, place: int | None) -> Any:
         made = self.given if self.files is None else self.files.source.frame(place)
         for step in self.steps:
             made = step(made)

@@ -254,17 +254,12 @@ class Rendering(Sources):
 
     @takes_output
     def write(
-        self,
-        pattern: str | Path,
-        frames: Frames = None,
-        *,
-        eyes: Mapping[str, Camera] | None = None,
-        overwrite: bool = False,
-        dask: Client | str | bool | None = None,
-        dask_patience: float = 60.0,
+        self, pattern: str | Path, frames: Frames = None, *,
+        eyes: Mapping[str, Camera] | None = None, overwrite: bool = False,
+        dask: Client | str | bool | None = None, dask_patience: float = 60.0,
         progress: Callable[[Iterable[int]], Iterable[int]] | None = None,
         **output: Unpack[OutputFields],
-    ) -> Summary:
+    ) -> Summary:  # fmt: skip
         """Render frames to files: a sequence, a film or a still.
 
         Each file has a line in ``flurries.jsonl`` beside it, with its hash and all that it depends

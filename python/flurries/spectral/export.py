@@ -27,27 +27,13 @@ INTEGERS, FLOATS = (".png", ".tif", ".tiff"), (".exr", ".tif", ".tiff")
 
 
 def export_loop(
-    pattern: str | os.PathLike[str],
-    frames: int,
-    shape: tuple[int, int],
-    velocity: npt.ArrayLike,
-    *,
-    seed: int,
-    wavelengths: tuple[float, float] = BANDS["paper"],
-    exponent: float = 1.0,
-    alias: Aliasing = "keep",
-    soft_from: float = SOFT_FROM,
-    shutter: float = 0.0,
-    jitter: bool = False,
-    mean: float = 0.5,
-    spread: float = 3.0,
-    power: float = 2.0,
-    amount: float = 1.0,
-    bits: int | None = None,
-    half: bool = False,
-    overwrite: bool = False,
+    pattern: str | os.PathLike[str], frames: int, shape: tuple[int, int], velocity: npt.ArrayLike,
+    *, seed: int, wavelengths: tuple[float, float] = BANDS["paper"], exponent: float = 1.0,
+    alias: Aliasing = "keep", soft_from: float = SOFT_FROM, shutter: float = 0.0,
+    jitter: bool = False, mean: float = 0.5, spread: float = 3.0, power: float = 2.0,
+    amount: float = 1.0, bits: int | None = None, half: bool = False, overwrite: bool = False,
     progress: Callable[[Iterable[int]], Iterable[int]] | None = None,
-) -> list[Path]:
+) -> list[Path]:  # fmt: skip
     """Write a loop of snow as textures that repeat in x, y and time.
 
     Parameters

@@ -8,25 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _contract as check
 from flurries import _core
-from flurries._contract import (
-    LARGEST,
-    MOST_ELEMENTS,
-    OVERLAP,
-    Array,
-    Float64,
-    _came,
-    bounded,
-    float_dtype,
-    integer,
-    output,
-    real,
-    rectangular,
-    seed_of,
-    shape_of,
-    table,
-    tile_of,
-)
+from flurries._contract import LARGEST, MOST_ELEMENTS, OVERLAP, Array, Float64
 
 # Larger flakes are drawn one by one: in a texture they would cost a second each.
 _LARGEST_FLAKE = 1000.0
@@ -61,20 +45,13 @@ def complex_dtype(dtype: npt.DTypeLike) -> np.dtype[np.complexfloating]:
         for known in (np.dtype(np.complex64), np.dtype(np.complex128)):
             if dtype is not None and np.dtype(dtype) == known:
                 return known
-    raise TypeError(f"dtype must be complex64 or complex128, got {_came(dtype)}")
+    raise TypeError(f"dtype must be complex64 or complex128, got {check._came(dtype)}")
 
 
 def flake_patterns(
-    tile: int,
-    *,
-    counts: npt.ArrayLike,
-    diameters: npt.ArrayLike,
-    opacity: float = 0.9,
-    patterns: int = 8,
-    shear: float = 0.0,
-    seed: int,
-    dtype: npt.DTypeLike = np.complex64,
-) -> Array:
+    tile: int, *, counts: npt.ArrayLike, diameters: npt.ArrayLike, opacity: float = 0.9,
+    patterns: int = 8, shear: float = 0.0, seed: int, dtype: npt.DTypeLike = np.complex64,
+) -> Array:  # fmt: skip
     """Spectra of flakes at random places, for the layers of a texture.
 
     Parameters
@@ -118,11 +95,13 @@ def flake_patterns(
     >>> round(float(drawn.sum() / (0.9 * np.pi / 12 * 7)), 3)
     40.0
     """
-    (size, _), _ = tile_of(integer("tile", tile, low=1, high=2**15), 0)
-    numbers = table("counts", counts, ndim=1)
+    (size, _), _ = check.tile_of(check.integer("tile", tile, low=1, high=2**15), 0)
+    numbers = check.table("counts", counts, ndim=1)
     if not numbers.size or not ((numbers >= 0.0) & (numbers <= 1e9)).all():
-        raise ValueError(f"counts must be at least one number from 0 to 1e9, got {_came(counts)}")
-    sizes = table("diameters", diameters, ndim=2)
+        raise ValueError(
+            f"counts must be at least one number from 0 to 1e9, got {check._came(counts)}"
+        )
+    sizes = check.table("diameters", diameters, ndim=2)
     if sizes.shape != (numbers.size, 2):
         raise ValueError(
             f"diameters must be two for each of the {numbers.size} counts, got {sizes.shape}"
@@ -130,22 +109,22 @@ def flake_patterns(
     if not ((sizes > 0.0) & (sizes <= _LARGEST_FLAKE)).all() or (sizes[:, 0] > sizes[:, 1]).any():
         raise ValueError(
             f"diameters must be above 0, at most {_LARGEST_FLAKE:g} px and the smaller one first, "
-            f"got {_came(diameters)}"
+            f"got {check._came(diameters)}"
         )
-    middle = real("opacity", opacity, low=0.0, high=1.0)
-    number = integer("patterns", patterns, low=1, high=2**16)
-    slant = real("shear", shear, low=-_MOST_SHEAR, high=_MOST_SHEAR)
+    middle = check.real("opacity", opacity, low=0.0, high=1.0)
+    number = check.integer("patterns", patterns, low=1, high=2**16)
+    slant = check.real("shear", shear, low=-_MOST_SHEAR, high=_MOST_SHEAR)
     shape = (numbers.size, number, size, size // 2 + 1)
     if np.prod(shape, dtype=float) > MOST_ELEMENTS:
         raise ValueError(f"patterns must hold at most {MOST_ELEMENTS} waves, got {shape}")
     result = np.empty(shape, complex_dtype(dtype))
-    _core.flake_patterns(result, numbers, sizes, (slant, middle, seed_of(seed)))
+    _core.flake_patterns(result, numbers, sizes, (slant, middle, check.seed_of(seed)))
     return result
 
 
 def _spectra(value: object) -> Array:
     """Return patterns as C-contiguous complex64 or complex128."""
-    array = rectangular("patterns", value)
+    array = check.rectangular("patterns", value)
     if array.dtype.kind not in "iufc" or array.dtype.itemsize > 16:
         raise TypeError(f"patterns must be an array of complex numbers, got {array.dtype}")
     wide = np.complex64 if array.dtype in (np.complex64, np.float32, np.float16) else np.complex128
@@ -159,7 +138,7 @@ def _spectra(value: object) -> Array:
 
 def _vectors(name: str, value: object, layers: int, tiles: tuple[int, int]) -> Float64:
     """Return (rows or 1, cols or 1, L, 2)."""
-    array = bounded(name, value)
+    array = check.bounded(name, value)
     if array.shape == (layers, 2):
         return array.reshape(1, 1, layers, 2)
     if array.shape == (*tiles, layers, 2):
@@ -171,19 +150,11 @@ def _vectors(name: str, value: object, layers: int, tiles: tuple[int, int]) -> F
 
 
 def optical_depth(
-    shape: tuple[int, int],
-    patterns: npt.ArrayLike,
-    *,
-    drift: npt.ArrayLike,
-    velocity: npt.ArrayLike | None = None,
-    shutter: float = 0.0,
-    gain: npt.ArrayLike | None = None,
-    shear: float = 0.0,
-    seed: int | None,
-    overlap: int = OVERLAP,
-    dtype: npt.DTypeLike = np.float32,
+    shape: tuple[int, int], patterns: npt.ArrayLike, *, drift: npt.ArrayLike,
+    velocity: npt.ArrayLike | None = None, shutter: float = 0.0, gain: npt.ArrayLike | None = None,
+    shear: float = 0.0, seed: int | None, overlap: int = OVERLAP, dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
-) -> Array:
+) -> Array:  # fmt: skip
     """Optical depth of layers of flakes, in overlapping tiles.
 
     Parameters
@@ -231,10 +202,10 @@ def optical_depth(
     >>> depth.shape, depth.dtype.name, bool(depth.min() >= 0.0)
     ((480, 640), 'float32', True)
     """
-    size = shape_of("shape", shape)
+    size = check.shape_of("shape", shape)
     spectra = _spectra(patterns)
     layers, number, tile, _ = spectra.shape
-    _, shared = tile_of(tile, overlap)
+    _, shared = check.tile_of(tile, overlap)
     rows, cols = (_core.tile_count(length, tile, shared) for length in size)
     if rows * cols * layers > _MOST_TERMS:
         raise ValueError(
@@ -242,23 +213,25 @@ def optical_depth(
             f"of {layers} layers"
         )
     drifts = _vectors("drift", drift, layers, (rows, cols))
-    exposure = real("shutter", shutter, low=0.0, high=LARGEST)
+    exposure = check.real("shutter", shutter, low=0.0, high=LARGEST)
     if velocity is None and exposure > 0.0:
         raise ValueError(f"velocity is needed for shutter={exposure:g}, got None")
     speeds = None if velocity is None else _vectors("velocity", velocity, layers, (rows, cols))
     streak = None if speeds is None or exposure == 0.0 else speeds * exposure
-    gains = np.ones(layers) if gain is None else table("gain", gain, ndim=1)
+    gains = np.ones(layers) if gain is None else check.table("gain", gain, ndim=1)
     if gains.shape != (layers,) or np.abs(gains).max() > _MOST_GAIN:
-        raise ValueError(f"gain must be {layers} numbers up to {_MOST_GAIN:g}, got {_came(gain)}")
-    slant = real("shear", shear, low=-_MOST_SHEAR, high=_MOST_SHEAR)
+        raise ValueError(
+            f"gain must be {layers} numbers up to {_MOST_GAIN:g}, got {check._came(gain)}"
+        )
+    slant = check.real("shear", shear, low=-_MOST_SHEAR, high=_MOST_SHEAR)
     given = [spectra, drifts, gains, *([] if speeds is None else [speeds])]
-    result = output(out, size, float_dtype(dtype), *given)
+    result = check.output(out, size, check.float_dtype(dtype), *given)
     if seed is None:
         pattern = (np.arange(layers, dtype=np.int32) * number).reshape(1, 1, -1)
         shift = drifts
     else:
         pattern, shift = np.empty((rows, cols, layers), np.int32), np.empty((rows, cols, layers, 2))
-        _core.flake_choices(pattern, shift, seed_of(seed), number, tile)
+        _core.flake_choices(pattern, shift, check.seed_of(seed), number, tile)
         shift += drifts
     means = spectra[:, 0, 0, 0].real.astype(np.float64)
     asked = Request(

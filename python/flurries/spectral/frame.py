@@ -20,19 +20,11 @@ PLAIN = Texture()
 
 
 def field(
-    shape: tuple[int, int],
-    *,
-    seed: int,
-    texture: Texture = PLAIN,
-    drift: npt.ArrayLike = NOWHERE,
-    shift: npt.ArrayLike = NOWHERE,
-    velocity: npt.ArrayLike | None = None,
-    shift_rate: npt.ArrayLike | None = None,
-    shortest: npt.ArrayLike | None = None,
-    time: float = 0.0,
-    dtype: npt.DTypeLike = np.float32,
-    out: Array | None = None,
-) -> Array:
+    shape: tuple[int, int], *, seed: int, texture: Texture = PLAIN, drift: npt.ArrayLike = NOWHERE,
+    shift: npt.ArrayLike = NOWHERE, velocity: npt.ArrayLike | None = None,
+    shift_rate: npt.ArrayLike | None = None, shortest: npt.ArrayLike | None = None,
+    time: float = 0.0, dtype: npt.DTypeLike = np.float32, out: Array | None = None,
+) -> Array:  # fmt: skip
     """One whole frame of the snow field, made in overlapping tiles and blended.
 
     Parameters
@@ -87,24 +79,13 @@ def field(
 
 
 def alpha(
-    shape: tuple[int, int],
-    *,
-    seed: int,
-    texture: Texture = PLAIN,
-    drift: npt.ArrayLike = NOWHERE,
-    shift: npt.ArrayLike = NOWHERE,
-    velocity: npt.ArrayLike | None = None,
-    shift_rate: npt.ArrayLike | None = None,
-    shortest: npt.ArrayLike | None = None,
-    time: float = 0.0,
-    mean: float = 0.5,
-    spread: float = 3.0,
-    power: float = 2.0,
-    amount: float = 1.0,
-    preserve_mean: bool = False,
-    dtype: npt.DTypeLike = np.float32,
+    shape: tuple[int, int], *, seed: int, texture: Texture = PLAIN, drift: npt.ArrayLike = NOWHERE,
+    shift: npt.ArrayLike = NOWHERE, velocity: npt.ArrayLike | None = None,
+    shift_rate: npt.ArrayLike | None = None, shortest: npt.ArrayLike | None = None,
+    time: float = 0.0, mean: float = 0.5, spread: float = 3.0, power: float = 2.0,
+    amount: float = 1.0, preserve_mean: bool = False, dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
-) -> Array:
+) -> Array:  # fmt: skip
     """Opacity of one whole frame: :func:`opacity` of :func:`field` in one pass.
 
     Parameters

@@ -66,16 +66,10 @@ def _vectors(name: str, value: object, rings: int | None) -> Float64:
 
 
 def request(
-    shape: tuple[int, int],
-    texture: Texture,
-    *,
-    seed: int,
-    drift: npt.ArrayLike = NOWHERE,
-    shift: npt.ArrayLike = NOWHERE,
-    velocity: npt.ArrayLike | None = None,
-    shift_rate: npt.ArrayLike | None = None,
-    shortest: npt.ArrayLike | None = None,
-) -> Request:
+    shape: tuple[int, int], texture: Texture, *, seed: int, drift: npt.ArrayLike = NOWHERE,
+    shift: npt.ArrayLike = NOWHERE, velocity: npt.ArrayLike | None = None,
+    shift_rate: npt.ArrayLike | None = None, shortest: npt.ArrayLike | None = None,
+) -> Request:  # fmt: skip
     """Settle the arguments of `field`."""
     size = shape_of("shape", shape)
     if not isinstance(texture, Texture):

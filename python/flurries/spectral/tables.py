@@ -10,24 +10,9 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _contract as check
 from flurries import _core
-from flurries._contract import (
-    LARGEST,
-    SMALLEST,
-    Float64,
-    _came,
-    choice,
-    flag,
-    int64,
-    integer,
-    is_pair,
-    output,
-    real,
-    seed_of,
-    shape_of,
-    table,
-    vector,
-)
+from flurries._contract import LARGEST, SMALLEST, Float64
 from flurries._warnings import warn
 
 Aliasing: TypeAlias = Literal["cut", "soft", "keep"]
@@ -47,23 +32,19 @@ FAR = 1e12
 
 
 def band_of(wavelengths: object) -> tuple[float, float]:
-    low, high = vector("wavelengths", wavelengths, 2)
+    low, high = check.vector("wavelengths", wavelengths, 2)
     return float(low), float(high)
 
 
 def _cycles(name: str, value: object, wavelength_max: object) -> list[float]:
-    longest = real("wavelength_max", wavelength_max, low=SMALLEST, high=LARGEST)
-    return [float(v) / longest for v in vector(name, value, 2)]
+    longest = check.real("wavelength_max", wavelength_max, low=SMALLEST, high=LARGEST)
+    return [float(v) / longest for v in check.vector(name, value, 2)]
 
 
 def tent_rate(
-    shape: tuple[int, int],
-    velocity: npt.ArrayLike,
-    *,
-    wavelength_max: float = 32.0,
-    loop: int | None = None,
-    out: Float64 | None = None,
-) -> Float64:
+    shape: tuple[int, int], velocity: npt.ArrayLike, *, wavelength_max: float = 32.0,
+    loop: int | None = None, out: Float64 | None = None,
+) -> Float64:  # fmt: skip
     """Temporal frequency of each wave on the tent surface.
 
     Parameters
@@ -90,10 +71,10 @@ def tent_rate(
     Langer 2004, Eq. 6 with the sign of Eq. 1: the printed sign moves the snow backwards
     (``docs/internals/deviations.md``, 1).
     """
-    size = shape_of("shape", shape)
+    size = check.shape_of("shape", shape)
     drift = _cycles("velocity", velocity, wavelength_max)
-    result = output(out, size, FLOAT64)
-    frames = None if loop is None else float(integer("loop", loop, low=1, high=2**31 - 1))
+    result = check.output(out, size, FLOAT64)
+    frames = None if loop is None else float(check.integer("loop", loop, low=1, high=2**31 - 1))
     _core.tent_rate(result, drift, frames)
     return result
 
@@ -119,10 +100,10 @@ def velocity_from_paper(
     (vx, vy) : tuple of float
         Pixels per frame of the longest wave, ``C / period * wavelength_max * (cos, sin)``.
     """
-    frames = real("period", period, low=SMALLEST)
-    longest = real("wavelength_max", wavelength_max, low=SMALLEST, high=LARGEST)
-    speed = real("C", C, low=-LARGEST, high=LARGEST) / frames * longest
-    angle = real("theta", theta)
+    frames = check.real("period", period, low=SMALLEST)
+    longest = check.real("wavelength_max", wavelength_max, low=SMALLEST, high=LARGEST)
+    speed = check.real("C", C, low=-LARGEST, high=LARGEST) / frames * longest
+    angle = check.real("theta", theta)
     return speed * math.cos(angle), speed * math.sin(angle)
 
 
@@ -166,10 +147,10 @@ def band_amplitude(
     -----
     Langer 2004, sections 5.3 and 5.4.
     """
-    size = shape_of("shape", shape)
+    size = check.shape_of("shape", shape)
     band = band_of(wavelengths)
-    power = real("exponent", exponent)
-    result = output(out, size, FLOAT64)
+    power = check.real("exponent", exponent)
+    result = check.output(out, size, FLOAT64)
     _core.band_amplitude(result, band, power)
     warn_long(size, band)
     return result
@@ -212,24 +193,20 @@ def random_phase(
         Cycles in [-1/2, 1/2), uniform over a whole turn, fftfreq order. A hash of seed, tile and
         wave: the same whatever else is computed. Bins that are their own mirror have 0 or -1/2.
     """
-    size = shape_of("shape", shape)
-    if not is_pair(tile):
-        raise TypeError(f"tile must be (row, col), got {_came(tile)}")
-    row, col = (int64("tile", index) for index in tile)
-    number = seed_of(seed)
-    result = output(out, size, FLOAT64)
+    size = check.shape_of("shape", shape)
+    if not check.is_pair(tile):
+        raise TypeError(f"tile must be (row, col), got {check._came(tile)}")
+    row, col = (check.int64("tile", index) for index in tile)
+    number = check.seed_of(seed)
+    result = check.output(out, size, FLOAT64)
     _core.random_phase(result, number, (row, col))
     return result
 
 
 def advance_phase(
-    phase: npt.ArrayLike,
-    drift: npt.ArrayLike,
-    *,
-    shift: npt.ArrayLike = (0.0, 0.0),
-    wavelength_max: float = 32.0,
-    out: Float64 | None = None,
-) -> Float64:
+    phase: npt.ArrayLike, drift: npt.ArrayLike, *, shift: npt.ArrayLike = (0.0, 0.0),
+    wavelength_max: float = 32.0, out: Float64 | None = None,
+) -> Float64:  # fmt: skip
     """Phases after a displacement of the snow.
 
     Parameters
@@ -257,28 +234,21 @@ def advance_phase(
     ``docs/internals/deviations.md``, 6 and 7). At a drift of 1e6 times the wavelength the
     phase is right to 1e-9 cycles; beyond about 1e12 times nothing of it is left.
     """
-    start = table("phase", phase)
-    size = shape_of("phase", start.shape)
+    start = check.table("phase", phase)
+    size = check.shape_of("phase", start.shape)
     cycles = _cycles("drift", drift, wavelength_max)
     warn_far(max(map(abs, cycles)))
-    plane = vector("shift", shift, 2)
-    result = output(out, size, FLOAT64, start)
+    plane = check.vector("shift", shift, 2)
+    result = check.output(out, size, FLOAT64, start)
     _core.advance_phase(result, start, cycles, plane.tolist())
     return result
 
 
 def temporal_filter(
-    amplitude: npt.ArrayLike,
-    velocity: npt.ArrayLike,
-    *,
-    shift_rate: npt.ArrayLike = (0.0, 0.0),
-    alias: Aliasing = "cut",
-    soft_from: float = SOFT_FROM,
-    shutter: float = 0.0,
-    renormalise: bool = False,
-    wavelength_max: float = 32.0,
-    out: Float64 | None = None,
-) -> Float64:
+    amplitude: npt.ArrayLike, velocity: npt.ArrayLike, *, shift_rate: npt.ArrayLike = (0.0, 0.0),
+    alias: Aliasing = "cut", soft_from: float = SOFT_FROM, shutter: float = 0.0,
+    renormalise: bool = False, wavelength_max: float = 32.0, out: Float64 | None = None,
+) -> Float64:  # fmt: skip
     """Amplitudes after what frames do to fast waves: aliasing and the open shutter.
 
     Parameters
@@ -311,15 +281,15 @@ def temporal_filter(
     Langer 2004, section 5.5. The equal case, exactly half a cycle, is cut
     (``docs/internals/deviations.md``, 15).
     """
-    given = table("amplitude", amplitude)
-    size = shape_of("amplitude", given.shape)
+    given = check.table("amplitude", amplitude)
+    size = check.shape_of("amplitude", given.shape)
     drift = _cycles("velocity", velocity, wavelength_max)
-    plane = vector("shift_rate", shift_rate, 2)
-    law = choice("alias", alias, ALIAS)
-    start = real("soft_from", soft_from)
-    exposure = real("shutter", shutter, low=0.0, high=LARGEST)
-    restore = flag("renormalise", renormalise)
-    result = output(out, size, FLOAT64, given)
+    plane = check.vector("shift_rate", shift_rate, 2)
+    law = check.choice("alias", alias, ALIAS)
+    start = check.real("soft_from", soft_from)
+    exposure = check.real("shutter", shutter, low=0.0, high=LARGEST)
+    restore = check.flag("renormalise", renormalise)
+    result = check.output(out, size, FLOAT64, given)
     _core.temporal_filter(result, given, drift, plane.tolist(), law, start, exposure, restore)
     return result
 

@@ -8,32 +8,22 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import (
-    LARGEST,
-    OVERLAP,
-    TILE,
-    Float64,
-    choice,
-    flag,
-    real,
-    suggesting,
-    table,
-    tile_of,
-)
+from flurries import _contract as check
+from flurries._contract import LARGEST, OVERLAP, TILE, Float64
 from flurries.spectral.own import amplitude_of, odd_rate
 from flurries.spectral.tables import ALIAS, BANDS, SOFT_FROM, Aliasing, band_of
 from flurries.spectral.tiles import BLEND, Blend
 
 
 def edges_of(value: npt.ArrayLike) -> Float64:
-    edges = table("ring_edges", value, ndim=1)
+    edges = check.table("ring_edges", value, ndim=1)
     if len(edges) < 2 or not (np.diff(edges) > 0).all():
         came = edges.tolist() if len(edges) < 10 else f"{len(edges)} that do not increase"
         raise ValueError(f"ring_edges must be at least two increasing wavelengths, got {came}")
     return edges
 
 
-@suggesting
+@check.suggesting
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Texture:
     """What a field of waves is made of; :func:`field` and :func:`alpha` move it and draw its seed.
@@ -99,38 +89,40 @@ class Texture:
     rate: npt.ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        def settle(name: str, value: Any) -> None:
-            if isinstance(value, np.ndarray):
-                value = value.copy()  # The caller's may change.
-                value.flags.writeable = False
-            object.__setattr__(self, name, value)
+        def settle(**values: Any) -> None:
+            for name, value in values.items():
+                if isinstance(value, np.ndarray):
+                    value = value.copy()  # The caller's may change.
+                    value.flags.writeable = False
+                object.__setattr__(self, name, value)
 
-        tile, overlap = tile_of(self.tile, self.overlap)
-        for name, value in (
-            ("tile", tile), ("overlap", overlap), ("wavelengths", band_of(self.wavelengths)),
-            ("exponent", real("exponent", self.exponent)), ("jitter", flag("jitter", self.jitter)),
-            ("alias", choice("alias", self.alias, ALIAS)),
-            ("blend", choice("blend", self.blend, BLEND)),
-            ("soft_from", real("soft_from", self.soft_from)),
-            ("shutter", real("shutter", self.shutter, low=0.0, high=LARGEST)),
-        ):  # fmt: skip
-            settle(name, value)
-        if self.ring_edges is not None:
-            settle("ring_edges", edges_of(self.ring_edges))
+        tile, overlap = check.tile_of(self.tile, self.overlap)
+        settle(
+            tile=tile, overlap=overlap, wavelengths=band_of(self.wavelengths),
+            exponent=check.real("exponent", self.exponent),
+            alias=check.choice("alias", self.alias, ALIAS),
+            blend=check.choice("blend", self.blend, BLEND),
+            soft_from=check.real("soft_from", self.soft_from),
+            shutter=check.real("shutter", self.shutter, low=0.0, high=LARGEST),
+            jitter=check.flag("jitter", self.jitter),
+        )  # fmt: skip
+        edges = None if self.ring_edges is None else edges_of(self.ring_edges)
+        settle(ring_edges=edges)
         if self.ring_gains is not None:
-            settle("ring_gains", table("ring_gains", self.ring_gains, ndim=1))
-            rings = 0 if self.ring_edges is None else len(np.asarray(self.ring_edges)) - 1
-            if len(np.asarray(self.ring_gains)) != rings or not rings:
+            gains = check.table("ring_gains", self.ring_gains, ndim=1)
+            rings = 0 if edges is None else len(edges) - 1
+            if len(gains) != rings or not rings:
                 raise ValueError(
                     "ring_gains must be one number for each ring of ring_edges "
-                    f"({rings or 'none'}), got {len(np.asarray(self.ring_gains))}"
+                    f"({rings or 'none'}), got {len(gains)}"
                 )
+            settle(ring_gains=gains)
         if self.envelope is not None:
             amplitude_of(tile, self.envelope)
-            settle("envelope", table("envelope", self.envelope))
+            settle(envelope=check.table("envelope", self.envelope))
         if self.rate is not None:
             odd_rate(tile, self.rate)
-            settle("rate", table("rate", self.rate))
+            settle(rate=check.table("rate", self.rate))
         if not self.is_own:
             return
         shortest, longest = self.wavelengths
@@ -146,7 +138,7 @@ class Texture:
     @property
     def sides(self) -> tuple[int, int]:
         """Rows and columns of a tile."""
-        return tile_of(self.tile, self.overlap)[0]
+        return check.tile_of(self.tile, self.overlap)[0]
 
     @property
     def is_own(self) -> bool:

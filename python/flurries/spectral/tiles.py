@@ -8,24 +8,9 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _contract as check
 from flurries import _core
-from flurries._contract import (
-    OVERLAP,
-    TILE,
-    Array,
-    Float64,
-    choice,
-    finite,
-    float_dtype,
-    integer,
-    output,
-    pixels,
-    real,
-    rectangular,
-    shape_of,
-    table,
-    tile_of,
-)
+from flurries._contract import OVERLAP, TILE, Array, Float64
 
 Blend: TypeAlias = Literal["power", "linear"]
 BLEND = get_args(Blend)
@@ -55,16 +40,16 @@ def inverse_transform(
         Mean 0 and variance 1 for the tables of :func:`band_amplitude` and :func:`random_phase`.
         Tables without symmetry are taken as they stand: the sum is the Hermitian part's transform.
     """
-    waves = table("amplitude", amplitude)
-    turns = table("phase", phase)
-    size = shape_of("amplitude", waves.shape)
+    waves = check.table("amplitude", amplitude)
+    turns = check.table("phase", phase)
+    size = check.shape_of("amplitude", waves.shape)
     if turns.shape != size:
         raise ValueError(f"phase must have the shape of amplitude, {size}, got {turns.shape}")
-    precision = float_dtype(dtype)
+    precision = check.float_dtype(dtype)
     # Twice, since the kernel's partial sums may be larger than the field.
     if 2.0 * float(np.abs(waves).sum()) > float(np.finfo(precision).max):
         raise ValueError(f"amplitude must have a sum that {precision} can hold")
-    result = output(out, size, precision, waves, turns)
+    result = check.output(out, size, precision, waves, turns)
     _core.inverse_transform(result, waves, turns)
     return result
 
@@ -84,9 +69,9 @@ def tile_starts(length: int, *, tile: int = TILE, overlap: int = OVERLAP) -> npt
     (n,) int
         0, tile - overlap, ...; the last tile may stick out. 19 for 1024 px and the defaults.
     """
-    pixels_ = integer("length", length, low=1, high=2**31 - 1)
-    size = integer("tile", tile, low=1, high=2**15)
-    (rows, _), shared = tile_of(size, overlap)
+    pixels_ = check.integer("length", length, low=1, high=2**31 - 1)
+    size = check.integer("tile", tile, low=1, high=2**15)
+    (rows, _), shared = check.tile_of(size, overlap)
     count = _core.tile_count(pixels_, rows, shared)
     if count > _MOST_TILES:
         raise ValueError(
@@ -109,7 +94,7 @@ def tile_shares(
     # Of the power for "power", whose roots are the weights of the fields; a row sums to 1.
     count = len(tile_starts(length, tile=tile, overlap=overlap))
     shares = np.empty((length, count))
-    _core.tile_shares(shares, tile, overlap, choice("blend", blend, BLEND))
+    _core.tile_shares(shares, tile, overlap, check.choice("blend", blend, BLEND))
     return shares
 
 
@@ -126,13 +111,9 @@ def power_shares(length: int, *, tile: int, overlap: int, blend: str) -> tuple[F
 
 
 def blend_tiles(
-    tiles: npt.ArrayLike,
-    shape: tuple[int, int],
-    *,
-    overlap: int = OVERLAP,
-    blend: Blend = "power",
+    tiles: npt.ArrayLike, shape: tuple[int, int], *, overlap: int = OVERLAP, blend: Blend = "power",
     out: Array | None = None,
-) -> Array:
+) -> Array:  # fmt: skip
     """Blend a grid of overlapping tiles into one picture.
 
     Parameters
@@ -156,12 +137,12 @@ def blend_tiles(
     -----
     Langer 2004, section 7; ``docs/internals/deviations.md``, 16.
     """
-    given, kept = pixels("tiles", tiles, ndim=4)
-    finite("tiles", given)
-    size = shape_of("shape", shape)
-    _, shared = tile_of((given.shape[2], given.shape[3]), overlap)
-    law = choice("blend", blend, BLEND)
-    result = output(out, size, kept, given)
+    given, kept = check.pixels("tiles", tiles, ndim=4)
+    check.finite("tiles", given)
+    size = check.shape_of("shape", shape)
+    _, shared = check.tile_of((given.shape[2], given.shape[3]), overlap)
+    law = check.choice("blend", blend, BLEND)
+    result = check.output(out, size, kept, given)
     return _in_working_dtype(
         result, given.dtype, lambda view: _core.blend_tiles(view, given, shared, law)
     )
@@ -181,14 +162,9 @@ def _in_working_dtype(
 
 
 def opacity(
-    field: npt.ArrayLike,
-    *,
-    mean: float = 0.5,
-    spread: float = 3.0,
-    power: float = 2.0,
-    amount: float = 1.0,
-    out: Array | None = None,
-) -> Array:
+    field: npt.ArrayLike, *, mean: float = 0.5, spread: float = 3.0, power: float = 2.0,
+    amount: float = 1.0, out: Array | None = None,
+) -> Array:  # fmt: skip
     """Opacity of a field: ``amount * clip(mean + field / (2 spread), 0, 1) ** power``.
 
     Parameters
@@ -217,11 +193,11 @@ def opacity(
     Langer 2004, section 5.6. The scale comes from the known variance, never from the frame: a
     per-frame minimum and maximum flickers (``docs/internals/deviations.md``, 20).
     """
-    frames = rectangular("field", field)
-    given, kept = pixels("field", frames, ndim=3 if frames.ndim == 3 else 2)
-    finite("field", given)
+    frames = check.rectangular("field", field)
+    given, kept = check.pixels("field", frames, ndim=3 if frames.ndim == 3 else 2)
+    check.finite("field", given)
     mapped = opacity_map(mean, spread, power, amount)
-    result = output(out, given.shape, kept, given)
+    result = check.output(out, given.shape, kept, given)
     width = given.shape[-1]
 
     def fill(view: Array) -> None:
@@ -234,8 +210,8 @@ def opacity_map(
     mean: object, spread: object, power: object, amount: object
 ) -> tuple[float, float, float, float]:
     return (
-        real("mean", mean),
-        real("spread", spread, above=0.0),
-        real("power", power, above=0.0),
-        real("amount", amount, low=0.0, high=1.0),
+        check.real("mean", mean),
+        check.real("spread", spread, above=0.0),
+        check.real("power", power, above=0.0),
+        check.real("amount", amount, low=0.0, high=1.0),
     )

@@ -8,24 +8,9 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _contract as check
 from flurries import _core
-from flurries._contract import (
-    LARGEST,
-    MOST_ELEMENTS,
-    Array,
-    Float64,
-    choice,
-    flag,
-    float_dtype,
-    integer,
-    moderate,
-    output,
-    real,
-    seed_of,
-    shape_of,
-    table,
-    vector,
-)
+from flurries._contract import LARGEST, MOST_ELEMENTS, Array, Float64
 from flurries._warnings import warn
 from flurries.spectral.tables import ALIAS, BANDS, SOFT_FROM, Aliasing, band_of, warn_long
 
@@ -53,26 +38,17 @@ class Film(NamedTuple):
 
 
 def film(
-    frames: int,
-    shape: tuple[int, int],
-    velocity: npt.ArrayLike,
-    *,
-    seed: int,
-    wavelengths: tuple[float, float],
-    exponent: float = 1.0,
-    alias: Aliasing = "keep",
-    soft_from: float = SOFT_FROM,
-    shutter: float = 0.0,
-    jitter: bool = False,
-    cells: Cells = "one",
+    frames: int, shape: tuple[int, int], velocity: npt.ArrayLike, *, seed: int,
+    wavelengths: tuple[float, float], exponent: float = 1.0, alias: Aliasing = "keep",
+    soft_from: float = SOFT_FROM, shutter: float = 0.0, jitter: bool = False, cells: Cells = "one",
     most_still: float = STILL,
-) -> Film:
+) -> Film:  # fmt: skip
     """Settle the arguments of a film, and warn of what would disappoint."""
-    count = integer("frames", frames, low=1, high=2**31 - 1)
-    size = shape_of("shape", shape)
+    count = check.integer("frames", frames, low=1, high=2**31 - 1)
+    size = check.shape_of("shape", shape)
     band = band_of(wavelengths)
-    speed = vector("velocity", velocity, 2)
-    law = choice("alias", alias, ALIAS)
+    speed = check.vector("velocity", velocity, 2)
+    law = check.choice("alias", alias, ALIAS)
     warn_long(size, band)
     cycles = speed / band[1] if band[1] > 0.0 else np.zeros(2)
     steepest = math.hypot(float(cycles[0]), float(cycles[1]))
@@ -93,14 +69,14 @@ def film(
         frames=count,
         shape=size,
         drift=(float(cycles[0]), float(cycles[1])),
-        seed=seed_of(seed),
+        seed=check.seed_of(seed),
         wavelengths=band,
-        exponent=real("exponent", exponent),
+        exponent=check.real("exponent", exponent),
         alias=law,
-        soft_from=real("soft_from", soft_from),
-        shutter=real("shutter", shutter, low=0.0, high=LARGEST),
-        jitter=flag("jitter", jitter),
-        cells=choice("cells", cells, CELLS),
+        soft_from=check.real("soft_from", soft_from),
+        shutter=check.real("shutter", shutter, low=0.0, high=LARGEST),
+        jitter=check.flag("jitter", jitter),
+        cells=check.choice("cells", cells, CELLS),
     )
 
 
@@ -112,23 +88,17 @@ def rendered(asked: Film, times: Float64 | None, dtype: npt.DTypeLike, out: Arra
             f"frames must hold at most {MOST_ELEMENTS} pixels together, got {shape[0]} of "
             f"{shape[1]} x {shape[2]}"
         )
-    result = output(out, shape, float_dtype(dtype), *([] if times is None else [times]))
+    result = check.output(out, shape, check.float_dtype(dtype), *([] if times is None else [times]))
     moments = np.arange(shape[0], dtype=np.float64) if times is None else times
     _core.volume(result.reshape(-1, shape[2]), asked, moments)
     return result
 
 
 def volume(
-    frames: int,
-    size: int,
-    velocity: npt.ArrayLike,
-    *,
-    seed: int,
-    wavelengths: tuple[float, float] = BANDS["paper"],
-    cells: Cells = "one",
-    dtype: npt.DTypeLike = np.float32,
-    out: Array | None = None,
-) -> Array:
+    frames: int, size: int, velocity: npt.ArrayLike, *, seed: int,
+    wavelengths: tuple[float, float] = BANDS["paper"], cells: Cells = "one",
+    dtype: npt.DTypeLike = np.float32, out: Array | None = None,
+) -> Array:  # fmt: skip
     """Film of falling snow by the 3-D method: an inverse transform of its space-time spectrum.
 
     Every column (kx, ky) of the M x M x T spectrum holds power where the tent passes through it;
@@ -178,7 +148,7 @@ def volume(
     >>> film.shape
     (60, 64, 64)
     """
-    side = integer("size", size, low=1, high=2**15)
+    side = check.integer("size", size, low=1, high=2**15)
     asked = film(
         frames, (side, side), velocity, seed=seed, wavelengths=wavelengths, cells=cells,
         most_still=0.999,
@@ -187,21 +157,12 @@ def volume(
 
 
 def loop(
-    frames: int,
-    shape: tuple[int, int],
-    velocity: npt.ArrayLike,
-    *,
-    seed: int,
-    time: npt.ArrayLike | None = None,
-    wavelengths: tuple[float, float] = BANDS["paper"],
-    exponent: float = 1.0,
-    alias: Aliasing = "keep",
-    soft_from: float = SOFT_FROM,
-    shutter: float = 0.0,
-    jitter: bool = False,
-    dtype: npt.DTypeLike = np.float32,
+    frames: int, shape: tuple[int, int], velocity: npt.ArrayLike, *, seed: int,
+    time: npt.ArrayLike | None = None, wavelengths: tuple[float, float] = BANDS["paper"],
+    exponent: float = 1.0, alias: Aliasing = "keep", soft_from: float = SOFT_FROM,
+    shutter: float = 0.0, jitter: bool = False, dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
-) -> Array:
+) -> Array:  # fmt: skip
     """Field of falling snow that repeats after so many frames, and in x and y.
 
     Each wave turns a whole number of times in the loop: the rates of :func:`tent_rate` with
@@ -255,11 +216,11 @@ def loop(
     )  # fmt: skip
     if time is None:
         return rendered(asked, None, dtype, out)
-    times = moderate("time", table("time", time, ndim=None))
+    times = check.moderate("time", check.table("time", time, ndim=None))
     if times.ndim > 1 or times.size == 0:
         raise ValueError(f"time must be a number or (n,), got an array of shape {times.shape}")
     if np.ndim(time) != 0:
         return rendered(asked, times, dtype, out)
-    result = output(out, asked.shape, float_dtype(dtype))
+    result = check.output(out, asked.shape, check.float_dtype(dtype))
     rendered(asked, times.reshape(1), dtype, result[np.newaxis])
     return result

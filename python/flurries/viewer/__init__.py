@@ -6,7 +6,7 @@ notebook; ``flurries view`` in a browser needs nothing.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flurries.scene.scene import Scene
 
@@ -38,11 +38,10 @@ def view(scene: Scene, *, size: int = 512, save: str = "tuned.toml") -> Viewer:
     While a slider is dragged the air goes on from where it is; the scene that is saved has the
     sliders' values from frame 0 on.
     """
-    options: dict[str, Any] = {"size": size, "save": save}
     try:
         from flurries.viewer.widget import Viewer
     except ImportError as error:
         raise ImportError(
             f"fl.view needs anywidget: pip install 'flurries[view]' ({error})"
         ) from None
-    return Viewer(scene, **options)
+    return Viewer(scene, size=size, save=save)

@@ -47,11 +47,10 @@ def chart(scene: Scene, t: float, index: int, at: tuple[float, float]) -> Chart 
         asked = field.request(frame, field.motion.way(frame))
     row, top = _nearest(asked.shape[0], asked.tile[0], asked.overlap, at[1])
     col, left = _nearest(asked.shape[1], asked.tile[1], asked.overlap, at[0])
-    rates = asked.velocity
-    rate = rates[min(row, rates.shape[0] - 1), min(col, rates.shape[1] - 1)]
     # The ring of the longest waves is the last.
-    velocity = (float(rate[-1, 0]), float(rate[-1, 1]))
-    shortest, longest = asked.wavelengths
+    last = asked.velocity.shape
+    x, y = asked.velocity[min(row, last[0] - 1), min(col, last[1] - 1), -1].tolist()
+    velocity, (shortest, longest) = (x, y), asked.wavelengths
     side = min(max(asked.tile[0], _FEWEST), _MOST)
     size = (side, side)
     tent = spectral.tent_rate(size, velocity, wavelength_max=longest)
@@ -62,14 +61,9 @@ def chart(scene: Scene, t: float, index: int, at: tuple[float, float]) -> Chart 
     )
     power = left_over**2 / np.max(amplitude**2)
     power[amplitude == 0.0] = math.nan
-    return Chart(
-        np.fft.fftshift(tent).astype(np.float32),
-        np.fft.fftshift(power).astype(np.float32),
-        velocity,
-        (shortest, longest),
-        (left, top, asked.tile[0]),
-        float(np.sum(left_over**2)),
-    )
+    rates, powers = (np.fft.fftshift(plane).astype(np.float32) for plane in (tent, power))
+    kept = float(np.sum(left_over**2))
+    return Chart(rates, powers, velocity, asked.wavelengths, (left, top, asked.tile[0]), kept)
 
 
 def _nearest(length: int, tile: int, overlap: int, share: float) -> tuple[int, int]:

@@ -134,10 +134,8 @@ class Session:
             place = integer("chart", ask.get("chart", index), low=0, high=last)
             found = chart(scene, now, place, (x, y))
             if found is not None:
-                shown = ("velocity", "band", "tile", "kept")
-                head["chart"] = {name: getattr(found, name) for name in shown}
-                head["chart"]["side"] = found.rate.shape[0]
-                buffers += [found.rate.tobytes(), found.power.tobytes()]
+                head["chart"] = {**vars(found), "side": len(found.rate)}
+                buffers += [head["chart"].pop(plane).tobytes() for plane in ("rate", "power")]
         head["ms"] = round(1e3 * (time.perf_counter() - began), 2)
         return head, buffers
 
