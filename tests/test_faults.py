@@ -12,14 +12,25 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
 
 import make_faults
+from faults.power import power_cut
+from faults.shot import KINDS, Shot, s3
+from faults.within import CLEAN
 
 
-@pytest.mark.parametrize("kind", make_faults.KINDS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_every_cell_has_the_expected_answer(kind: str):
-    server = make_faults.s3() if kind == "s3" else nullcontext()
-    with tempfile.TemporaryDirectory() as room, server:
+    with tempfile.TemporaryDirectory() as room, s3() if kind == "s3" else nullcontext():
         Path(room).chmod(0o755)  # For an ordinary user.
         found = list(make_faults.cells(kind, Path(room)))
     assert [cell for cell in found if cell[1] != cell[2]] == []
     page = make_faults.PAGE.read_text()
     assert all(f"| {fault} |" in page for fault, _, _ in found) and f" {kind} |" in page
+
+
+def test_a_disk_that_lies_would_be_seen_when_the_power_is_cut(tmp_path: Path):
+    first = Shot("png", tmp_path / "whole")
+    first.write()
+    seen = power_cut(
+        Shot("png", tmp_path / "cut"), first.contents(), CLEAN, anyhow=False, lying=True
+    )
+    assert "changed since it was written" in seen or "no journal" in seen, seen

@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 import flurries as fl
-from flurries.io import read_picture, read_video, remove_leftovers, write_picture
+from flurries.io import read_picture, remove_leftovers, write_picture
 from flurries.io.atomic import owner_of_new_files
 from flurries.output.journal import is_journal
 from flurries.output.store import check
@@ -140,71 +140,6 @@ def test_16_2_frames_of_another_version_are_kept_only_with_its_bits(tmp_path: Pa
 
 # 10: what is left over, and whose it is -----------------------------------------------------------
 
-# Imports once and forks, so that the time goes into frames.
-FOUR = """
-import os, random, signal, sys, time
-from pathlib import Path
-import flurries as fl
-import OpenImageIO
-scene = fl.Scene("#304050", size=(96, 64), effects=fl.effects.TentSnow("heavy", flakes=100))
-scene.write("whole/%04d.png", "1-40")
-want = {path.name: path.read_bytes() for path in Path("whole").glob("*.png")}
-
-def start(place):
-    pid = os.fork()
-    if pid:
-        return pid
-    try:
-        scene.write(f"{place}/%04d.png", "1-40")
-    except BaseException as error:
-        print("ended:", repr(error), flush=True)
-        os._exit(1)
-    os._exit(0)
-
-chance = random.Random(10)
-seen = {"ended": 0, "partial": 0, "wrong": 0, "left": 0, "cut": 0}
-for number in range(int(sys.argv[1])):
-    place = Path(str(number))
-    place.mkdir()
-    four = [start(place) for _ in range(4)]
-    after, end = chance.randrange(1, 25), time.monotonic() + 60
-    while len(list(place.glob("*.png"))) < after and time.monotonic() < end:
-        time.sleep(0.0005)
-    # One is killed; another stops, and goes on when the others may have ended.
-    os.kill(four[0], signal.SIGKILL)
-    os.kill(four[1], signal.SIGSTOP)
-    found = {path: path.read_bytes() for path in place.glob("[0-9]*.png")}
-    seen["partial"] += sum(data != want[path.name] for path, data in found.items())
-    seen["cut"] += 0 < len(found) < 40
-    time.sleep(chance.uniform(0.0, 0.1))
-    os.kill(four[1], signal.SIGCONT)
-    seen["ended"] += sum(os.waitpid(pid, 0)[1] != 0 for pid in four[1:])
-    os.waitpid(four[0], 0)
-    seen["ended"] += os.waitpid(start(place), 0)[1] != 0
-    got = {path.name: path.read_bytes() for path in place.iterdir()}
-    seen["wrong"] += sum(got.get(name) != data for name, data in want.items())
-    seen["left"] += len(set(got) - set(want) - {"flurries.jsonl"})
-print(*seen.values())
-"""
-
-
-def killed(rounds: int, tmp_path: Path) -> None:
-    """Let four processes share a folder, kill one, stop another, and go on; say what was seen."""
-    done = subprocess.run(
-        [sys.executable, "-c", FOUR, str(rounds)], cwd=tmp_path, text=True, timeout=3000,
-        capture_output=True, env={**os.environ, "FLURRIES_NUM_THREADS": "1"},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    *errors, counts = done.stdout.splitlines()
-    ended, partial, wrong, left, cut = map(int, counts.split())
-    said = f"{cut} of {rounds} killed in the middle; {partial} partial, {wrong} wrong, {left} left"
-    assert not (errors or ended or partial or wrong or left), f"{said}; {errors}"
-    assert cut > 0.3 * rounds, said
-
-
-def test_16_10_processes_do_not_end_each_other(tmp_path: Path):
-    killed(4, tmp_path)
-
 
 def test_16_10_leftovers_of_other_machines_stay_for_an_hour(tmp_path: Path):
     own = owner_of_new_files()
@@ -242,28 +177,6 @@ def test_16_12_a_full_disk_says_so_with_the_frames_name(kind: str, tmp_path: Pat
     assert line.startswith("flurries: ") and "No space left on device" in line
     assert (name if film else f"0001.{kind}") in line or f"0002.{kind}" in line
     assert ".flurries-" not in line
-
-
-def test_21_a_cut_film_and_a_film_over_a_retouched_plate_are_refused(plate: Path, tmp_path: Path):
-    scene = fl.Scene(plate, size=(96, 64), effects=SNOW)
-    film = tmp_path / "a.mkv"
-    assert scene.write(film, "1-4", quality="draft").written == [1, 2, 3, 4]
-    before = film.read_bytes()
-    assert scene.write(film, "1-4", quality="draft").kept == [1, 2, 3, 4]
-    for harm in (before[:-40], before[:200] + b"x" + before[201:]):
-        film.write_bytes(harm)
-        with pytest.raises(ValueError, match=r"a\.mkv .* has been changed since it was written"):
-            scene.write(film, "1-4", quality="draft")
-        assert film.read_bytes() == harm
-    film.write_bytes(before)
-    with pytest.raises(ValueError, match="of another scene"):
-        scene.write(film, "1-5", quality="draft")
-    retouch(plate)
-    with pytest.raises(ValueError, match="over other pictures"):
-        scene.write(film, "1-4", quality="draft")
-    assert film.read_bytes() == before
-    assert scene.write(film, "1-4", quality="draft", overwrite=True).written == [1, 2, 3, 4]
-    assert film.read_bytes() != before and len(list(read_video(film))) == 4
 
 
 def test_a_name_that_has_moved_says_where_it_is():

@@ -190,8 +190,6 @@ class Sealed(Apart):
     def pipe_file(self, path: str, value: bytes, mode: str = "overwrite", **more: Any) -> None:
         raise PermissionError(13, "Access denied", path)
 
-    put_file = pipe_file
-
 
 class Plain(Apart):
     """A store in which half an object can be seen."""
@@ -206,9 +204,8 @@ class Losing(Apart):
     protocol = "losing"
     store: dict[str, Any] = {}  # noqa: RUF012
 
-    def put_file(self, lpath: str, rpath: str, **more: Any) -> None:
-        data = Path(lpath).read_bytes()
-        MemoryFileSystem.pipe_file(self, rpath, data[: len(data) // 2])
+    def pipe_file(self, path: str, value: bytes, mode: str = "overwrite", **more: Any) -> None:
+        MemoryFileSystem.pipe_file(self, path, value[: len(value) // 2])
 
 
 for kind in (Sealed, Plain, Losing):

@@ -19,7 +19,7 @@ from length import times
 import test_gate
 from flurries.output.store import check
 from test_cluster import SLOW
-from test_nothing_wrong import contents, killed
+from test_nothing_wrong import contents
 from workers import group, workers
 
 
@@ -71,10 +71,6 @@ def test_peak_memory_of_a_large_frame(kind: str, size: int, tmp_path: Any):
     # A second texture's rows wait until a band asks for them, as high as a tile.
     most = 80 if kind == "two" else 64
     assert int(done.stdout) <= most
-
-
-def test_16_hundred_rounds_of_four_processes(tmp_path: Path):
-    killed(times(100), tmp_path)
 
 
 def test_dask_workers_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

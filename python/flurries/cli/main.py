@@ -97,6 +97,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         # As Ctrl-C does: what is half done is removed.
         signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
+        hangup = getattr(signal, "SIGHUP", signal.SIGTERM)
+        if signal.getsignal(hangup) == signal.SIG_DFL:  # Not under nohup.
+            signal.signal(hangup, lambda number, _: sys.exit(128 + number))
     try:
         if arguments is None and COMPLETE in os.environ:
             return shell_complete(commands, {}, "flurries", COMPLETE, os.environ[COMPLETE])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
@@ -11,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from flurries.io.atomic import PREFIX, has_ended, hidden_name
+from flurries.io.atomic import PREFIX, has_ended, hidden_name, owner_of_new_files
 from flurries.output.folder import Lines, Save, Store
 from flurries.output.journal import Entry, Journal, is_journal, part_name
 
@@ -98,11 +99,9 @@ class Bucket(Store):
         checked = self.protocol in ("s3", "s3a") and len(data) < _LARGE
         more = {"ContentMD5": base64.b64encode(_md5(data)).decode()} if checked else {}
         with self._named(path), ExitStack() as stack:
-            room = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="flurries-")))
-            (room / path.name).write_bytes(data)
             target = path if self.protocol in _WHOLE else path.with_name(hidden_name(path.suffix))
             stack.callback(self._drop, target, path)
-            self.system.put_file(str(room / path.name), target.as_posix(), **more)
+            self.system.pipe_file(target.as_posix(), data, **more)
             if target != path:
                 self.system.mv(target.as_posix(), path.as_posix())
             if not checked and self.read(path) != data:
@@ -116,7 +115,7 @@ class Bucket(Store):
     def send(
         self, journal: Journal, path: Path, facts: Mapping[str, Any], save: Save
     ) -> list[Entry]:
-        with tempfile.TemporaryDirectory(prefix="flurries-") as room:
+        with tempfile.TemporaryDirectory(prefix=PREFIX + owner_of_new_files()) as room:
             local = Path(room) / path.name
             try:
                 save(local)
@@ -144,6 +143,10 @@ class Bucket(Store):
     def tidy(self, folder: Path) -> None:
         left = [name for name in self._objects(folder) if name.startswith(PREFIX)]
         self._remove(folder, [name for name in left if has_ended(name[len(PREFIX) :][:16])])
+        # What they had on this machine.
+        for room in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
+            if has_ended(room.name[len(PREFIX) :][:16]):
+                shutil.rmtree(room, ignore_errors=True)
 
     def _remove(self, folder: Path, names: list[str]) -> None:
         with self._named(folder), suppress(FileNotFoundError):

@@ -22,6 +22,7 @@ from flurries import _core
 from flurries._threads import reproducible, threads
 from flurries._trace import stage
 from flurries.io import VideoWriter, replacing
+from flurries.io.atomic import flush_folder
 from flurries.io.films.codecs import bits_for, frame_rate
 from flurries.io.films.encoding import Film, Plan
 from flurries.io.films.process import Remote
@@ -75,8 +76,8 @@ def write_film(
     job.store.tidy(path.parent)
     journal = Journal(job.store, path.parent)
     line = None if job.overwrite else journal.settled(path, mark)
+    groups = _Groups(job, video.plan, frames)
     if line is None:
-        groups = _Groups(job, video.plan, frames)
         try:
             done = groups.make(progress, dask, patience)
             if _mark(job, frames, way) != mark:
@@ -88,6 +89,8 @@ def write_film(
                 # Another process has joined them meanwhile.
                 if journal.settled(path, mark) is None:
                     raise
+            # Groups go when the film has its name for certain.
+            flush_folder(path.parent)
             groups.remove()
         finally:
             journal.join()
@@ -96,6 +99,9 @@ def write_film(
     else:
         done = Done(skipped=line["skipped"])
         done.kept += [number for number in frames if number not in done.skipped]
+        # A run that was killed when the film was there had no time for it.
+        groups.tidy()
+        groups.remove()
     return done, heard
 
 
@@ -206,9 +212,15 @@ class _Groups:
     def remove(self) -> None:
         """Remove what the film does not need any more, and nothing else."""
         with suppress(OSError):
-            for found in self._folder.iterdir():
-                if self._journal.lines(found.name) or is_journal(found.name):
-                    found.unlink()
+            found = list(self._folder.iterdir())
+            for part in found:
+                if self._journal.lines(part.name):
+                    part.unlink()
+            # A group without its line would be a stranger's.
+            flush_folder(self._folder)
+            for part in found:
+                if is_journal(part.name):
+                    part.unlink()
             self._folder.rmdir()
 
 

@@ -32,7 +32,7 @@ class Store:
         checked_target(path)
 
     def exists(self, path: Path) -> bool:
-        return path.exists()
+        return os.path.lexists(path)
 
     def missing(self, paths: list[Path]) -> list[Path]:
         """Return those that are not there now."""
