@@ -22,7 +22,7 @@ FOLDER = str(Path(fl.__file__).parent)
 
 
 def counts(call: Any) -> dict[str, int]:
-    """Return what a call does inside the package: calls, files, changes of file, checks."""
+    """Return what a call does inside the package."""
     way: list[str] = []
 
     def look(frame: FrameType, event: str, _: Any) -> None:
@@ -57,11 +57,8 @@ def main() -> None:
     }
     for made in ALL.values():
         made.clear() if isinstance(made, Kept) else made.cache_clear()
-    names = ("calls", "files", "changes of file", "checks")
-    print(f"{'':24}" + "".join(f"{name:>18}" for name in names))
     for name, call in cases.items():
-        found = counts(call)
-        print(f"{name:24}" + "".join(f"{found[key]:>18}" for key in names))
+        print(f"{name:24}" + "".join(f"{n:>6} {key}" for key, n in counts(call).items()))
 
 
 if __name__ == "__main__":

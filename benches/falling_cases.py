@@ -1,6 +1,6 @@
 """The scenes by which falling snow is judged, each for the package and for the twin.
 
-Flakes are round, and there are none nearer than 2 m: a few large near flakes decide the moments of
+Flakes are round, and fade in from 1.6 to 2 m: a few large near flakes decide the moments of
 a picture of 480 px by chance, and near shapes have no twin.
 """
 

@@ -1,7 +1,8 @@
 """What falling snow must keep by itself: identities, motion, sizes of picture, bounds, costs.
 
 `fl.flakes(scene, t)` lists the flakes that a frame draws: `id`, `place` in the house's axes from
-the camera's place at frame 0, `pixel`, `depth`, `diameter`, `opacity`.
+the camera's place at frame 0, `pixel`, `depth`, `diameter`, `opacity`. Costs alone, in processor
+time on one thread: ``python benches/falling_contracts.py``.
 """
 
 from __future__ import annotations
@@ -9,10 +10,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import count, repeat
 from typing import Any
 
 import numpy as np
 from falling_cases import FPS, Case, pictures
+from speed import scenes
+from timing import alone, timed
 
 import flurries as fl
 import judges
@@ -66,23 +71,62 @@ def bounded() -> Iterator[str]:
         yield verdict(f"{name}{how}, seconds", time.perf_counter() - begun, 1.0)
 
 
-def cost(widths: tuple[int, ...]) -> Iterator[str]:
-    """Compare the time of a pixel in pictures of all sizes, less 1 ms a frame."""
-    for weather in ("light", "heavy"):
-        each = []
-        for width in widths:
-            case = Case("still", weather, 0.0, width)
-            view = fl.Camera(1.2 * width)
-            scene = fl.Scene("#000000", size=case.size, camera=view, effects=[case.effect()])
-            took = []
-            for n in range(4):
-                begun = time.perf_counter()
-                scene.render(float(n))
-                took.append(time.perf_counter() - begun)
-            each.append(max(min(took[1:]) - 1e-3, 1e-5) / math.prod(case.size) * 1e9)
-        shown = ", ".join(f"{w}: {ns:.1f}" for w, ns in zip(widths, each, strict=True))
-        name = f"ns a pixel, {weather} ({shown}), dearest over cheapest"
-        yield verdict(name, max(each) / min(each), 1.5)
+# (height, width) by name, px.
+SIZES = {**{str(n): (n, n) for n in (64, 224, 512, 1024)}, "1080p": (1080, 1920),
+         "4k": (2160, 3840), "8k": (4320, 7680)}  # fmt: skip
+
+
+def cost(widest: int) -> Iterator[str]:
+    """Compare the time of a pixel of heavy snow in pictures of all sizes, less 1 ms a frame."""
+    each: dict[str, dict[str, float]] = {}
+    for size, shape in SIZES.items():
+        calls = {k: v for k, v in scenes(shape).items() if k.startswith("scene: heavy")}
+        for name, (least, _) in timed(calls, 16, clock=time.process_time).items():
+            each.setdefault(name, {})[size] = 1e6 * max(least - 1.0, 0.01) / math.prod(shape)
+        if shape[1] >= widest:
+            break
+    for name, found in each.items():
+        shown = ", ".join(f"{size}: {ns:.1f}" for size, ns in found.items())
+        off = max(found.values()) / min(found.values())
+        yield verdict(f"ns a pixel, {name[7:]} ({shown}), dearest over cheapest", off, 1.5)
+
+
+# From a value on in steps.
+SETTINGS = {
+    "amount": (0.1, 0.1), "opacity": (0.1, 0.1), "density": (90.0, 90.0),
+    "wind": (0.1, 0.1), "shutter": (0.1, 0.1), "focal": (700.0, 9.0), "seed": (1, 1),
+}  # fmt: skip
+
+
+def changed(name: str, values: Iterator[Any]) -> None:
+    """Make a frame of heavy snow at 640 x 480 with the next value of a setting."""
+    given = {"seed": 0, "focal": 700.0, "wind": 0.0, name: next(values)}
+    camera, seed, wind = fl.Camera(given.pop("focal")), given.pop("seed"), given.pop("wind")
+    snow, black = (
+        fl.Snow("heavy", wind=(wind, 0.0, 0.0), **given),
+        np.zeros((480, 640, 3), np.uint8),
+    )
+    fl.Scene(black, camera=camera, effects=[snow], seed=seed).render(0)
+
+
+def changes() -> Iterator[str]:
+    """Time the frame after a change of a setting, and the first frame of a process at 224 px."""
+    calls = {name: partial(changed, name, count(*steps)) for name, steps in SETTINGS.items()}
+    times = timed({"": partial(changed, "seed", repeat(0)), **calls}, 6, clock=time.process_time)
+    for name in SETTINGS:
+        limit = 2.0 * times[""][0] if name in ("amount", "opacity") else 30.0
+        yield verdict(f"a change of {name} at 640 px, ms", times[name][0], limit)
+    yield verdict("first frame of a process at 224 px, ms", 1e3 * float(alone(FIRST)), 150.0)
+
+
+FIRST = """
+import time, numpy as np, flurries as fl
+effects, picture = [fl.Snow("heavy")], np.zeros((224, 224, 3), np.uint8)
+fl.set_threads(1), fl.Scene
+begun = time.process_time()
+fl.Scene(picture, effects=effects).render(0)
+print(time.process_time() - begun)
+"""
 
 
 def identities(flakes: Callable[[fl.Scene, float], np.ndarray]) -> Iterator[str]:
@@ -149,5 +193,10 @@ def motions(flakes: Callable[[fl.Scene, float], np.ndarray]) -> Iterator[str]:
 
 def contracts(*, quick: bool) -> list[str]:
     """Return the lines of all."""
-    widths = (64, 256, 1024, 2048) if quick else (64, 256, 1024, 2048, 4096, 7680)
-    return [*sizes(), *bounded(), *cost(widths), *identities(fl.flakes), *motions(fl.flakes)]
+    costs = *cost(1920 if quick else 7680), *changes()
+    return [*sizes(), *bounded(), *costs, *identities(fl.flakes), *motions(fl.flakes)]
+
+
+if __name__ == "__main__":
+    fl.set_threads(1)
+    print("\n".join((*cost(7680), *changes())))

@@ -93,7 +93,7 @@ INTRO = """# Falling snow against flakes drawn one by one
 
 Made by `python benches/falling_statistics.py --write`, which says what each figure is. The judge is
 a twin in NumPy and float64 (`tests/twin_falling.py`) with random numbers, sizes and speeds of its
-own. Flakes are round and none is nearer than 2 m, on both sides. A case is weather, camera, wind in
+own. Flakes are round and fade in from 1.6 to 2 m, on both sides. A case is weather, camera, wind in
 m/s and the picture's width; {seeds} seeds, of light snow four times as many. Of each figure its
 worst case is shown. Behind ± is the standard error. "Miss" is beyond the limit by more than two
 standard errors, "unsure" within two.

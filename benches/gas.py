@@ -1,7 +1,7 @@
 """What the eye inside the gas costs: ``python benches/gas.py [--runs N]``.
 
 For both eyes, beside the frames a second of Johnson 2005, section 4.1; and what a moving fog takes
-with a depth, for two eyes, and in slices with structure and with a lamp.
+in slices with structure and with a lamp. Depth and two eyes are in `benches/layers.py`.
 """
 
 from __future__ import annotations
@@ -47,19 +47,15 @@ def inside(runs: int) -> None:
         )
     fl.set_threads(1)
     plate = np.full((768, 1024, 3), 128, np.uint8)
-    ramp = np.repeat(np.linspace(3.0, 60.0, 768)[:, None], 1024, axis=1)
     fog = fl.Mist("fog", count=1674, radius=2.16, box=24.0, wind=(1.0, 0.0, 0.0))
     bank = fl.Mist("bank", visibility=20.0, wind=(1.0, 0.0, 0.0))
     flat = fl.Scene(plate, effects=[fog])
-    deep = fl.Scene(plate, effects=[fog], depth=ramp)
     stirred = fl.Scene(plate, effects=[bank])
     lit = fl.Scene(plate, effects=[bank], lights=[fl.scene.Lamp((1.0, -2.0, 8.0), power=60.0)])
     time_of = count()
     found = timed(
         {
             "one eye": lambda: flat.render(next(time_of)),
-            "both": lambda: flat.stereo(next(time_of), distance=0.065, convergence=4.0),
-            "depth": lambda: deep.render(next(time_of)),
             "structure": lambda: stirred.render(next(time_of)),
             "structure and a lamp": lambda: lit.render(next(time_of)),
         },

@@ -28,15 +28,10 @@ def scenes(*, flying: bool) -> dict[str, tuple[fl.Scene, fl.Scene]]:
     ground = np.where(y > 400, 3.0 + 200.0 / np.maximum(y - 399.0, 1.0), 400.0)
     depth = (ground * (1.0 + 0.2 * np.sin(x / 40.0) * np.cos(y / 31.0))).astype(np.float32)
     path = fl.CameraPath(fl.Camera(900.0), velocity=(0.0, 0.0, 1.0 if flying else 0.0))
-    kinds = {
-        "fl.Snow": [fl.Snow("heavy")],
-        "fl.effects.TentSnow": [fl.effects.TentSnow("heavy")],
-        "fl.Mist": [fl.Mist("fog")],
-        "fl.Mist and fl.effects.TentSnow": [fl.Mist("fog"), fl.effects.TentSnow("heavy")],
-    }
-    if not flying:
-        # A still camera's mist does not change: it is kept.
-        kinds = {name: kind for name, kind in kinds.items() if "Mist" not in name}
+    snow, tent, fog = fl.Snow("heavy"), fl.effects.TentSnow("heavy"), fl.Mist("fog")
+    kinds = {"fl.Snow": [snow], "fl.effects.TentSnow": [tent]}
+    if flying:  # A still camera's mist does not change: it is kept.
+        kinds |= {"fl.Mist": [fog], "fl.Mist and fl.effects.TentSnow": [fog, tent]}
     flat = {n: fl.Scene(picture, camera=path, effects=kind) for n, kind in kinds.items()}
     return {name: (scene, scene.replace(depth=depth)) for name, scene in flat.items()}
 

@@ -80,26 +80,12 @@ class Tuned:
             for across in (0, 1):
                 group = tiles[down::2, across::2]
                 rows, cols = group.shape[:2]
-                view = np.lib.stride_tricks.as_strided(
-                    total[down * self.step :, across * self.step :],
-                    (rows, cols, *shape),
-                    (
-                        2 * self.step * total.strides[0],
-                        2 * self.step * total.strides[1],
-                        *total.strides,
-                    ),
-                )
-                view += group
+                blocks = total[down * self.step :, across * self.step :]
+                blocks = blocks[: 2 * self.step * rows, : 2 * self.step * cols]
+                view = blocks.reshape(rows, 2 * self.step, cols, 2 * self.step)
+                view[:, : self.tile, :, : self.tile] += group.transpose(0, 2, 1, 3)
         # The weights' squares sum to 1 in this law but for the ramps' own rounding.
         return _alpha(total[: self.size, : self.size])
-
-
-def torus(size: int = 512) -> np.ndarray:
-    """Make the alpha of one tile of the whole picture's size."""
-    step, amplitude = _steps(size)
-    phases = np.random.default_rng(1).random(step.shape) + step
-    field = np.fft.irfft2(amplitude * np.exp(2j * np.pi * phases), (size, size)) * size**2
-    return _alpha(field)
 
 
 def cloud(count: int, size: int, focal: float) -> tuple[np.ndarray, np.ndarray]:
@@ -108,22 +94,3 @@ def cloud(count: int, size: int, focal: float) -> tuple[np.ndarray, np.ndarray]:
     z = rng.uniform(2, 20, count)
     x, y = ((rng.uniform(0, size, count) - size / 2) * z / focal for _ in range(2))
     return np.stack([x, y, z], 1), rng.uniform(1, 4, count) * z / focal
-
-
-def bincount(points: np.ndarray, radius: np.ndarray, size: int, focal: float) -> np.ndarray:
-    """Sum the discs' log transmittance the way NumPy can: one big scatter."""
-    z = points[:, 2]
-    px, py = (focal * points[:, axis] / z + size / 2 for axis in (0, 1))
-    raw = (focal * radius / 3 / z) ** 2
-    variance = np.maximum(raw + 1 / 12, 0.38)
-    grid = np.arange(-5, 6)
-    columns = np.floor(px)[:, None] + grid
-    rows = np.floor(py)[:, None] + grid
-    across = np.exp(-0.5 * (columns + 0.5 - px[:, None]) ** 2 / variance[:, None])
-    down = np.exp(-0.5 * (rows + 0.5 - py[:, None]) ** 2 / variance[:, None])
-    alpha = 0.5 * (raw / variance)[:, None, None] * down[:, :, None] * across[:, None, :]
-    inside = (rows >= 0) & (rows < size)
-    inside = inside[:, :, None] & ((columns >= 0) & (columns < size))[:, None, :]
-    index = (rows[:, :, None] * size + columns[:, None, :]).astype(np.int64)
-    log = np.bincount(index[inside], np.log1p(-alpha[inside]), size * size)
-    return -np.expm1(log.reshape(size, size)).astype(np.float32)

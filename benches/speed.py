@@ -39,10 +39,10 @@ def texture(shape: tuple[int, int], dtype: Any = np.float32) -> Call:
     return lambda: fl.spectral.alpha(shape, drift=drift, seed=1, dtype=dtype, out=out)
 
 
-def scenes() -> Calls:
+def scenes(shape: tuple[int, int] = SHAPE) -> Calls:
     """Return frames of whole scenes over a uint8 photograph, each at the next time."""
-    picture = np.random.default_rng(0).integers(0, 256, (*SHAPE, 3), np.uint8)
-    forward = fl.CameraPath(fl.Camera(1.2 * SIZE), velocity=(0.0, 0.0, 1.0))
+    picture = np.random.default_rng(0).integers(0, 256, (*shape, 3), np.uint8)
+    forward = fl.CameraPath(fl.Camera(1.2 * shape[1]), velocity=(0.0, 0.0, 1.0))
     effects = {
         "light snow": fl.Snow("light"),
         "heavy snow": fl.Snow("heavy"),
@@ -79,12 +79,9 @@ def variants() -> Calls:
 
 def rivals_of() -> Calls:
     """Return what others do, by the name of the row that it stands beside."""
-    points, radius = rivals.cloud(150_000, SIZE, 1000.0)
     return {
         "texture, plain NumPy": rivals.straightforward,
         "texture, tuned SciPy, 2 workers": rivals.Tuned(),
-        f"{ONE_TILE}, NumPy": rivals.torus,
-        "150,000 discs, np.bincount": lambda: rivals.bincount(points, radius, SIZE, 1000.0),
     }
 
 

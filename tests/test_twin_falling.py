@@ -75,5 +75,5 @@ def test_its_laws_are_those_of_the_package():
 def test_coverage_is_a_formula():
     means = [film(SNOW, VIEW, [0.0], seed).mean() for seed in range(8)]
     # All depths cover alike, half of what fades counts.
-    want = -math.expm1(-SNOW.extinction() * (SNOW.far - 1.125 * SNOW.near))
+    want = -math.expm1(-SNOW.extinction() * (SNOW.far - 0.9 * SNOW.near))
     assert np.mean(means) == pytest.approx(want, rel=0.02)

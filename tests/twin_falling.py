@@ -124,7 +124,7 @@ def cubes(
     exposure = view.shutter / view.fps
     speed = np.abs(np.array(view.velocity) - view.wind).max() + np.abs(falls).max()
     room = view.sway[0] + law.sizes[2] + speed * exposure
-    near, far = law.near, law.far * (1.0 + law.fades[1])
+    near, far = law.nearest(), law.far * (1.0 + law.fades[1])
     focal = view.grown(t)
     # What turns or zooms while the shutter is open.
     aside = 2.0 + (abs(view.spin) + abs(view.zoom)) * exposure * (focal + max(view.size))
@@ -168,7 +168,7 @@ def _draw(
     room = focal * (view.sway[0] + law.sizes[2] + speed * exposure) / np.maximum(depth, 1e-9)
     room += 2.0 + (abs(view.spin) + abs(view.zoom)) * exposure * (focal + max(view.size))
     far = law.far * (1.0 + law.fades[1])
-    seen = (depth > law.near - view.sway[0]) & (depth < far + view.sway[0])
+    seen = (depth > law.nearest() - view.sway[0]) & (depth < far + view.sway[0])
     for axis in range(2):
         at = pixel[axis] - corner[axis]
         seen &= (at > -room) & (at < canvas.shape[1 - axis] + room)
@@ -180,6 +180,6 @@ def _draw(
         way[n] = pixel - corner[:, None]
         if step == 0.0:
             depth = deep
-    good = np.flatnonzero(depth > law.near)
+    good = np.flatnonzero(depth > law.nearest())
     depth = depth[good]
     canvas.add(way[:, :, good], focal * diameter[good] / depth, law.shown(depth))

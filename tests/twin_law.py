@@ -26,8 +26,12 @@ class Law:
     fall: float | None = None  # Of a flake of the mean size, m/s; None is that of the kind.
     near: float = 0.4  # Depths that hold flakes, metres.
     far: float = 60.0
-    # Flakes come in from near to near times the first, and go over the second on both sides of far.
+    # Flakes come in from near over the first to near, and go over the second on both sides of far.
     fades: tuple[float, float] = (1.25, 0.07)
+
+    def nearest(self) -> float:
+        """The depth from which on there are any, metres."""
+        return self.near / self.fades[0]
 
     def slope(self) -> float:
         """Return s of exp(-s D): halve an interval until the mean is right."""
@@ -67,14 +71,10 @@ class Law:
 
     def shown(self, depth: Floats) -> Floats:
         """Return the share of a flake that is shown at depths."""
-        near, far = np.array([1.0, self.fades[0]]) * self.near, self.fades[1] * self.far
-
-        def smooth(x: Floats) -> Floats:
-            x = np.clip(x, 0.0, 1.0)
-            return x * x * (3.0 - 2.0 * x)
-
-        there = smooth((depth - near[0]) / (near[1] - near[0]))
-        return there * (1.0 - smooth((depth - self.far + far) / (2.0 * far)))
+        first = (depth - self.nearest()) / (self.near - self.nearest())
+        last = 0.5 + (self.far - depth) / (2.0 * self.fades[1] * self.far)
+        first, last = (np.clip(x, 0.0, 1.0) for x in (first, last))
+        return first**2 * (3.0 - 2.0 * first) * last**2 * (3.0 - 2.0 * last)
 
     def extinction(self) -> float:
         """Return what a ray loses for each metre, 1/m: density times covered area."""

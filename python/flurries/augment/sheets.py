@@ -20,8 +20,7 @@ from flurries._threads import reproducible
 from flurries.augment.draws import uniforms
 from flurries.augment.falling import OPACITY, Falling, Look, law_of, seen_by, square
 from flurries.effects.sheets import diameters_of, hash_of
-from flurries.effects.weather import layer_edges
-from flurries.particles.population import FADE, Population, SizeClass, slabs_of
+from flurries.particles.population import FADE, Population, SizeClass, layer_edges, slabs_of
 
 # Bytes of all sheets of a process, at most: the oldest go.
 MOST_BYTES = 64 << 20

@@ -82,12 +82,13 @@ class Camera:
 
     def matrix(self) -> Float64:
         """Return R (3, 3): a direction d of the camera's axes is R d in the house axes."""
-        turned: Float64 = _matrix(self.rotation).copy()
+        turned: Float64 = axes_of(self.rotation).copy()
         return turned
 
 
 @kept(64)
-def _matrix(rotation: tuple[float, float, float]) -> Float64:
+def axes_of(rotation: tuple[float, float, float]) -> Float64:
+    """Return the matrix (3, 3) of a rotation, shared and so read-only."""
     return rotation_matrix(rotation)
 
 

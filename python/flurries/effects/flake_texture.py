@@ -16,9 +16,9 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries._kept import kept
+from flurries.camera.lens import axes_of
 from flurries.camera.optics import Blur
 from flurries.camera.path import CameraPath
-from flurries.camera.rotation import rotation_matrix
 from flurries.effects.bent import moved_by_wind, read_bent
 from flurries.effects.lighting import lamp_shade
 from flurries.effects.motion import Motion
@@ -128,7 +128,7 @@ def _standing(
 ) -> tuple[list[Any], Float64, Float64, Float64]:  # fmt: skip
     """Return each layer's arguments, displacements (L, 2) and places in a pixel (L, 1)."""
     start, rate = np.empty((2, len(film.layers), 2))
-    axes = rotation_matrix(rotation)
+    axes = axes_of(rotation)
     for number, (share, slab) in enumerate(film.layers):
         for out, way in zip((start, rate), share.motion.line(path, fps) or (), strict=True):
             # The picture moves the other way than the camera.

@@ -9,8 +9,8 @@ import numpy as np
 
 from flurries._contract import Float64
 from flurries._kept import kept
+from flurries.camera.lens import axes_of
 from flurries.camera.path import CameraPath
-from flurries.camera.rotation import rotation_matrix as matrix_of
 from flurries.frame.view import Frame
 from flurries.motion.keys import Course, Keys, Number, Vector, air_courses, sum_of, value_at
 from flurries.motion.wind import Wind
@@ -95,7 +95,7 @@ class Motion:
         """Whether the air ever comes nearer a camera or recedes: the flow of tiles then differs."""
         if path.turns or path.zooms:
             return True
-        axis = matrix_of(rotation)[:, 2]
+        axis = axes_of(rotation)[:, 2]
         return comes_nearer(path, axis, self.fall, self.mean_wind)
 
     def fastest(self, path: CameraPath, fps: float) -> float:

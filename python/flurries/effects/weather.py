@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,11 +17,19 @@ from flurries._contract import Float64
 from flurries._kept import kept
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
-from flurries.effects.motion import Motion
+from flurries.effects.motion import HALF_OPEN, Motion
 from flurries.frame.needs import has_keys
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, Number, value_at
-from flurries.particles.population import FADE, Population, SizeClass, Slab, slabs_of
+from flurries.particles.population import (
+    FADE,
+    Population,
+    SizeClass,
+    Slab,
+    layer_edges,
+    slabs_of,
+    variance_at,
+)
 from flurries.particles.sizes import Sizes
 
 # Classes of size: each falls at a speed of its own. Where places move in their own ways the texture
@@ -165,8 +173,11 @@ def _film(
     rigid = not (comes or changes) and motion.varied is None and motion.line(path, fps) is not None
     drawn = classes(CLASSES, rigid)
     if rigid:
-        counts = zip(drawn, LAYERS[-len(drawn) :], strict=True)
-        parts = [(share, layer_edges(share.reach, far, count)) for share, count in counts]
+        rates = [(share.motion.line(path, fps) or ([], [0.0]))[1] for share in drawn]
+        parts = []
+        for share, count, rate in zip(drawn, LAYERS[-len(drawn) :], rates, strict=True):
+            varies = partial(variance_at, share.size, focal, HALF_OPEN * math.hypot(*rate))
+            parts.append((share, layer_edges(share.reach, far, count, varies)))
     else:
         # Planes go through their slabs, and are as thick as these are far.
         bent = classes(BENT_CLASSES, False)
@@ -203,13 +214,3 @@ def hand_overs(weather: Weather, focal: float, classes: list[SizeClass]) -> list
         step = max(math.floor(4.0 * math.log2(image * side)), math.ceil(4.0 * math.log2(large)))
         found.append(min(2.0 ** (0.25 * step), weather.far))
     return found
-
-
-def layer_edges(near: float, far: float, count: int) -> Float64:
-    """Return depths between layers: of even parts of speed, for the most part, and of coverage."""
-    if near >= far:
-        return np.array([near, far])
-    depths = np.geomspace(near, far, 1025)
-    speed = (1.0 / near - 1.0 / depths) / (1.0 / near - 1.0 / far)
-    share = 0.75 * speed + 0.25 * (depths - near) / (far - near)
-    return np.interp(np.linspace(0.0, 1.0, count + 1), share, depths)

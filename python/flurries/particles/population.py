@@ -23,6 +23,10 @@ FADE = 0.08
 # largest flakes make most of the contrast.
 _DEPTHS, _SHARES = 32, 264
 
+# Weights by which layers have even parts of speed in the picture, of depth, and of the variance of
+# its pixels: a layer that has much of that is seen to move as one.
+EVEN = [0.15, 0.2, 0.65]
+
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(_DEPTHS)
 
 
@@ -81,6 +85,21 @@ class Slab:
     coverage: float  # Mean of what they cover of a pixel.
 
 
+def layer_edges(near: float, far: float, count: int, variance: Law | None = None) -> Float64:
+    """Return depths between layers: of even parts of speed, of depth, and of variance if given."""
+    if near >= far:
+        return np.array([near, far])
+    depths, weights = np.geomspace(near, far, 1025), [0.75, 0.25]
+    sums = [1.0 / near - 1.0 / depths, depths - near]
+    if variance is not None:
+        some, weights = depths[::8], EVEN
+        own = variance(some)
+        areas = np.cumsum((own[1:] + own[:-1]) * np.diff(some))
+        sums.append(np.interp(depths, some, [0.0, *areas]))
+    share = sum(weight * each / each[-1] for weight, each in zip(weights, sums, strict=True))
+    return np.interp(np.linspace(0.0, 1.0, count + 1), share, depths)
+
+
 def slabs_of(
     population: Population, each: SizeClass, focal: float, *, reach: float, far: float,
     edges: Float64, flat: bool = False,
@@ -110,6 +129,17 @@ def slabs_of(
         coverage = count * population.opacity * 0.25 * math.pi * area
         found.append(Slab(near, end, depth, count, _even_shares(images, weight), coverage))
     return found
+
+
+def variance_at(each: SizeClass, focal: float, way: float, depths: Float64) -> Float64:
+    """Return how much flakes of a class vary the pixels, for each metre at depths, in some unit."""
+    # `way` is how far they move while the shutter is open, metres. Images are Gaussians in the box
+    # of a pixel: squares of deviations across the streak and along it.
+    diameters, share = each.nodes
+    square = (focal * diameters / depths[:, None]) ** 2
+    across = square / 16.0 + 0.15
+    along = across + (focal * way / depths[:, None]) ** 2 / 12.0
+    return np.asarray(depths**2 * ((square**2 / np.sqrt(across * along)) @ share))
 
 
 def _even_shares(images: Float64, weight: Float64) -> Float64:
