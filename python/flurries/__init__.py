@@ -41,31 +41,10 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "Camera",
-    "CameraPath",
-    "Keys",
-    "Mist",
-    "Rain",
-    "Scene",
-    "Snow",
-    "Wind",
-    "augment",
-    "camera",
-    "composite",
-    "cone",
-    "effects",
-    "flakes",
-    "gas",
-    "io",
-    "open",
-    "particles",
-    "scene",
-    "set_threads",
-    "settings",
-    "spectral",
-    "stereo",
-    "view",
-]
+    "Camera", "CameraPath", "Keys", "Mist", "Rain", "Scene", "Snow", "Wind", "augment", "camera",
+    "composite", "cone", "effects", "flakes", "gas", "io", "open", "particles", "scene",
+    "set_threads", "settings", "spectral", "stereo", "view",
+]  # fmt: skip
 
 
 # Where the names come from that are imported when somebody asks for them: kernels alone need no

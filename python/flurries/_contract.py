@@ -312,9 +312,8 @@ def vector(name: str, value: object, length: int) -> Float64:
 
 def pixels(name: str, value: object, *, ndim: int) -> tuple[Array, np.dtype[Any]]:
     """Return pixels as C-contiguous float32 or float64, and the dtype that the result keeps."""
-    # The dtype rule of every function that transforms float pixels: float32 and float64 stay;
-    # float16 is computed in float32 and comes back as float16; lists and integers become float64;
-    # the rest is refused.
+    # The dtype rule of all functions that transform float pixels: float32 and float64 stay; float16
+    # is computed in float32 and comes back as float16; lists and integers become float64.
     array = _numeric(name, value)
     if array.ndim != ndim:
         raise ValueError(f"{name} must have {ndim} dimensions, got {_came(value)}")

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from flurries._contract import LARGEST, SMALLEST, Array, choice, flag, output, real, rectangular
 from flurries._threads import reproducible
 from flurries.camera.lens import Camera, expect_camera
-from flurries.io.color import linear_to_srgb, srgb_to_linear, to_integer, to_linear
+from flurries.io.color import encode_bytes, linear_to_srgb, to_integer, to_linear
 
 __all__ = ["anaglyph", "eyes", "over_under", "side_by_side"]
 
@@ -23,22 +23,16 @@ __all__ = ["anaglyph", "eyes", "over_under", "side_by_side"]
 # what is shown, columns red, green, blue of an eye's picture.
 MATRICES = {
     "lsq2001": (
-        (
-            (0.4561, 0.500484, 0.176381),
-            (-0.0400822, -0.0378246, -0.0157589),
-            (-0.0152161, -0.0205971, -0.00546856),
-        ),
-        (
-            (-0.0434706, -0.0879388, -0.00155529),
-            (0.378476, 0.73364, -0.0184503),
-            (-0.0721527, -0.112961, 1.2264),
-        ),
+        ((0.4561, 0.500484, 0.176381), (-0.0400822, -0.0378246, -0.0157589),
+         (-0.0152161, -0.0205971, -0.00546856)),
+        ((-0.0434706, -0.0879388, -0.00155529), (0.378476, 0.73364, -0.0184503),
+         (-0.0721527, -0.112961, 1.2264)),
     ),
     "lcd2009": (
         ((0.437, 0.449, 0.164), (-0.062, -0.062, -0.024), (-0.048, -0.050, -0.017)),
         ((-0.011, -0.032, -0.007), (0.377, 0.761, 0.009), (-0.026, -0.093, 1.234)),
     ),
-}
+}  # fmt: skip
 
 # Rows of a picture that are worked on together: they stay in the cache.
 _ROWS = 64
@@ -98,8 +92,7 @@ def anaglyph(
     Parameters
     ----------
     left, right : (H, W, 3)
-        Pictures of the two eyes: floats in linear light, or uint8 or uint16 sRGB; both of one shape
-        and dtype.
+        Pictures of one shape and dtype: floats in linear light, or uint8 or uint16 sRGB.
     matrix : {"lsq2001", "lcd2009"}
         Dubois' projection of 2001, or the one for flat screens of 2009.
 
@@ -148,8 +141,7 @@ def side_by_side(
     cross : bool
         Whether the right eye's picture comes first, for crossed eyes.
     squeeze : bool
-        Halve both widths, as frame-packed video wants it; W must be even. Pairs of pixels become
-        their mean in the pictures' own values.
+        Halve both widths, as frame-packed video wants it, by means of pairs; W must be even.
 
     Returns
     -------
@@ -250,19 +242,4 @@ def _shown(light: Array, dtype: np.dtype[Any]) -> Array:
         return light
     if dtype == np.uint16:
         return to_integer(linear_to_srgb(light), 16)
-    levels, bounds = _encoding_table()
-    # Right to rounding but for values on the border of two levels, which get the nearer one.
-    place = (light * np.float32(len(levels) - 1) + np.float32(0.5)).astype(np.int32)
-    level = levels[place]
-    level = level + (light >= bounds[level + 1])
-    return np.asarray(level - (light < bounds[level]), np.uint8)
-
-
-def _encoding_table() -> tuple[Array, Array]:
-    """Return the 8-bit level of 4096 lights, and the light from which each level is nearest."""
-    steps = np.arange(4097) / 4096
-    levels = np.rint(255.0 * linear_to_srgb(steps)).astype(np.int32)
-    bounds = srgb_to_linear((np.arange(257) - 0.5) / 255.0)
-    bounds[0] = -1.0
-    bounds[256] = 2.0
-    return levels, bounds.astype(np.float32)
+    return encode_bytes(light)

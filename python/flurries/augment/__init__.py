@@ -13,15 +13,8 @@ from flurries.augment.precipitation import Rainfall, Snowfall
 from flurries.augment.weather import replay
 
 __all__ = [
-    "Fog",
-    "Ground",
-    "Rainfall",
-    "Snowfall",
-    "Weathered",
-    "contrast_loss",
-    "occlusion",
-    "replay",
-]
+    "Fog", "Ground", "Rainfall", "Snowfall", "Weathered", "contrast_loss", "occlusion", "replay",
+]  # fmt: skip
 
 _LATER = ("albumentations", "corrupt", "kornia", "torchvision")
 

@@ -72,8 +72,7 @@ def corrupt(
     ----------
     folder : path
         Pictures in it and in folders below: .png, .jpg, .tif, .exr, .webp, .bmp, .gif. Symbolic
-        links are not followed; pictures that move, palettes in PNG and planes of 16 bits or
-        floats are left out.
+        links, pictures that move, palettes in PNG and planes of 16 bits or floats are left out.
     out : path
         Where to write; not inside `folder`. Names and formats stay, so that labels by file name
         hold; JPEG is written with quality 95, and WebP, BMP and GIF as PNG: ``a.webp`` is
@@ -138,12 +137,9 @@ def corrupt(
     failed = {names[index // each]: why for index, why in done.failed.items()}
     files = [target / _path(part) for part in parts]
     return Corrupted(
-        sorted(files[index] for index in done.written),
-        sorted(files[index] for index in done.kept),
-        failed,
-        skipped,
-        target / NAME,
-    )
+        sorted(files[index] for index in done.written), sorted(files[index] for index in done.kept),
+        failed, skipped, target / NAME,
+    )  # fmt: skip
 
 
 def _levels(severity: int | str | Sequence[int]) -> tuple[int, ...]:

@@ -36,8 +36,7 @@ class Ground:
     height : float
         Height of the camera above the plane, metres.
     far : float
-        Depth of everything above the horizon, metres. The default lies between the depth of a sky
-        and that of things in front of it.
+        Depth of everything above the horizon, metres: between a sky's and that of things before it.
 
     Notes
     -----
@@ -79,9 +78,8 @@ class Ground:
 
         Notes
         -----
-        Medians of the rows of the lower half are compared with those of planes with all horizons in
-        steps of 0.005 of the height, by least squares of their nearness, 1 / depth; rows farthest
-        from the best are left out once.
+        Medians of the lower half's rows are fitted with planes of all horizons in steps of 0.005 of
+        the height by least squares of 1 / depth; rows farthest from the best are left out once.
         """
         given = rectangular("depth", depth)
         if given.ndim != 2 or given.dtype.kind != "f" or min(given.shape) < 8:

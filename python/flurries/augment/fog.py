@@ -69,8 +69,7 @@ def _normal() -> Float64:
 class Fog(Weather):
     """Fog, as a function of pictures, clips, batches and stereo pairs.
 
-    Numbers that are drawn take a number or a range (low, high), and are drawn evenly from it, anew
-    for each index.
+    Numbers and ranges (low, high) are drawn as for :class:`Snowfall`.
 
     Parameters
     ----------

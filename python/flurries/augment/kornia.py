@@ -1,7 +1,6 @@
 """Weather as augmentations of kornia, in its pipelines, see docs/augment.md.
 
-Draws come from torch's random numbers. The weather is made on the CPU; gradients go through to the
-picture, by what of each pixel is seen.
+Draws come from torch's random numbers. Gradients go through to what is seen of a picture.
 """
 
 from __future__ import annotations
@@ -66,10 +65,7 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
 
     @property
     def records(self) -> list[Any]:
-        """The draws for each picture of the last batch, None where nothing was drawn.
-
-        For :func:`flurries.augment.replay`.
-        """
+        """The draws for each picture of the last batch, for `replay`; None where none were made."""
         index, drawn = self._params["index"], self._params["batch_prob"]
         return [
             self.weather.record(index=int(i)) if float(d) > 0.5 else None

@@ -46,17 +46,14 @@ class Weathered:
     instance_occlusion, instance_visibility : (m,) float64 or None
         As `occlusion` and `visibility`, over the pixels of each instance.
     flow : (H, W, 2) float32 or None
-        The flow given, with the weather's own motion where flakes, drops or the texture hide more
-        than half. Pixels per frame.
+        The flow given, px per frame, with the weather's own where it hides more than half.
     depth : (H, W) float32 or None
         The depth given, with the weather's own where they hide more than half, metres. A veil has
         neither depth nor motion. Holes, NaN or 0, stay holes.
     soft_flow, soft_depth : like `flow` and `depth`, or None
-        Means of picture and weather, weighted by what is seen of each; for the depth the harmonic
-        mean.
+        Means of picture and weather by what is seen of each; of the depth the harmonic mean.
     disparity : (H, W) float32 or None
-        Of what is seen as `depth` has it, pixels: how much farther left it is for the right eye. 0
-        at infinity, NaN in holes.
+        Of `depth`, px: how much farther left it is for the right eye. NaN in holes.
     weather_disparity : (H, W) float32 or None
         Of the densest flake at each pixel; 0 where there is none.
     motion : (H, W, 2) float32 or None

@@ -79,8 +79,7 @@ class Snowfall(Precipitation):
         "natural" is weather as it is, "hard" takes as much as the corruptions of published
         benchmarks.
     veil : float
-        Share of the opacity that an even veil has, 0 to 1; flakes or drops have the rest. 0 is no
-        veil.
+        Share of the opacity that an even veil has, 0 to 1; flakes or drops have the rest.
     wind : number or range
         Wind across the view, metres per second; to the right if positive.
     fall : number or range
@@ -90,8 +89,7 @@ class Snowfall(Precipitation):
     color : number, range or (r, g, b)
         Display values, 0 to 1: a grey or a color.
     ground : Ground or None
-        Depth of pictures for which none is given. With None everything is as far away as the sky. A
-        :class:`Ground` is a plane with a horizon, for pictures that show one.
+        Depth of pictures that are given none: a plane with a horizon, or all as far as the sky.
     focal : float
         Focal length, in lengths of the picture's longer side.
     white : float
@@ -103,9 +101,8 @@ class Snowfall(Precipitation):
 
     Notes
     -----
-    One population of flakes as in :class:`flurries.Snow`: the near ones are drawn, the others a
-    texture of flakes. Their number follows from the amount; a veil takes the rest of the loss of
-    contrast, ``docs/augment.md``.
+    One population of flakes as in :class:`flurries.Snow`: near ones are drawn, others a texture.
+    Their number follows from the amount; a veil takes the contrast's rest: ``docs/augment.md``.
 
     Examples
     --------
@@ -125,10 +122,7 @@ class Snowfall(Precipitation):
 @suggests
 @dataclass(frozen=True, kw_only=True)
 class Rainfall(Precipitation):
-    """Rain, as a function of pictures, clips, batches and stereo pairs.
-
-    Numbers that are drawn take a number or a range (low, high), and are drawn evenly from it, anew
-    for each index. The camera stands still; for one that moves see :class:`flurries.Scene`.
+    """Rain, as a function of pictures, clips, batches and stereo pairs; see :class:`Snowfall`.
 
     Parameters
     ----------
@@ -145,9 +139,8 @@ class Rainfall(Precipitation):
 
     Notes
     -----
-    One population of drops as in :class:`flurries.Rain`: the near streaks are drawn, the others a
-    texture. Drops are drawn several times as large as real ones, and as bright as the light that
-    they gather: real drops are hardly visible.
+    One population of drops as in :class:`flurries.Rain`. They are several times as large as real
+    ones, which are hardly visible, and as bright as the light that they gather.
 
     Examples
     --------

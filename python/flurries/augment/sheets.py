@@ -33,8 +33,7 @@ _FOCAL, _WAY, _TIMES = 1.06, 1.6, 2.0**0.5
 # A shorter way over the mean diameter leaves no streak in sheets.
 _REST = 0.35
 
-# Between two directions of streaks, radians, at least and at most, and times the ratio of a flake's
-# diameter to its way.
+# Between two directions of streaks, radians: the ends, and times a flake's diameter over its way.
 _TURN, _TURNS = (0.16, 0.7), 1.5
 
 # Flakes that are drawn for each pixel of a picture, by itself and of a film or pair; pictures by

@@ -1,7 +1,6 @@
 """Weather as transforms of torchvision (v2), in its pipelines, see docs/augment.md.
 
-Draws come from torch's random numbers, which a DataLoader seeds for each of its workers. Gradients
-go through to the picture, by what of each pixel is seen.
+Draws come from torch's random numbers, which a DataLoader seeds for each of its workers.
 """
 
 from __future__ import annotations

@@ -49,13 +49,11 @@ class Weather(Recorded):
             with a `seed` the number comes from the picture itself.
         time : float, optional
             Seconds, of a frame of a film (of 30 frames per second). None is a picture by itself,
-            whose far flakes are a texture that would not go on from frame to frame, and so is
-            quicker.
+            which is quicker: its far flakes would not go on from frame to frame.
         depth : float, (H, W) float or DepthMap, optional
             How far away what is seen is: metres, infinity where nothing stands, 0 or NaN where it
-            is not known and the nearest pixel of the row that has one is taken; relative depths
-            through :class:`flurries.scene.DepthMap`. Without it `ground` is taken, and without that
-            all is as far as the sky.
+            is not known and the row's nearest pixel that has one is taken; relative depths through
+            :class:`flurries.scene.DepthMap`. Without it `ground`'s, else that of the sky.
         return_layer : bool
             Also return the weather alone.
         out : like `image`, optional
@@ -64,8 +62,7 @@ class Weather(Recorded):
         Returns
         -------
         array of the shape and dtype of `image`
-            Or with `return_layer` that and the layer, (H, W, 4) float32, display values
-            premultiplied with the opacity.
+            Or with `return_layer` that and the layer, (H, W, 4) float32, premultiplied.
         """
         given = picture_of("image", image)
         moment = 0.0 if time is None else real("time", time, low=-1e9, high=1e9)
@@ -129,8 +126,7 @@ class Weather(Recorded):
         Returns
         -------
         array of the shape and dtype of `images`
-            Or with `return_layer` that and the layers, (N, H, W, 4) float32. Picture k is what a
-            call with its index gives.
+            Each as a call with its index gives it; with `return_layer` also (N, H, W, 4) float32.
         """
         given = stack_of("images", images)
         count = len(given)
@@ -169,8 +165,7 @@ class Weather(Recorded):
 
         Notes
         -----
-        A flake at depth z has the disparity ``focal * distance / z``, and so have each layer
-        of sheets.
+        A flake or a layer of sheets at depth z has the disparity ``focal * distance / z``.
         """
         pictures = _pair(left, right)
         times = [real("time", time, low=-1e9, high=1e9)] * 2
@@ -213,8 +208,7 @@ class Weather(Recorded):
         Returns
         -------
         Weathered
-            Of a film a list and of a pair a tuple of them; their boxes, masks and flow are given
-            as one for each.
+            Of a film a list and of a pair a tuple: of each, with its own boxes, masks and flow.
         """
         wanted, rate = flag("motion", motion), rate_of(fps)
         left = eye is not None and choice("eye", eye, ("left", "right")) == "left"

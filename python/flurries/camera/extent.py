@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
-from typing import Any
-
-import numpy as np
 
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import quaternions_of
@@ -16,51 +14,29 @@ def extent(path: CameraPath) -> tuple[int, int] | None:
     """Return the first and last whole frame of a camera that must not go on by itself, or None."""
     if path.extend != "stop":
         return None
-    firsts, lasts = [], []
-    for value in (path.position, path.orientation, path.focal):
-        frames = _frames(value)
-        # One pose stands for all frames.
-        if len(frames) > 1:
-            firsts.append(frames[0])
-            lasts.append(frames[-1])
-    if not firsts:
+    keyed = [path._places, None if path._zoom is None else path._zoom.keys]
+    frames = [keys.columns[0] for keys in keyed if keys is not None]
+    frames += [] if path._turning is None else [path._turning.frames]
+    # One pose stands for all frames.
+    several = [own for own in frames if len(own) > 1]
+    if not several:
         return None
-    return int(np.ceil(max(firsts))), int(np.floor(min(lasts)))
+    return math.ceil(max(own[0] for own in several)), math.floor(min(own[-1] for own in several))
 
 
 def holding(path: CameraPath) -> CameraPath:
     """Return the path with a camera that stands still before its first and after its last frame."""
-    # Outside their frames paths go on with the first and the last rate: a rate of 0.
-    return replace(
-        path,
-        position=_padded(path.position),
-        orientation=_padded(_vectors(path.orientation)),
-        extend="on",
-    )
+    # Outside their frames paths go on with the first and the last rate: a rate of 0. Keys may hold
+    # quaternions, and no matrices.
+    turned = path.orientation
+    if turned is not None and not isinstance(turned, Keys):
+        rows = quaternions_of(turned) if turned.ndim == 3 else turned
+        turned = Keys(list(enumerate(rows.tolist())))
+    return replace(path, position=_padded(path._places), orientation=_padded(turned), extend="on")
 
 
-def _frames(value: Any) -> list[float]:
-    if value is None:
-        return []
-    if isinstance(value, Keys):
-        return [float(frame) for frame, _ in value.keys]
-    return [float(frame) for frame in range(len(value))]
-
-
-def _vectors(orientation: Any) -> Any:
-    """Return matrices as quaternions, which keys may hold."""
-    if orientation is None or isinstance(orientation, Keys) or np.ndim(orientation) != 3:
-        return orientation
-    return quaternions_of(orientation)
-
-
-def _padded(value: Any) -> Any:
-    frames = _frames(value)
-    if len(frames) < 2:
-        return value
-    if isinstance(value, Keys):
-        values = [one for _, one in value.keys]
-    else:
-        values = np.asarray(value).tolist()
-    pairs = list(zip(frames, values, strict=True))
-    return Keys([(frames[0] - 1.0, values[0]), *pairs, (frames[-1] + 1.0, values[-1])])
+def _padded(keys: Keys | None) -> Keys | None:
+    if keys is None or len(keys.keys) < 2:
+        return keys
+    (first, start), (last, end) = keys.keys[0], keys.keys[-1]
+    return Keys([(first - 1.0, start), *keys.keys, (last + 1.0, end)])

@@ -152,8 +152,7 @@ def image_velocity(
     depth : (n,) or float
         Depth of each point, world units, positive.
     velocity : (3,)
-        Camera minus flake per frame, house axes: still snow and a still camera give 0; falling snow
-        is a camera that rises.
+        Camera minus flake per frame, house axes: falling snow is a camera that rises.
     camera : Camera
         The eye.
     shape : (H, W)
@@ -165,9 +164,8 @@ def image_velocity(
     -------
     (n, 2) float64
         Pixels per frame: ``(Tz x - f Tx, Tz y - f Ty) / Z`` (Langer 2004, Eq. 8, without its
-        division by Tz), plus the flow of the rotation, which the paper leaves out
-        (``docs/internals/deviations.md``, 17). Pure translation vanishes at the focus of expansion
-        ``f (Tx, Ty) / Tz``.
+        division by Tz), 0 at the focus of expansion ``f (Tx, Ty) / Tz``, plus the flow of the
+        rotation, which the paper leaves out (``docs/internals/deviations.md``, 17).
     """
     given = check.rows_of("points_px", points_px, 2)
     view = expect_camera(camera, stretched=True)

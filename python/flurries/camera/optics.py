@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 
 from flurries._contract import integer, real, suggesting
@@ -40,8 +39,7 @@ class Lens:
     f_stop : float
         Focal length over the width of the opening. Keyed.
     sensor : float
-        Width of the sensor, metres: with the camera's focal length in pixels it says the focal
-        length in metres.
+        Width of the sensor, metres; it says how long the camera's focal length in pixels is.
     blades : int
         Number of blades of the opening: 5 or more make discs with corners, 0 makes round discs.
     turn : float
@@ -50,8 +48,7 @@ class Lens:
     Notes
     -----
     The circle of confusion of a thin lens of focal length F, f-stop N, focused at s, at the depth
-    z is F^2 / N * |z - s| / (z (s - F)) wide on the sensor. Its disc keeps the energy of a flake:
-    opacity summed over pixels.
+    z is F^2 / N * |z - s| / (z (s - F)) wide on the sensor. Its disc keeps a flake's energy.
 
     Examples
     --------
@@ -68,17 +65,15 @@ class Lens:
     turn: float = 0.0
 
     def __post_init__(self) -> None:
-        settle = object.__setattr__
-        far = isinstance(self.focus, float) and self.focus == math.inf
-        if not far:
-            settle(self, "focus", as_number("focus", self.focus, above=0.0))
-        settle(self, "f_stop", as_number("f_stop", self.f_stop, above=0.0))
-        settle(self, "sensor", real("sensor", self.sensor, above=0.0, high=1.0))
+        if not (isinstance(self.focus, float) and self.focus == math.inf):
+            vars(self)["focus"] = as_number("focus", self.focus, above=0.0)
         blades = integer("blades", self.blades, low=0, high=64)
         if 0 < blades < 3:
             raise ValueError(f"blades must be 0 or from 3 on, got {blades}")
-        settle(self, "blades", blades)
-        settle(self, "turn", partial(real)("turn", self.turn))
+        vars(self).update(
+            f_stop=as_number("f_stop", self.f_stop, above=0.0), blades=blades,
+            sensor=real("sensor", self.sensor, above=0.0, high=1.0), turn=real("turn", self.turn),
+        )  # fmt: skip
 
     def blur(self, t: float, *, focal: float, width: int) -> Blur:
         """Return the lens at frame `t` for a picture `width` px wide of a focal length in px."""

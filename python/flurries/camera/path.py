@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -90,33 +90,33 @@ class CameraPath:
     _zoom: Zoom | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        settle = object.__setattr__
+        settle = partial(object.__setattr__, self)
         if not isinstance(self.camera, Camera):
             raise TypeError(f"camera must be a Camera, got {type(self.camera).__name__}")
         if self.position is not None and self.velocity is not None:
             raise ValueError("position and velocity must not both be given")
         choice("extend", self.extend, EXTEND)
         if self.velocity is not None:
-            settle(self, "velocity", as_vector("velocity", self.velocity, 3))
-        settle(self, "_places", self.position)
+            settle("velocity", as_vector("velocity", self.velocity, 3))
+        settle("_places", self.position)
         if isinstance(self.position, Keys):
             as_vector("position", self.position, 3)
         elif self.position is not None:
             places = table("position", self.position)
             if places.shape[1] != 3 or len(places) == 0:
                 raise ValueError(f"position must have shape (n, 3), got {places.shape}")
-            settle(self, "position", _frozen(places))
-            settle(self, "_places", Keys(list(enumerate(places.tolist()))))
+            settle("position", _frozen(places))
+            settle("_places", Keys(list(enumerate(places.tolist()))))
         turning = None if self.orientation is None else turning_of(self.orientation)
-        settle(self, "_turning", turning)
+        settle("_turning", turning)
         if turning is not None and not isinstance(self.orientation, Keys):
-            settle(self, "orientation", _frozen(table("orientation", self.orientation, ndim=None)))
+            settle("orientation", _frozen(table("orientation", self.orientation, ndim=None)))
         zoom = None if self.focal is None else zoom_of(self.focal)
-        settle(self, "_zoom", zoom)
+        settle("_zoom", zoom)
         if zoom is not None:
-            settle(self, "camera", replace(self.camera, focal=zoom.at(0.0)))
+            settle("camera", replace(self.camera, focal=zoom.at(0.0)))
             if not isinstance(self.focal, Keys):
-                settle(self, "focal", _frozen(table("focal", self.focal, ndim=1)))
+                settle("focal", _frozen(table("focal", self.focal, ndim=1)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         given = (self.camera, self.position, self.velocity, self.orientation, self.focal)

@@ -1,7 +1,4 @@
-"""Rotations in their three forms: matrices, vectors of axis times angle, and unit quaternions.
-
-Nothing is checked here: cameras and paths check what they are given.
-"""
+"""Rotations in their three forms: matrices, vectors of axis times angle, and unit quaternions."""
 
 from __future__ import annotations
 

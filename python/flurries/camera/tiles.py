@@ -59,8 +59,7 @@ def tile_shift(
     shape, camera, tile, overlap
         See :func:`tile_drift`.
     rotation : (3,)
-        Radians in camera axes, right-handed (a pan to the right is +y): the rate of turning, or its
-        sum over the frames.
+        Radians in camera axes, right-handed (a pan to the right is +y): of a frame, or of several.
 
     Returns
     -------
@@ -85,8 +84,7 @@ def tile_zoom(
     shape, camera, tile, overlap
         See :func:`tile_drift`.
     growth : float
-        Relative change of the focal length: its rate per frame, or its sum over the frames, the
-        logarithm of the ratio.
+        Logarithm of the ratio of the focal lengths: of a frame, or of several.
 
     Returns
     -------

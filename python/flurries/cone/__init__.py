@@ -10,14 +10,6 @@ from flurries.cone.stack import layers
 from flurries.cone.tiles import Texture, rain_tile, snow_tile
 
 __all__ = [
-    "Path",
-    "Rays",
-    "State",
-    "Texture",
-    "layer",
-    "layers",
-    "path",
-    "rain_tile",
-    "rays",
+    "Path", "Rays", "State", "Texture", "layer", "layers", "path", "rain_tile", "rays",
     "snow_tile",
-]
+]  # fmt: skip

@@ -37,8 +37,7 @@ class Rays:
     azimuth : (H, W) float64
         Turns around the axis, in [0, 1).
     height : (H, W) float64
-        Along the axis over the cone's radius: ``s / (c + slope |s|)`` for a ray with s along the
-        axis and c across it.
+        Along the axis over the cone's radius: ``s / (c + slope |s|)``, s along and c across it.
     azimuth_step, height_step : (H, W) float64
         How much each changes from pixel to pixel: the lengths of their gradients in the picture.
     fade : (H, W) float64

@@ -36,8 +36,7 @@ def rain_tile(
     drops : int
         How many.
     width : float
-        Width of a drop, two sigma of a Gaussian, tiles. A thinner one than a texel is drawn wider
-        and fainter.
+        Width of a drop, two sigma of a Gaussian, tiles; below a texel it is wider and fainter.
     length : float
         Length of a drop along the axis, tiles, 0 to 0.5; the cone's `stretch` makes it longer.
     spread : float

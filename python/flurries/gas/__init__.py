@@ -11,13 +11,6 @@ from flurries.gas.optics import extinction, footprint_table, light, phase, visib
 from flurries.gas.splatting import alpha, splat
 
 __all__ = [
-    "alpha",
-    "extinction",
-    "footprint_table",
-    "light",
-    "parallax_error",
-    "phase",
-    "projection_error",
-    "splat",
-    "visibility",
-]
+    "alpha", "extinction", "footprint_table", "light", "parallax_error", "phase",
+    "projection_error", "splat", "visibility",
+]  # fmt: skip

@@ -1,8 +1,7 @@
 """What a billboard parallel to the viewplane gets wrong (Johnson 2005, section 3, corrected).
 
 The point looked at is the middle of a billboard's right edge, C + r u. Parallel to the viewplane u
-is (1, 0, 0); facing the eye it is (D, 0, -C_x) / S with S = hypot(C_x, D). What the paper prints
-is in ``docs/internals/deviations.md``.
+is (1, 0, 0); facing the eye it is (D, 0, -C_x) / S with S = hypot(C_x, D).
 """
 
 from __future__ import annotations

@@ -38,8 +38,7 @@ def footprint_table(size: int, *, intervals: int = 100, out: Float64 | None = No
     Returns
     -------
     (n, n) float64
-        exp(-(x^2 + y^2)/2) at x = -3 + 6 i / (n - 1) of column i, y likewise: over the value at the
-        origin, at most 1.
+        exp(-(x^2 + y^2)/2) at x = -3 + 6 i / (n - 1) of column i, y likewise; at most 1.
     """
     n = check.integer("size", size, low=1, high=8192)
     steps = check.integer("intervals", intervals, low=1, high=1_000_000)

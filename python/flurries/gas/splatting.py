@@ -24,8 +24,7 @@ NEAR_MODES = get_args(NearMode)
 Occlusion: TypeAlias = Literal["soft", "hard"]
 OCCLUSIONS = get_args(Occlusion)
 
-# A pixel that lets through less than this is finished, where `error` is not given: below what the
-# type can say of an opacity.
+# A pixel that lets through less than this is finished: below what the type can say of an opacity.
 FINISHED = {"float32": 1e-6, "float64": 1e-13}
 
 
@@ -92,9 +91,8 @@ def splat(
     Returns
     -------
     (H, W, 4) array
-        Linear RGB multiplied by alpha, and alpha = 1 - prod(1 - alpha_i), 0 to 1. Of several colors
-        the nearer particle is in front ("viewpoint" and "volume": by distance), then the lower
-        index.
+        Linear RGB multiplied by alpha, and alpha = 1 - prod(1 - alpha_i), 0 to 1. The nearer
+        particle is in front ("viewpoint" and "volume": by distance), then the lower index.
 
     Examples
     --------

@@ -56,16 +56,10 @@ class Keys:
         values = table("keys: value", [value for _, value in pairs], ndim=None)
         if values.ndim not in (1, 2) or values.size == 0:
             raise ValueError(f"keys: values must be numbers or vectors, got shape {values.shape}")
-        settle = object.__setattr__
-        settle(
-            self, "keys", tuple((float(f), _plain(v)) for f, v in zip(frames, values, strict=True))
-        )
-        settle(self, "_frames", frames)
-        settle(self, "_values", values)
-        areas = (
-            0.5 * (values[1:] + values[:-1]) * np.diff(frames).reshape(-1, *[1] * (values.ndim - 1))
-        )
-        settle(self, "_sums", prefix_sums(areas, values.shape))
+        plain = tuple((float(f), _plain(v)) for f, v in zip(frames, values, strict=True))
+        steps = np.diff(frames).reshape(-1, *[1] * (values.ndim - 1))
+        sums = prefix_sums(0.5 * (values[1:] + values[:-1]) * steps, values.shape)
+        vars(self).update(keys=plain, _frames=frames, _values=values, _sums=sums)
 
     @property
     def columns(self) -> tuple[Float64, Float64]:

@@ -2,8 +2,7 @@
 
 u(x, t) = Re sum a exp(i (k . x - w t)), each a across its k, so that no air is made or lost. What
 is carried along a way q(t) is displaced by Re sum a exp(i k . (x - q(t))) I(t), I(t) the integral
-of exp(i (k . q - w t)): one complex number for each wave and time, for all flakes alike. Nothing is
-stepped from frame to frame.
+of exp(i (k . q - w t)): one complex number for each wave and time, for all flakes alike.
 """
 
 from __future__ import annotations

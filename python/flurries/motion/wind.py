@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import KW_ONLY, dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,9 +23,8 @@ __all__ = ["Wind"]
 GUST_LENGTHS = (2.0, 8.0)
 SWIRL_LENGTHS = (0.25, 1.0)
 
-# Eddies change at this many times their speed over their size: below 1 flakes would be folded
-# over each other, far above the air would shake instead of turning. Gusts carry less far than the
-# swirls are wide.
+# Eddies change at this many times their speed over their size: below 1 flakes would be folded over
+# each other, far above the air would shake. Gusts carry less far than the swirls are wide.
 GUST_TURNOVER, SWIRL_TURNOVER = 6.0, 3.0
 
 _STREAM = 201
@@ -44,8 +44,7 @@ class Wind:
     swirl : float
         Speed (root mean square) of small eddies, metres per second.
     scale : float
-        Size of the largest eddies, metres. Gusts are 2 to 8 times as long, the smallest swirls a
-        quarter of it.
+        Size of the largest eddies, metres; the smallest have a quarter, gusts are 2 to 8 times it.
     profile : sequence of (depth, value) or Keys, optional
         How the mean changes with the depth in front of the camera, metres: numbers are factors of
         the mean, vectors (x, y, z) are added to it. Linear between, held outside. Only the part
@@ -90,12 +89,11 @@ class Wind:
     duration: float = 1.0
     modes: int = 64
     seed: int = 0
-    _waves: Any = dataclasses.field(init=False, repr=False)
+    # Of gusts, swirls and the field; None where the wind is the same everywhere.
+    waves: Waves | None = dataclasses.field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        def settle(name: str, value: Any) -> None:
-            object.__setattr__(self, name, value)
-
+        settle = partial(object.__setattr__, self)
         settle("mean", as_vector("mean", self.mean, 3))
         settle("gusts", real("gusts", self.gusts, low=0.0))
         settle("swirl", real("swirl", self.swirl, low=0.0))
@@ -114,10 +112,10 @@ class Wind:
                 )
             given.flags.writeable = False
             settle("field", given)
-        settle("_waves", _waves_of(self))
+        settle("waves", _waves_of(self))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuilt, tuple(getattr(self, name) for name in FIELDS)
+        return partial(Wind, **{name: getattr(self, name) for name in FIELDS}), ()
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Wind):
@@ -132,15 +130,9 @@ class Wind:
         return (*values, None if self.field is None else (self.field.shape, self.field.tobytes()))
 
     @property
-    def waves(self) -> Waves | None:
-        """The waves of gusts, swirls and the field; None where the wind is the same everywhere."""
-        waves: Waves | None = self._waves
-        return waves
-
-    @property
     def uniform(self) -> bool:
         """Whether the wind is the same everywhere."""
-        return self.profile is None and self._waves is None
+        return self.profile is None and self.waves is None
 
     @property
     def steady(self) -> Vector:
@@ -171,9 +163,9 @@ class Wind:
         steady = self.steady
         mean = steady.at(0.0) if isinstance(steady, Keys) else steady
         found = np.tile(np.array(mean), (len(at), 1))
-        if self._waves is not None:
-            now = np.exp(-1j * self._waves.omega * real("seconds", seconds))
-            found += self._waves.at(at, now)
+        if self.waves is not None:
+            now = np.exp(-1j * self.waves.omega * real("seconds", seconds))
+            found += self.waves.at(at, now)
         return found
 
     def extra(self, depth: Float64) -> tuple[Float64, Float64]:
@@ -188,12 +180,7 @@ class Wind:
         return np.zeros(len(depth)), np.stack(parts, axis=1)
 
 
-FIELDS = ("mean", "gusts", "swirl", "scale", "profile", "field", "spacing", "duration", "modes",
-          "seed")  # fmt: skip
-
-
-def _rebuilt(mean: Any, *values: Any) -> Wind:
-    return Wind(mean, **dict(zip(FIELDS[1:], values, strict=True)))
+FIELDS = tuple(field.name for field in dataclasses.fields(Wind) if field.init)
 
 
 def _profile(given: Any) -> Keys:
@@ -214,14 +201,11 @@ def _waves_of(wind: Wind) -> Waves | None:
     mean = wind.steady
     if isinstance(mean, Keys):
         mean = tuple(np.mean([value for _, value in mean.keys], axis=0))
-    kinds = (
-        (wind.gusts, GUST_LENGTHS, GUST_TURNOVER),
-        (wind.swirl, SWIRL_LENGTHS, SWIRL_TURNOVER),
-    )
-    for number, (speed, lengths, turnover) in enumerate(kinds):
+    gusts, swirls = (GUST_LENGTHS, GUST_TURNOVER), (SWIRL_LENGTHS, SWIRL_TURNOVER)
+    for number, (speed, kind) in enumerate(((wind.gusts, gusts), (wind.swirl, swirls))):
         if speed > 0.0:
-            sizes = (wind.scale * lengths[0], wind.scale * lengths[1])
-            stream = _STREAM + 8 * number
+            (short, long), turnover = kind
+            sizes, stream = (wind.scale * short, wind.scale * long), _STREAM + 8 * number
             parts.append(eddies(speed, sizes, turnover, mean, wind.seed, stream))
     if wind.field is not None:
         parts.append(strongest(wind.field, wind.spacing, wind.duration, wind.modes))

@@ -1,8 +1,7 @@
 """A population of flakes or drops: how many, how large, how fast, and how they are shared out.
 
-One population fills the air. What is near is drawn flake by flake, what is far is synthesized, and
-both take their numbers from here: classes of size, each with its fall speed, and slabs of depth
-with the images of their flakes.
+What is near is drawn flake by flake, what is far is synthesized, and both take their numbers here:
+classes of size, each with its fall speed, and slabs of depth with the images of their flakes.
 """
 
 from __future__ import annotations
@@ -105,8 +104,7 @@ def slabs_of(
     edges: Float64, flat: bool = False,
 ) -> list[Slab]:  # fmt: skip
     """Return the layers of a class from where it is no longer drawn, near ones first."""
-    # `edges` are where slabs end, from `reach` to `far`. All flakes of a flat slab are seen at its
-    # mean depth, as many as cover as much.
+    # Slabs end at `edges`, from `reach` to `far`. Flakes of a flat one are seen at its mean depth.
     if reach >= far or each.density == 0.0:
         return []
     diameters, share = each.nodes

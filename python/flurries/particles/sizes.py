@@ -1,8 +1,7 @@
 """Sizes of flakes and drops, how they fall, and how many carry a rate: measured laws.
 
 Diameters are exponential between a smallest and a largest one, N(D) ~ exp(-D / scale): a picture
-shows no flake of a tenth of a millimetre, so the law is cut on both sides; the mean is that of what
-is left.
+shows no flake of a tenth of a millimetre. The mean is that of what is left.
 
 Snow: melted diameters follow Gunn and Marshall 1958, N ~ exp(-2.55 R^-0.48 D) for a rate of R mm/h
 of water. A flake has the density of Brandes et al. 2007, 0.178 D^-0.922 g/cm3 (D in mm), and falls

@@ -40,8 +40,7 @@ class DepthMap:
         A picture, an image sequence (``depth.%04d.png``) or a film; or an array (H, W) of uint8,
         uint16 or float from 0 to 1. A color picture counts with its luminance, as stored.
     near, far : float
-        Depths at the two ends of the grey scale, world units, 0 < near < far. `far` may be infinity
-        with the law "inverse": the sky.
+        Depths at the ends of the grey scale, 0 < near < far; with "inverse" infinity is the sky.
     white : {"near", "far"}
         Which end is white.
     law : {"linear", "inverse"}

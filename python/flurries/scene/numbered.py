@@ -141,9 +141,8 @@ def placed(
     fitted: Callable[[Array, tuple[int, int]], Array], outside: float,
 ) -> Array:  # fmt: skip
     """Return a plane of a depth or a matte, with the overscan that its file has, for the frame."""
-    # `own` is the display window in the plane and `display` that in the frame, None where it is
-    # all; `fitted` brings a plane to a (width, height), and `outside` stands beside the display
-    # window where the plane has none.
+    # `own` is the display window in the plane and `display` that in the frame, None if it is all;
+    # `fitted` brings a plane to a (width, height), and `outside` stands beside the display window.
     if plane.shape[:2] == shape:
         return plane
     if own is not None:

@@ -67,28 +67,25 @@ class Output:
         Whether the second number of motion vectors in layers counts down or up.
     colorspace : str, optional
         Color space of the files, by its name in ``$OCIO``; the scene's own if not given. EXR holds
-        linear ones, formats of integers and films those that are encoded; layers stay in the light
-        that they were mixed in.
+        linear ones, integers and films encoded ones; layers stay in the light of their mixture.
     compression : {"zip", "zips", "piz", "rle", "none", "dwaa", "dwab"}
         How an EXR packs its pixels. The last two lose bits that are hard to see, and take half the
         bytes or less of a frame of snow; they are not for layers and eyes.
     quality : {"high", "medium", "draft"}
         Quality of a film.
     layers : bool
-        EXR only: all layers, depths and motions as named channels beside the composite, see
-        `flurries.output.contents.planes`.
+        EXR only: all layers, depths and motions as named channels beside the composite.
     alone : bool
         The weather alone as RGBA, without background and foreground's picture: premultiplied linear
         light in EXR, straight display values in PNG and in a film of ProRes 4444.
     deep : bool
         EXR only: the weather alone as deep samples in linear light, with the depths between which
-        each lies, see `flurries.output.deep.deep_of`. The frame is drawn 32 times.
+        each lies. The frame is drawn 32 times.
     damaged : {"stop", "skip", "hold"}
         What happens to a frame whose background is missing or damaged: "stop" is an error, "skip"
         leaves the frame out, "hold" renders it over the last good background before it.
     sound : bool
-        Keep the sound of a film that is the background in a film, where the frames follow each
-        other at its own rate.
+        Keep the sound of a background's film, where frames follow each other at its own rate.
 
     Examples
     --------
@@ -134,10 +131,7 @@ class Output:
         return next((kind for kind in KINDS if getattr(self, kind)), "composite")
 
     def given(self, values: Mapping[str, Any]) -> Output:
-        """Return these with the values that are not None in their place.
-
-        One of alone, layers and deep that is given takes the others' place.
-        """
+        """Return these with the values that are not None in their place; one kind takes others'."""
         said = {name: value for name, value in values.items() if value is not None}
         if any(said.get(kind) is True for kind in KINDS):
             said = {**dict.fromkeys(KINDS, False), **said}

@@ -109,23 +109,12 @@ class Rendering(Sources):
         parts = (self.effects, self._path, self.lights, self.lens)
         effects, path, lights, lens = parts if self.loop is None else self._looped[:4]
         return Program(
-            effects=effects,
-            shape=self.shape,
-            fps=self.fps,
-            path=path,
-            seed=self.seed,
-            sun=self.sun,
-            backdrop=self._backdrop,
-            distance=self._distance,
-            mattes=self._mattes,
+            effects=effects, shape=self.shape, fps=self.fps, path=path, seed=self.seed,
+            sun=self.sun, backdrop=self._backdrop, distance=self._distance, mattes=self._mattes,
             linear=self._linear,
             primaries=None if self._color is None else self._color.working.from_rec709(),
-            lights=lights,
-            lens=lens,
-            lap=self._lap,
-            still=self._still,
-            found=self._found,
-        )
+            lights=lights, lens=lens, lap=self._lap, still=self._still, found=self._found,
+        )  # fmt: skip
 
     def render(self, t: float, *, region: Region | None = None, eye: Camera | None = None) -> Array:
         """Return the frame at `t`.
@@ -138,16 +127,14 @@ class Rendering(Sources):
         region : (rows, cols), optional
             Two slices, as from ``np.s_[100:200, 50:80]``: only that part, with the whole's bits.
         eye : Camera, optional
-            Another eye, in place of the path's camera, that moves and turns with the path; the
-            background stays.
+            Another eye in place of the camera, which goes with its path; the background stays.
 
         Returns
         -------
         (H, W, 3), or the region's; (H, W, 4) where the background has alpha
-            uint8 or uint16 where the background is, else float32. The same bits whatever else was
-            rendered before, in any process and with any number of threads. Processors with other
-            vector instructions may differ in the last bits, but not in the reproducible mode
-            (:func:`flurries.settings`).
+            uint8 or uint16 where the background is, else float32. The same bits whatever was
+            rendered before, in any process and number of threads; on processors with other vector
+            instructions in the reproducible mode (:func:`flurries.settings`).
         """
         time, window, eyes = self._asked(t, region, [eye])
         return images(self._program, time, eyes, window)[0]
@@ -234,9 +221,8 @@ class Rendering(Sources):
             Whether to render these frames, at most five, twice each: for their memory, and for
             their times on this machine. Without it nothing is rendered.
         accuracy : bool
-            Whether to render the middle one also with the hand-over of :class:`flurries.Snow` and
-            :class:`flurries.Rain` at half, once and twice its depth and with every flake drawn, and
-            say what each takes and looks like.
+            Whether to say what the middle one takes and looks like with the hand-over of Snow and
+            Rain at half, once and twice its depth, and with every flake drawn.
 
         Returns
         -------
@@ -276,9 +262,8 @@ class Rendering(Sources):
             scene's or another background's is refused. Pictures also go to a url, such as
             ``s3://bucket/frames/%04d.png`` (``flurries[stores]`` and the store's own driver).
         frames : str, int or iterable of int, optional
-            "1-60", "1-100x2", "7", or numbers; not negative: those of the background's files. For a
-            still one number will do. If not given, all that the background has, else the camera or
-            the depth, else three seconds from 1 on.
+            "1-60", "1-100x2", "7", or numbers; not negative: those of the background's files. Else
+            all that the background has, else camera or depth, else three seconds from 1 on.
         eyes : mapping of str to Camera, optional
             EXR only: views such as ``{"left": ..., "right": ...}``, a part of the file for each.
         overwrite : bool

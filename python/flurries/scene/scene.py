@@ -66,8 +66,7 @@ class Scene(Rendering):
     background : path, "#rrggbb", (r, g, b) floats, array, or source
         A picture, an image sequence (``plate.%04d.png``), or a video file; a color; an array
         (H, W, 3) of uint8, uint16 or float. Integers hold display values, floats linear light. With
-        alpha, (H, W, 4), frames have it too: the weather over the picture, premultiplied for
-        floats and straight for integers.
+        alpha, (H, W, 4), frames have it too: premultiplied for floats, straight for integers.
     size : (width, height), optional
         Size of the frame in pixels; the background's own if not given. Files and colors are fitted
         to it (scaled to cover, cut at the sides); an array must have it.
@@ -85,8 +84,7 @@ class Scene(Rendering):
         What stands in front of the weather: a mask (H, W), 1 in front, or a picture with alpha, as
         the `source` of a :class:`Foreground`, which gives one a depth of its own.
     space : {"auto", "display", "linear"}
-        Where layers are mixed. "auto": integers in display values as the paper does, floats in
-        linear light.
+        Where layers are mixed; "auto" is display values for integers, linear light for floats.
     depth : float, array, path or DepthMap, optional
         Planar depth of the background in world units: a wall at one depth; an array (H, W) of float
         with infinity where nothing stands; an EXR or float TIFF, or a sequence of them, with a
@@ -107,11 +105,9 @@ class Scene(Rendering):
     colorspace : str, optional
         The background's color space by its name in ``$OCIO`` or the built-in configuration, such as
         "ACEScg". Layers are mixed in it if it is linear, else in the configuration's scene_linear,
-        and the weather's colors are turned into it: over an ACEScg plate snow has the color that
-        it has over one of Rec. 709.
+        and the weather's colors, which are of Rec. 709, are turned into it.
     start : int, optional
-        The number of the first frame of films, which have no numbers of their own. If not given
-        that of the background's files, else 0.
+        The number of films' first frame; if not given that of the background's files, else 0.
     loop : int, optional
         Number of frames, 2 or more, after which the film begins again without a jump, from the
         background's first frame on, else from 0: frame `loop` is the first one to the bit. Flakes,
@@ -157,26 +153,14 @@ class Scene(Rendering):
     _path: CameraPath = field(init=False)
 
     def __init__(
-        self,
-        background: Background = "#000000",
-        *,
-        size: tuple[int, int] | None = None,
-        camera: Camera | CameraPath | None = None,
-        effects: Effect | Sequence[Effect] = (),
-        fps: float | None = None,
-        seed: int = 0,
-        foreground: Front = None,
-        space: Space = "auto",
-        depth: Depth | None = None,
-        sun: Sun | None = None,
-        extend: Extend = "stop",
-        start: int | None = None,
-        colorspace: str | None = None,
-        lights: Lamp | Sequence[Lamp] = (),
-        lens: Lens | Literal["usual"] | None = "usual",
-        loop: int | None = None,
+        self, background: Background = "#000000", *, size: tuple[int, int] | None = None,
+        camera: Camera | CameraPath | None = None, effects: Effect | Sequence[Effect] = (),
+        fps: float | None = None, seed: int = 0, foreground: Front = None, space: Space = "auto",
+        depth: Depth | None = None, sun: Sun | None = None, extend: Extend = "stop",
+        start: int | None = None, colorspace: str | None = None, lights: Lamp | Sequence[Lamp] = (),
+        lens: Lens | Literal["usual"] | None = "usual", loop: int | None = None,
         output: Output | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         settle = partial(object.__setattr__, self)
         settle("seed", seed_of(seed))
         settle("space", choice("space", space, SPACES))

@@ -29,23 +29,7 @@ from flurries.spectral.tiles import blend_tiles, inverse_transform, opacity, til
 from flurries.spectral.volume import loop, volume
 
 __all__ = [
-    "BANDS",
-    "Texture",
-    "advance_phase",
-    "alpha",
-    "band_amplitude",
-    "blend_tiles",
-    "export_loop",
-    "field",
-    "flake_patterns",
-    "inverse_transform",
-    "loop",
-    "opacity",
-    "optical_depth",
-    "random_phase",
-    "temporal_filter",
-    "tent_rate",
-    "tile_starts",
-    "velocity_from_paper",
-    "volume",
-]
+    "BANDS", "Texture", "advance_phase", "alpha", "band_amplitude", "blend_tiles", "export_loop",
+    "field", "flake_patterns", "inverse_transform", "loop", "opacity", "optical_depth",
+    "random_phase", "temporal_filter", "tent_rate", "tile_starts", "velocity_from_paper", "volume",
+]  # fmt: skip

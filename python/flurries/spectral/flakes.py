@@ -59,12 +59,10 @@ def flake_patterns(
     tile : int
         M, size of a tile in pixels.
     counts : (L,)
-        Mean number of flakes in a tile, for each layer. A pattern has the whole number below or
-        above, shared out over the patterns.
+        Mean number of flakes in a tile of each layer; a pattern has the whole number beside it.
     diameters : (L, 2)
-        Image diameters in pixels lie evenly between the two. A flake of diameter d is a Gaussian
-        of deviation d / sqrt(8), not under 0.3 px, whose integral is ``opacity * pi d^2 / 4``,
-        averaged over each pixel's square.
+        Image diameters in pixels lie evenly between the two. A flake of diameter d is a Gaussian of
+        deviation d / sqrt(8), at least 0.3 px, integral ``opacity pi d^2 / 4``; pixels are means.
     opacity : float
         Opacity in the middle of a flake, 0 to 1.
     patterns : int
@@ -164,8 +162,7 @@ def optical_depth(
     patterns : (L, P, M, M // 2 + 1) complex
         Of :func:`flake_patterns`. Waves of half a cycle are left out.
     drift : (L, 2) or (rows, cols, L, 2)
-        Displacement in pixels, (x, y), of each layer since time 0, for all tiles or for each. Tiles
-        are those of :func:`tile_starts`.
+        Displacement (x, y), px, of each layer since time 0, for all or each of `tile_starts`.
     velocity : like `drift`, optional
         Its change per frame; a shutter needs it.
     shutter : float

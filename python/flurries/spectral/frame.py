@@ -55,10 +55,9 @@ def field(
     Returns
     -------
     (H, W) float32 or float64
-        Field of mean 0 and variance 1 (less what filter and depth limits take), y down. Equals the
-        composition of the functions of this module within rounding, and has the same bits for any
-        number of threads. Enlarging the image keeps the pixels away from the old right and bottom
-        borders.
+        Field of mean 0 and variance 1 (less what filter and depth limits take), y down: within
+        rounding the composition of this module's functions, with the same bits for any number of
+        threads. A larger image has the same pixels but at the old right and bottom borders.
 
     Notes
     -----

@@ -90,16 +90,12 @@ def request(
     if offsets is not _ZERO and band[1] > 0.0:
         warn_far(float(np.abs(offsets).max(initial=0.0)) / band[1])
     return request_of(
-        texture,
-        size,
-        seed_of(seed),
-        drift=offsets,
-        shift=_vectors("shift", shift, None),
+        texture, size, seed_of(seed), drift=offsets, shift=_vectors("shift", shift, None),
         velocity=_ZERO if velocity is None else _vectors("velocity", velocity, rings),
         shift_rate=_ZERO if shift_rate is None else _vectors("shift_rate", shift_rate, None),
         shortest=None if shortest is None else table("shortest", shortest),
         window=(0, size[0], 0, size[1]),
-    )
+    )  # fmt: skip
 
 
 def request_of(texture: Texture, shape: tuple[int, int], seed: int, **motion: Any) -> Request:

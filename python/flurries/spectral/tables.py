@@ -56,8 +56,7 @@ def tent_rate(
     wavelength_max : float
         Wavelength in pixels that `velocity` belongs to.
     loop : int, optional
-        Frames after which the film shall repeat: rates are rounded to ``n / loop``, half to even,
-        which is odd in k. See :func:`loop`.
+        Frames after which the film shall repeat: rates are rounded to ``n / loop``, half to even.
 
     Returns
     -------
@@ -124,8 +123,7 @@ def band_amplitude(
         Pixels; waves with ``shortest < wavelength <= longest`` take part; at least 2. The default
         is the paper's three octaves, (2, 16) the slides'; see :data:`BANDS`.
     exponent : float
-        Amplitude ~ ``|k| ** -exponent``; 1 gives every octave the same power, less makes finer
-        snow.
+        Amplitude ~ ``|k| ** -exponent``; 1 gives octaves equal power, less makes finer snow.
 
     Returns
     -------
@@ -214,8 +212,7 @@ def advance_phase(
     phase : (H, W)
         Cycles at time 0, fftfreq order.
     drift : (x, y)
-        Displacement in pixels of the wave of `wavelength_max`; a wave L moves by
-        ``drift * L / wavelength_max``.
+        Displacement in px of the wave of `wavelength_max`, to which others' are in proportion.
     shift : (x, y)
         Displacement in pixels of all waves alike.
     wavelength_max : float

@@ -48,10 +48,9 @@ class Texture:
     ring_gains : (rings,), optional
         Relative amplitude of each ring's waves, 0 or more; the whole keeps the variance 1.
     envelope : (rows, cols) of a tile, optional
-        A spectrum of your own in place of `wavelengths` and `exponent`: amplitude of each wave in
-        fftfreq order, 0 or more, of any scale. Waves k and -k get the mean of both, frequency 0
-        gets nothing, and the whole is scaled to variance 1. `wavelengths[1]` is still the wave that
-        a drift belongs to.
+        A spectrum of your own in place of the band: amplitude of each wave in fftfreq order, 0 or
+        more. Waves k and -k get the mean of both, frequency 0 gets nothing, and the whole is scaled
+        to variance 1. `wavelengths[1]` is still the wave that a drift belongs to.
     rate : (rows, cols) of a tile, optional
         A temporal law of your own: cycles per frame of each wave in fftfreq order, odd in k; it is
         added to what drift and shift do. ``-(fx * vx + fy * vy)`` moves the picture as a whole by

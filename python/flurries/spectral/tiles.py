@@ -100,8 +100,7 @@ def tile_shares(
 
 def power_shares(length: int, *, tile: int, overlap: int, blend: str) -> tuple[Float64, Float64]:
     """Return each tile's share of the field's power at each pixel of an axis, and that power."""
-    # The power (length,), against that in the middle of a tile, is 1 for "power", and falls where
-    # tiles overlap for "linear".
+    # The power (length,) against a tile's middle is 1, and falls in overlaps for "linear".
     weights = tile_shares(length, tile=tile, overlap=overlap, blend=blend)
     if blend == "power":
         return weights, np.ones(length)
@@ -125,9 +124,8 @@ def blend_tiles(
     overlap : int
         Pixels shared by neighbours.
     blend : {"power", "linear"}
-        Squares of the weights sum to 1, so that independent fields keep their variance everywhere;
-        or the weights themselves do (the paper), and the variance dips to 1/2 at edges and 1/4 at
-        corners.
+        Squares of the weights sum to 1, which keeps the variance of independent fields; or the
+        weights do (the paper), and the variance dips to 1/2 at edges and 1/4 at corners.
 
     Returns
     -------
@@ -174,8 +172,7 @@ def opacity(
     mean : float
         Where the field's zero goes. Less than the paper's 0.5 leaves separate flakes.
     spread : float
-        Standard deviations of the field that reach from 1/2 to 0 or 1; the paper gives no number,
-        3 puts 99.7 % inside.
+        Deviations of the field that reach from 1/2 to 0 or 1; 3, which is ours, holds 99.7 %.
     power : float
         Above 0; the paper squares.
     amount : float

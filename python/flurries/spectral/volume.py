@@ -66,18 +66,12 @@ def film(
             "velocity: take more frames"
         )
     return Film(
-        frames=count,
-        shape=size,
-        drift=(float(cycles[0]), float(cycles[1])),
-        seed=check.seed_of(seed),
-        wavelengths=band,
-        exponent=check.real("exponent", exponent),
-        alias=law,
-        soft_from=check.real("soft_from", soft_from),
+        frames=count, shape=size, drift=(float(cycles[0]), float(cycles[1])),
+        seed=check.seed_of(seed), wavelengths=band, exponent=check.real("exponent", exponent),
+        alias=law, soft_from=check.real("soft_from", soft_from),
         shutter=check.real("shutter", shutter, low=0.0, high=LARGEST),
-        jitter=check.flag("jitter", jitter),
-        cells=check.choice("cells", cells, CELLS),
-    )
+        jitter=check.flag("jitter", jitter), cells=check.choice("cells", cells, CELLS),
+    )  # fmt: skip
 
 
 def rendered(asked: Film, times: Float64 | None, dtype: npt.DTypeLike, out: Array | None) -> Array:
@@ -166,8 +160,7 @@ def loop(
     """Field of falling snow that repeats after so many frames, and in x and y.
 
     Each wave turns a whole number of times in the loop: the rates of :func:`tent_rate` with
-    ``loop=frames``. Frame T + 3 has the bits of frame 3, and the step from the last frame to the
-    first is like any other.
+    ``loop=frames``. Frame T + 3 has the bits of frame 3.
 
     Parameters
     ----------
@@ -192,8 +185,7 @@ def loop(
     Returns
     -------
     (T, H, W), (n, H, W) or (H, W) float32 or float64
-        All frames, those of an array of times, or that of one time. Mean 0, variance 1 in every
-        frame (less what the filter takes).
+        All frames, or those at `time`. Mean 0, variance 1 in each, less what the filter takes.
 
     Warns
     -----

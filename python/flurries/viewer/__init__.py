@@ -35,8 +35,7 @@ def view(scene: Scene, *, size: int = 512, save: str = "tuned.toml") -> Viewer:
 
     Notes
     -----
-    While a slider is dragged the air goes on from where it is; the scene that is saved has the
-    sliders' values from frame 0 on.
+    While a slider is dragged the air goes on; a saved scene has its values from frame 0 on.
     """
     try:
         from flurries.viewer.widget import Viewer

@@ -78,7 +78,7 @@ def describe(
 
 def _said(part: Any) -> dict[str, Any]:
     """Return the fields of an object that say something."""
-    names = [f.name for f in fields(part) if not f.name.startswith("_")]
+    names = [f.name for f in fields(part) if f.init]
     values = {name: getattr(part, name) for name in names}
     return {name: _toml(value) for name, value in values.items() if value is not None}
 
