@@ -47,6 +47,11 @@ def main() -> None:
         f"Printed by `python docs/make_faults.py`: {count} cells, {wrong} with another answer than "
         "the expected one. `tests/test_faults.py` asks for each.",
         "",
+        "A run waits for the disk when a file's bytes are written (flush 1), when its line in the "
+        "journal is (flush 2), and so on to the journal's joining. The power is cut at each flush, "
+        "three times: without anything that was not flushed, and with some of it. Names are in "
+        "order where a file system has a journal of them.",
+        "",
         f"| fault | expected | {' | '.join(found)} |",
         f"|{' --- |' * (len(found) + 2)}",
     ]

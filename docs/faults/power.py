@@ -172,7 +172,7 @@ def power_cut(
             shot.plate.write_bytes(plate)
             words = shot.write()
             found = re.fullmatch(r"made (\d+), kept (\d+)", words)
-            if found is None or shot.contents() != whole:
+            if found is None or not shot.is_as(whole):
                 return f"cut {attempt} at flush {number}: {words}"
             least = _there(after, shot) - IN_HAND[shot.film]
             if not anyhow and int(found[2]) < least:

@@ -72,6 +72,11 @@ class Shot:
                 found[name] = self.system.cat_file(key) if plain else b"no plain file"
         return found
 
+    def is_as(self, whole: dict[str, bytes]) -> bool:
+        """Whether the files of a whole run are there, one journal, and nothing else."""
+        names = [Path(key).name for key in self.system.ls(self.way, detail=False)]
+        return self.contents() == whole and sum(map(is_journal, names)) == 1
+
     def put(self, data: bytes) -> None:
         self.system.pipe_file(f"{self.way}/{self.name}", data)
 

@@ -100,6 +100,7 @@ def write_film(
         done = Done(skipped=line["skipped"])
         done.kept += [number for number in frames if number not in done.skipped]
         # A run that was killed when the film was there had no time for it.
+        journal.join()
         groups.tidy()
         groups.remove()
     return done, heard
