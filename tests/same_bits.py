@@ -147,6 +147,8 @@ PATH = fl.CameraPath(
 )
 # Light in float32, so that the last bit is seen.
 PLATE = RNG(0).random((120, 160, 3), np.float32)
+# A pole whose pixels are means of its depth and of what is behind it.
+POLE = 5.0 + 35.0 * np.clip(np.abs(np.mgrid[:120, :160][1] - 80.3) - 1.0, 0.0, 1.0)
 SCENES: dict[str, fl.Scene] = {
     "snow": fl.Scene(PLATE, effects=TentSnow("heavy", flakes=400)),
     "rain": fl.Scene(PLATE, camera=PATH, effects=TentRain("downpour", drops=300)),
@@ -163,7 +165,7 @@ SCENES: dict[str, fl.Scene] = {
         PLATE, camera=PATH, effects=[fl.Snow("heavy"), fl.Rain("rain")]
     ),
     "sheets": fl.Scene(PLATE, effects=[fl.Snow("heavy"), fl.Rain("rain")]),
-    "still": fl.Scene(PLATE, effects=[fl.Mist(count=300), fl.Mist("bank")]),
+    "still": fl.Scene(PLATE, effects=[fl.Mist(count=300), fl.Mist("bank")], depth=POLE),
 }  # fmt: skip
 # What a data set's pictures share is made once for a process.
 WEATHERS: dict[str, Any] = {

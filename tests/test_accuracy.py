@@ -1,7 +1,5 @@
 """The studies measure what they say: errors against references that are checked here."""
 
-from __future__ import annotations
-
 import math
 import re
 import sys

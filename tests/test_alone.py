@@ -1,7 +1,5 @@
 """The weather alone as RGBA: put over its background elsewhere, it is the composite."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

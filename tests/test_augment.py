@@ -1,7 +1,5 @@
 """Weather for data sets: what comes back, how much there is of it, and that it can be had again."""
 
-from __future__ import annotations
-
 import copy
 import json
 import math

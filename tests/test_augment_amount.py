@@ -1,7 +1,5 @@
 """How much a severity takes: the same of every picture, at every size, more with each step."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Sets of corrupted pictures: one set however it is made, gone on from, and never half made."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Weather by depth: fog's law, holes, grounds, and the labels that come along."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Flakes of the weather for data sets: sheets that are kept, and what flakes cover."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A clip keeps its weather's motion: frame t and its vectors say where frame t + 1 has what."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

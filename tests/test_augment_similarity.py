@@ -1,7 +1,5 @@
 """Structural similarity of ten photographs in weather: monotone, even over sizes, calibrated."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

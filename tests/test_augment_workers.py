@@ -1,7 +1,5 @@
 """Weather in other processes: forked, spawned, and by joblib; one set, and no hangs."""
 
-from __future__ import annotations
-
 import multiprocessing
 import warnings
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Mist with structure: its spectrum, its mean, its ends, its motion and its light."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The studies in benches/ run, and say what they should."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from pathlib import Path

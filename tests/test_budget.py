@@ -1,7 +1,5 @@
 """The budget: how many lines the tree may have, by `wc -l`. A limit may fall and never rise."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

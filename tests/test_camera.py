@@ -1,7 +1,5 @@
 """The camera: where points are seen, how their images move, and the drift of every tile."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

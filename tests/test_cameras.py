@@ -3,8 +3,6 @@
 Each judge projects with its own program's axes and formulas; SciPy makes its rotations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The command line: what it makes, how it says no, and what is left when it is stopped."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pty

@@ -1,7 +1,5 @@
 """What the command line offers: help, examples that run, completion in shells."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import shlex

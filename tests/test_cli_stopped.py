@@ -1,7 +1,5 @@
 """The command line says no in one sentence, and leaves nothing half done when it is stopped."""
 
-from __future__ import annotations
-
 import re
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Flakes near the camera and out of focus: energy, extent, and no jump anywhere."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import Any

@@ -1,7 +1,5 @@
 """Clusters that cannot work, and modes on one worker: each case named by its number in issue 16."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Eq. 7 and `over` against plain float64 NumPy, and what must hold to the last bit."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

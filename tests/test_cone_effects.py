@@ -1,7 +1,5 @@
 """Rain and snow on a cone in a scene: purity, parts, eyes, depth, files, and their motion."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

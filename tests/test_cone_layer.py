@@ -1,7 +1,5 @@
 """One texture on the cone: drops, the box, the seam, the pole, energy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

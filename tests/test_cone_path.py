@@ -1,7 +1,5 @@
 """Axis and phase over a whole way: the hard cases of the clock and of the velocity, by name."""
 
-from __future__ import annotations
-
 import math
 
 import mpmath

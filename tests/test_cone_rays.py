@@ -1,7 +1,5 @@
 """Rays to azimuth and height: the frame, the perspective, the pole, the seam, an eye beside."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Four layers at once: against their composition, and the chart that is kept."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

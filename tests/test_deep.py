@@ -1,7 +1,5 @@
 """Deep EXR: samples over each other are the weather alone, and each lies where its air is."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

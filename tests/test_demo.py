@@ -1,7 +1,5 @@
 """The demo: its files, and a flight whose snow streams out of the right point."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """One frame, one set of bits: threads, processes and order; and the hashes that must not change."""
 
-from __future__ import annotations
-
 import copy
 import inspect
 import json

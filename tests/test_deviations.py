@@ -1,7 +1,5 @@
 """docs/internals/deviations.md keeps its word: it has all errata, and its tests exist."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Streaks lean as those of drawn flakes do, in the whole picture and in every block of it."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

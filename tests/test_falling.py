@@ -1,7 +1,5 @@
 """Flakes live in the world: the same ones in every window, eye and frame, moved by evaluation."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Its figures of the presets are in docs/internals/falling_statistics.md. Here the
 against flakes drawn one by one by `method="simulated"`, where both draw flakes alike.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every cell of the matrix of faults has the expected answer, and its row on the page."""
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from contextlib import nullcontext

@@ -1,7 +1,5 @@
 """Patterns of flakes, by an own drawing; the optical depth of layers of them, by a direct sum."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The errors of billboards: direct projection in 700 digits, domain, hard spots."""
 
-from __future__ import annotations
-
 import math
 from itertools import product
 

@@ -1,7 +1,5 @@
 """What a gas as a whole obeys: transmittance, visibility, light, flight, the table."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

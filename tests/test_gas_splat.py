@@ -1,7 +1,5 @@
 """The image of a gas against the slow twin, and its hard cases."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 Most of it runs in processes of their own, so that a hang or a crash is a failed test and no more.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

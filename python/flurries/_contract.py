@@ -347,10 +347,7 @@ def aligned(array: Array, dtype: npt.DTypeLike) -> Array:
 
 
 def output(
-    out: Array | None,
-    shape: tuple[int, ...],
-    dtype: np.dtype[Any],
-    *inputs: Array,
+    out: Array | None, shape: tuple[int, ...], dtype: np.dtype[Any], *inputs: Array
 ) -> Array:
     """Return the array to write into: a new one, or `out` if it fits and touches no input."""
     if out is None:

@@ -131,10 +131,7 @@ def field(
     out: _Array, request: Request, map: _Map | None = None, preserve_mean: bool = False
 ) -> int: ...
 def flake_patterns(
-    out: _Array,
-    counts: _Float64,
-    diameters: _Float64,
-    law: tuple[float, float, int],
+    out: _Array, counts: _Float64, diameters: _Float64, law: tuple[float, float, int]
 ) -> None: ...
 def flake_choices(
     pattern: npt.NDArray[np.int32], shift: _Float64, seed: int, patterns: int, tile: int
@@ -166,18 +163,11 @@ def shade_over(
     light: _Array | None = None,
     edges: _Array | None = None,
 ) -> None: ...
-def shade_add(
-    glow: _Array,
-    alpha: _Array,
-    colors: tuple[_Array, float, int, int],
-) -> None: ...
+def shade_add(glow: _Array, alpha: _Array, colors: tuple[_Array, float, int, int]) -> None: ...
 def whiten(light: _Array) -> None: ...
 def encode_bytes(out: _Array, values: _Array, light: _Array, edges: _Array) -> None: ...
 def veil(
-    out: _Array,
-    way: _Array,
-    extinction: float,
-    patches: tuple[_Array, float, float] | None,
+    out: _Array, way: _Array, extinction: float, patches: tuple[_Array, float, float] | None
 ) -> None: ...
 def uniform(out: _Float64, seed: int, stream: int) -> None: ...
 def wind_waves(out: _Float64, points: _Float64, k: _Float64, weights: _Float64) -> None: ...
@@ -275,16 +265,10 @@ def particle_edge_fade(
     center: tuple[float, float, float],
 ) -> None: ...
 def particle_ids(
-    out: npt.NDArray[np.int32],
-    flakes: _Listed,
-    lens: _Lens,
-    depth: npt.NDArray[Any] | None,
+    out: npt.NDArray[np.int32], flakes: _Listed, lens: _Lens, depth: npt.NDArray[Any] | None
 ) -> None: ...
 def particle_splat(
-    out: npt.NDArray[Any],
-    flakes: _Listed,
-    lens: _Lens,
-    depth: npt.NDArray[Any] | None,
+    out: npt.NDArray[Any], flakes: _Listed, lens: _Lens, depth: npt.NDArray[Any] | None
 ) -> None: ...
 def cone_basis(
     axis: tuple[float, float, float],
@@ -348,10 +332,7 @@ def gas_sort(
     manner: tuple[str, str, float, str, bool, float],
 ) -> SortedGas: ...
 def gas_draw(
-    out: _Array,
-    gas: SortedGas,
-    window: tuple[int, int, int, int],
-    depth: _Array | None = None,
+    out: _Array, gas: SortedGas, window: tuple[int, int, int, int], depth: _Array | None = None
 ) -> None: ...
 
 # Slices of gas: extinction on a coarse grid, edges, what ends them, slopes of columns and rows.
@@ -366,8 +347,5 @@ def gas_glow(
     eye: tuple[float, float, float],
 ) -> None: ...
 def gas_light(
-    out: _Float64,
-    gas: Gas,
-    direction: tuple[float, float, float],
-    forward: float,
+    out: _Float64, gas: Gas, direction: tuple[float, float, float], forward: float
 ) -> None: ...

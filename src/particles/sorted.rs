@@ -53,8 +53,7 @@ const LOOK: usize = 1024;
 
 /// Multiplies what a tile's flakes let through into a canvas.
 ///
-/// `depth`, where given, is the depth of what stands in the tile; a flake behind it is hidden. Pixels
-/// beyond the picture's border are computed like the others and never looked at.
+/// A flake behind `depth`, of what stands in the tile, is hidden. Nobody looks at pixels beyond the border.
 #[dispatch]
 fn draw<const LEVEL: u8, P: Profile, C: Canvas>(
     canvas: &mut C,
@@ -65,11 +64,13 @@ fn draw<const LEVEL: u8, P: Profile, C: Canvas>(
 ) -> Result<(), Error> {
     let (row, column) = (tile / sorted.grid.columns, tile % sorted.grid.columns);
     let origin = [(column * TILE) as f64, (row * TILE) as f64];
+    let farthest = depth.map(|map| map.iter().fold(P::of(0.0), |a, &b| if b > a { b } else { a }));
     for bins in &sorted.runs {
         let mut drawn = 0_usize;
         for (list, whole) in [(bins.small(tile), true), (bins.large(), false)] {
             for (sprite, &number) in list {
-                if !whole && !touches(sprite, row, column) {
+                let hidden = farthest.is_some_and(|far| far < P::of(sprite.depth));
+                if hidden || !whole && !touches(sprite, row, column) {
                     continue;
                 }
                 drawn += 1;
@@ -159,8 +160,8 @@ impl Sorted {
         })
     }
 
-    /// The same, and writes the number of the flake whose own alpha is the greatest at each pixel into
-    /// `numbers`, or [`NONE`](super::canvas::NONE), and that alpha into `most`; all of the part's shape.
+    /// The same; `numbers` gets the flake whose own alpha is the greatest at each pixel, or [`NONE`], and
+    /// `most` that alpha; all of the part's shape.
     pub fn draw_numbered<P: Profile, M: Real>(
         &self,
         out: ArrayViewMut2<'_, P>,
@@ -205,7 +206,6 @@ impl Sorted {
         tile: usize,
         cancel: &Cancel,
     ) -> Result<(), Error> {
-        cancel.check()?;
         let map: Option<[P; PIXELS]> = depth.map(|map| map_of_tile(map, &self.grid, tile));
         draw(canvas, map.as_ref(), self, tile, cancel)
     }
@@ -233,8 +233,7 @@ impl Sorted {
 /// A tile's number, where in it the part begins, and its pixels.
 type Tile<'o, A> = (usize, (usize, usize), ArrayViewMut2<'o, A>);
 
-/// The part of a picture from `first` (row, column) on cut into its tiles; those at its border are
-/// smaller.
+/// The part of a picture from `first` (row, column) on cut into tiles, smaller ones at its border.
 fn tiles<A>(
     out: ArrayViewMut2<'_, A>,
     first: (usize, usize),
@@ -267,7 +266,8 @@ fn map_of_tile<P: Profile, M: Real>(map: &ArrayView2<M>, grid: &Grid, tile: usiz
     let mut values = [P::infinity(); PIXELS];
     for (row, values) in values.chunks_exact_mut(TILE).enumerate().take(grid.shape.0 - top) {
         for (column, value) in values.iter_mut().enumerate().take(grid.shape.1 - left) {
-            *value = P::of(map[[top + row, left + column]].wide());
+            let depth = map[[top + row, left + column]].wide();
+            *value = P::of(if depth.is_nan() { f64::INFINITY } else { depth });
         }
     }
     values

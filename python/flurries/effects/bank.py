@@ -14,7 +14,7 @@ import numpy as np
 from flurries import _core, gas
 from flurries._contract import Array
 from flurries._trace import current
-from flurries.effects.bank_density import Density, Rays
+from flurries.effects.bank_density import Density, Rays, Slices
 from flurries.effects.bank_light import lit_by_sun, optics_of, skylit, sunny
 from flurries.effects.lighting import Base, add_light, even_shade
 from flurries.effects.vapor import base_of, moved_with, needs_of_gas
@@ -67,7 +67,7 @@ class Bank:
         step = "lit gas" if lit_by_sun(mist, frame) or frame.lights else "gas"
 
         def whole() -> Drawn:
-            return frame.once_each(self, "bank", lambda: self._drawn(frame, base, lit=lit))
+            return frame.once_before(self, "bank", lambda: self._drawn(frame, base, lit=lit))
 
         made = run(step, whole)
         if made is None:
@@ -92,11 +92,15 @@ class Bank:
     def _drawn(self, frame: Frame, base: Base, *, lit: bool) -> Drawn:
         """Return the whole frame."""
         mist, slopes, extinction = self.mist, Rays(frame).slopes, self.extinction(frame.t)
-        density = Density(mist, frame, extinction, gas.visibility(mist.farthest))
-        alpha, parts = np.zeros(frame.shape, np.float32), []
-        for part in density.slices():
+
+        def dense() -> tuple[Density, list[Slices]]:
+            density = Density(mist, frame, extinction, gas.visibility(mist.farthest))
+            return density, list(density.slices())
+
+        density, parts = frame.once_each(self, "density", dense)
+        alpha = np.zeros(frame.shape, np.float32)
+        for part in parts:
             _core.gas_slices(alpha, (part.dense, part.edges, frame.depth, slopes), part.detail)
-            parts.append(part)
         _opacity(alpha)
         if not (lit or frame.lights or frame.whole):
             return alpha, None, None

@@ -94,8 +94,7 @@ class DrawnFlakes:
             _core.particle_draw(alpha, flakes, frame.window, frame.depth, nearest)
             return alpha, nearest, _core.flake_rows(flakes)
 
-        # One frame is asked for twice where something stands in the air, with two depths.
-        return frame.once_each(self, f"seen before {id(frame.depth)}", make)
+        return frame.once_before(self, "seen", make)
 
     def rows(self, frame: Frame, amount: float) -> Rows:
         """Return the flakes that the frame's window may show."""

@@ -48,10 +48,7 @@ _SMALLEST_FLAKE = 0.008
 
 # The presets drizzle, rain and downpour, whose drops are those of about these rates.
 _RAIN_RATES = (3.0, 10.0, 25.0)
-_RAIN_RATE: dict[str, tuple[float, ...]] = {
-    "texture": (0.25, 0.35, 0.5),
-    "mean": (0.1, 0.15, 0.3),
-}
+_RAIN_RATE: dict[str, tuple[float, ...]] = {"texture": (0.25, 0.35, 0.5), "mean": (0.1, 0.15, 0.3)}
 _DRAWN_DROPS = (2.5, 4.0)
 
 HIGHEST_RATE = {"snow": 50.0, "rain": 500.0}

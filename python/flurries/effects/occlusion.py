@@ -39,7 +39,7 @@ def before_scene(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool, 
     """Return the opacity of a field over the window, as far as the scene's depth leaves it."""
     depth = frame.depth
     assert depth is not None
-    if frame.once(field, "nearest", lambda: float(depth.min())) >= field.far_depth:
+    if frame.once_before(field, "nearest", lambda: float(depth.min())) >= field.far_depth:
         return field.pixels(frame, way, mapped, keep)
     waves, remap = (_by_tile if mode == "tile" else _by_pixel)(field, frame, way, mapped)
     layout = field.layout(frame)
@@ -69,7 +69,7 @@ def _by_tile(field: Field, frame: Frame, way: Way, mapped: Map) -> tuple[Array, 
     assert frame.depth is not None
     layout, whole = field.layout(frame), frame.depth
     near, far, longest = field.near_depth, field.far_depth, layout.band[1]
-    ends = frame.once(field, "ends", lambda: layout.farthest(whole).astype(np.float64))
+    ends = frame.once_before(field, "ends", lambda: layout.farthest(whole).astype(np.float64))
     shortest = wave_depth(ends, near_depth=near, longest=longest)
 
     def left(share: Float64) -> Float64:

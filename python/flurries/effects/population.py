@@ -14,15 +14,7 @@ import numpy as np
 
 from flurries._contract import Float64, real, seed_of, vector
 from flurries._warnings import warn
-from flurries.effects.checks import (
-    length,
-    one_of,
-    optional,
-    pair,
-    part_of,
-    share,
-    wind,
-)
+from flurries.effects.checks import length, one_of, optional, pair, part_of, share, wind
 from flurries.effects.color import AMBIENT, LOCAL, as_color
 from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flake_texture import FlakeTexture

@@ -11,14 +11,7 @@ from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.knobs import knobs, looks
-from flurries.effects.population import (
-    POPULATION,
-    Method,
-    Mixture,
-    Shape,
-    parts_of,
-    size_law,
-)
+from flurries.effects.population import POPULATION, Method, Mixture, Shape, parts_of, size_law
 from flurries.effects.population_looks import RAIN, RainLook, rain_of_rate, rain_of_severity
 from flurries.effects.precipitation import Precipitation
 from flurries.light.phase import DROPS
@@ -28,10 +21,7 @@ from flurries.particles.sizes import drop_speed
 
 
 @looks
-@knobs(
-    severity=lambda value, _: rain_of_severity(value),
-    rate=lambda value, _: rain_of_rate(value),
-)
+@knobs(severity=lambda value, _: rain_of_severity(value), rate=lambda value, _: rain_of_rate(value))
 @dataclass(frozen=True, kw_only=True)
 class Rain(metaclass=Described):
     """Rain, made of drops.

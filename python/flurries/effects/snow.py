@@ -11,14 +11,7 @@ from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.knobs import knobs, looks
-from flurries.effects.population import (
-    POPULATION,
-    Method,
-    Mixture,
-    Shape,
-    parts_of,
-    size_law,
-)
+from flurries.effects.population import POPULATION, Method, Mixture, Shape, parts_of, size_law
 from flurries.effects.population_looks import SNOW, SnowLook, snow_of_rate, snow_of_severity
 from flurries.effects.precipitation import Precipitation
 from flurries.motion.keys import Keys, Number, Vector
@@ -27,10 +20,7 @@ from flurries.particles.sizes import snow_speed
 
 
 @looks
-@knobs(
-    severity=lambda value, _: snow_of_severity(value),
-    rate=lambda value, _: snow_of_rate(value),
-)
+@knobs(severity=lambda value, _: snow_of_severity(value), rate=lambda value, _: snow_of_rate(value))
 @dataclass(frozen=True, kw_only=True)
 class Snow(metaclass=Described):
     """Falling snow, made of flakes.

@@ -7,12 +7,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import Array
 from flurries.frame.bands import Visible, Window, crop
 from flurries.frame.layer import Layer
 from flurries.io.color import linear_to_srgb, srgb_to_linear, unmultiply
+
+# Metres: before what stands so near there is no weather.
+NOTHING = np.float32(1e-3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +59,11 @@ class Matte:
 
 @dataclass(frozen=True, eq=False)
 class Deep:
-    """Mattes that stand at a depth: what is nearer falls in front of them."""
+    """What stands at a depth of its own in a share of each pixel: mattes, near sides of steps."""
 
     cover: Array  # (H, W) float32: how much of a pixel they take together.
-    depth: Array  # (H, W) float32 of the nearest in the pixel; infinity where none is.
+    # (H, W) float32 of the nearest in the pixel; `NOTHING` where none is: no weather is before it.
+    depth: Array
     pictures: tuple[Matte, ...]  # Those that are pictures, back to front: weather lies over them.
 
     @staticmethod
@@ -70,29 +75,49 @@ class Deep:
             cover = 1.0 - (1.0 - cover) * (1.0 - matte.cover)
             depth = np.where(matte.cover > 0.0, np.minimum(depth, far), depth)
         pictures = tuple(matte for matte, _ in parts if matte.light is not None)
+        depth = np.where(cover > 0.0, depth, NOTHING)
         return Deep(np.ascontiguousarray(cover), np.ascontiguousarray(depth), pictures)
 
+    @cached_property
+    def seen(self) -> Visible:
+        """The pixels where it stands."""
+        return Visible(1.0 - self.cover)
+
+    @cached_property
+    def places(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+        """The rows and columns of the pixels where it stands."""
+        rows, columns = np.nonzero(self.cover)
+        return rows, columns
+
     def before(self, depth: Array) -> Array:
-        """Return a scene's depth with the mattes in it, read-only."""
-        joint = np.minimum(depth, self.depth)
-        joint.flags.writeable = False
-        return joint
+        """Return a scene's depth with it in front, read-only; the same again for the same one."""
+        kept: tuple[Array, Array] | None = self.__dict__.get("_joint")
+        if kept is None or kept[0] is not depth:
+            joint = np.minimum(depth, self.depth)
+            joint.flags.writeable = False
+            kept = self.__dict__["_joint"] = depth, joint
+        return kept[1]
 
-    def join(self, whole: Layer, near: Layer, window: Window) -> Layer:
-        """Return a layer by `whole`, without the mattes, and `near`, what is before them."""
-        share = crop(self.cover, window)
-        taken = share >= 0.5
+    def join(self, whole: Layer, near: Layer, window: Window, part: Window) -> Layer:
+        """Return a layer of a window by `whole`, without it, and `near`, a part before it."""
+        rows, columns = self.places
+        inside = (rows >= part[0]) & (rows < part[1]) & (columns >= part[2]) & (columns < part[3])
+        rows, columns = rows[inside], columns[inside]
+        share = self.cover[rows, columns]
+        at = rows - window[0], columns - window[2]
+        there = rows - part[0], columns - part[2]
 
-        def mixed(a: Array | None, b: Array | None) -> Array | None:
+        def mixed(a: Array | None, b: Array | None, *, chosen: bool = False) -> Array | None:
             if a is None or b is None:
                 return None
-            part = share[..., None] if a.ndim == 3 else share
-            return np.ascontiguousarray((1.0 - part) * a + part * b, dtype=np.float32)
-
-        def chosen(a: Array | None, b: Array | None) -> Array | None:
-            if a is None or b is None:
-                return None
-            return np.ascontiguousarray(np.where(taken[..., None] if a.ndim == 3 else taken, b, a))
+            result: Array = a.copy()
+            far, close = a[at], b[there]
+            own = share[:, None] if a.ndim == 3 else share
+            if chosen:
+                result[at] = np.where(own >= 0.5, close, far)
+            else:
+                result[at] = (1.0 - own) * far + own * close
+            return result
 
         alpha = mixed(whole.alpha, near.alpha)
         assert alpha is not None
@@ -102,10 +127,10 @@ class Deep:
             rgb=mixed(whole.rgb, near.rgb),
             glow=mixed(whole.glow, near.glow),
             coverage=mixed(whole.coverage, near.coverage),
-            depth=chosen(whole.depth, near.depth),
-            motion=chosen(whole.motion, near.motion),
-            backward=chosen(whole.backward, near.backward),
-            ids=chosen(whole.ids, near.ids),
+            depth=mixed(whole.depth, near.depth, chosen=True),
+            motion=mixed(whole.motion, near.motion, chosen=True),
+            backward=mixed(whole.backward, near.backward, chosen=True),
+            ids=mixed(whole.ids, near.ids, chosen=True),
         )
 
 

@@ -153,7 +153,7 @@ def standing(
     depth = frame.depth
     assert depth is not None
     if frame.banded or depth.flags.writeable:
-        return frame.here(owner, name, make)
+        return frame.here(owner, f"{name}, side {frame.side}", make)
     number = id(depth)
     there = _KEPT.get(number)
     if there is None or there[0]() is not depth:

@@ -179,19 +179,21 @@ def _cut(layer: Layer, place: Window) -> Layer:
 
 def draw(effect: Any, frame: Frame) -> tuple[Layer, ...]:
     """Return an effect's layers, before what stands in the air with its own depth too."""
-    nearer = frame.nearer
-    if nearer is None:
-        return _drawn(effect, frame)
-    frame = replace(frame, nearer=None)
-    layers = _drawn(effect, frame)
-    if frame.depth is None or not crop(nearer.cover, frame.window).any():
-        return layers
-    # What is kept or shared is of the other depth.
-    run = None if frame.run is None else replace(frame.run, key=("before", frame.run.key))
-    before = nearer.before(frame.depth)
-    close = _drawn(effect, replace(frame, depth=before, run=run, shared=None))
-    pairs = zip(layers, close, strict=True)
-    return tuple(nearer.join(layer, near, frame.window) for layer, near in pairs)
+    parts = [deep.seen.within(frame.window) for deep in frame.nearer]
+    shared = frame.shared
+    if shared is None and any(parts):
+        shared = Shared((frame.camera,), frame.window)
+    whole = frame.derive(nearer=(), shared=shared)
+    layers = _drawn(effect, whole)
+    for side, (deep, part) in enumerate(zip(frame.nearer, parts, strict=True), 1):
+        if frame.depth is None or part is None:
+            continue
+        run = None if frame.run is None else replace(frame.run, key=(side, part, frame.run.key))
+        own = {"depth": deep.before(frame.depth), "side": side}
+        close = _drawn(effect, whole.derive(window=part, run=run, **own))
+        pairs = zip(layers, close, strict=True)
+        layers = tuple(deep.join(layer, near, frame.window, part) for layer, near in pairs)
+    return layers
 
 
 def _drawn(effect: Any, frame: Frame) -> tuple[Layer, ...]:

@@ -22,7 +22,8 @@ from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.frame.bands import Window, bands_of, whole
-from flurries.frame.matte import Deep, Front
+from flurries.frame.edges import Edges
+from flurries.frame.matte import Front
 from flurries.frame.mixing import Mix
 from flurries.frame.needs import LeftOut, Needs, Run, has_keys, needs_of, renderer_of
 from flurries.frame.view import Frame, Lap
@@ -154,11 +155,12 @@ class Program:
         base = self.frame(t, camera, window)
         runs = self._parts_in(base, dtype)
         reads = frozenset[str]().union(*(needs.reads for _, needs in runs)) if read else ()
-        depth = self.depth_at(t) if "depth" in reads else None
+        depth, edges = self._depths_at(t) if "depth" in reads else (None, None)
         ambient = self._ambient() if "ambient" in reads else None
         front = self.front(t) if runs else None
         visible = None if front is None or dtype is None else front.visible
-        nearer: Deep | None = None if front is None or not read else front.deep
+        sides = (edges and edges.front, front.deep if front is not None and read else None)
+        nearer = tuple(deep for deep in sides if deep is not None)
         plate = self._plate(t) if "plate" in reads else None
         found, airs = [], [air_of(part.renderer, t) if self.lights else 0.0 for part, _ in runs]
         for number, (part, needs) in enumerate(runs):
@@ -172,7 +174,7 @@ class Program:
                 whole=dtype is None,
                 depth=depth if "depth" in needs.reads else None,
                 ambient=ambient if "ambient" in needs.reads else None,
-                nearer=nearer if "depth" in needs.reads else None,
+                nearer=nearer if "depth" in needs.reads else (),
                 plate=plate if "plate" in needs.reads else None,
             )
             found.append(Ask(part, frame, needs))
@@ -224,6 +226,12 @@ class Program:
         with current.get().stage("depth"):
             depth: Array = self.distance.frame(t)
         return depth
+
+    def _depths_at(self, t: float) -> tuple[Array | None, Edges | None]:
+        """Return the depth for effects, the far sides at edges, and these edges."""
+        depth = self.depth_at(t)
+        edges: Edges | None = None if self.distance is None else self.distance.edges(t)
+        return depth if edges is None else edges.back, edges
 
     # Of the whole picture, so that a region has the whole's bits.
     def _ambient(self) -> tuple[float, float, float]:

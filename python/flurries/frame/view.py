@@ -47,11 +47,7 @@ class Shared:
         return made
 
     def here(
-        self,
-        key: _Key,
-        owner: object,
-        window: tuple[int, int, int, int],
-        make: Callable[[], _Made],
+        self, key: _Key, owner: object, window: tuple[int, int, int, int], make: Callable[[], _Made]
     ) -> _Made:
         """Return the same for a window; it is kept for the other eye, until the next window."""
         if len(self.cameras) == 1:
@@ -133,9 +129,11 @@ class Frame:
         Whether the scene has a depth, read or not.
     whole : bool
         Whether layers are asked for with all that they can say of their pixels.
-    nearer : Deep or None
-        What stands in the air with its own depth, of the whole frame; an effect is asked twice
-        then, once with it in `depth`, and need not look at it.
+    nearer : tuple of Deep
+        What stands in a share of pixels before `depth`, of the whole frame; an effect is asked
+        once more for each, with it in `depth`, and need not look at it.
+    side : int
+        The number of that depth; 0 is the scene's own.
     shared : Shared or None
         Results that both eyes, or the bands of a large frame, share.
     """
@@ -160,7 +158,8 @@ class Frame:
     settled: bool = False
     deep: bool = False
     whole: bool = False
-    nearer: Deep | None = field(default=None, compare=False, repr=False)
+    nearer: tuple[Deep, ...] = field(default=(), compare=False, repr=False)
+    side: int = 0
     shared: Shared | None = field(default=None, compare=False, repr=False)
 
     def derive(self, **changes: Any) -> Frame:
@@ -181,6 +180,10 @@ class Frame:
         if self.shared is None:
             return make()
         return self.shared.once((id(owner), self.seed, name), owner, make)
+
+    def once_before(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made:
+        """Return the same for what depends on the eye and the depth, but not on the window."""
+        return self.once_each(owner, f"{name}, side {self.side}", make)
 
     def once_each(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made:
         """Return the same for what depends on the eye, but not on the window."""
@@ -217,21 +220,10 @@ class Frame:
         """Whether the window is one of several bands of rows, which come from the top down."""
         return self.shared is not None and self.shared.bands > 1
 
-    @property
-    def around(self) -> Frame:
-        """The frame with the window that all bands make together."""
-        return replace(self, window=self.shared.window) if self.shared is not None else self
-
     def crop(self, plane: Array) -> Array:
         """Return the window of a plane of the whole frame."""
         top, bottom, left, right = self.window
         return plane[top:bottom, left:right]
-
-    def part_of(self, made: Array) -> Array:
-        """Return the window out of a plane of `around`, C order."""
-        top, _, left, _ = self.around.window
-        first, end, start, stop = self.window
-        return np.ascontiguousarray(made[first - top : end - top, start - left : stop - left])
 
     def later(self, step: float = 1.0) -> Frame:
         """Return what the same eye is asked `step` frames later, without depth and light."""
@@ -244,7 +236,7 @@ class Frame:
             shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
             camera = camera.derive(focal=ratio * camera.focal, center_shift=shift)
         return replace(
-            self, t=after, camera=camera, depth=None, ambient=None, nearer=None, plate=None,
+            self, t=after, camera=camera, depth=None, ambient=None, nearer=(), plate=None,
             shared=None,
         )  # fmt: skip
 

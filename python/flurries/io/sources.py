@@ -158,8 +158,9 @@ class PictureSource(Source):
     """One picture for all frames, or a file for each; frame 0 has the lowest number."""
 
     def __init__(
-        self, path: Path, damaged: str, read: Callable[[Path], Picture], overscan: bool = False
-    ) -> None:
+        self, path: Path, damaged: str, read: Callable[[Path], Picture], overscan: bool = False,
+        deep: bool = False,
+    ) -> None:  # fmt: skip
         super().__init__(str(path), damaged)
         self.read, self.overscan = read, overscan
         # Only the name is a pattern: a folder may be called "50%".
@@ -171,7 +172,7 @@ class PictureSource(Source):
                     errno.ENOENT, "No frame of this sequence is there", str(path)
                 )
             self.first, self.count = numbers[0], numbers[-1] - numbers[0] + 1
-        header = read_header(self.file(0), overscan=overscan)
+        header = read_header(self.file(0), overscan=overscan, deep=deep)
         self.size, self.encoding, self.display = header.size, header.encoding, header.display
         self.aspect = header.aspect
         self.fps = None if header.rate is None else float(header.rate)
@@ -295,11 +296,11 @@ def open_depth(
 ) -> Source:
     """Open depth: a picture, or a numbered sequence of pictures.
 
-    `spec` is ``depth.exr`` or ``depth.%04d.exr``; pictures' pixels are (H, W) float32. `budget`,
-    `overscan` and errors are those of :func:`read_depth`.
+    `spec` is ``depth.exr`` or ``depth.%04d.exr``; pictures' pixels are those of
+    :func:`read_depth`. `budget`, `overscan` and errors are those of :func:`read_depth`.
     """
     read = partial(_depth, budget=budget, overscan=overscan)
-    source = PictureSource(_place("depth", spec), "stop", read, overscan)
+    source = PictureSource(_place("depth", spec), "stop", read, overscan, deep=True)
     require_depth(source.file(0), budget)
     return source
 

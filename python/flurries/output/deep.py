@@ -9,7 +9,7 @@ from flurries.frame.bands import whole as everything
 from flurries.frame.truth import truth
 from flurries.io.color import to_linear
 from flurries.io.layers.deep import Deep
-from flurries.scene.depth import distance_of
+from flurries.scene.depth import Distance, distance_of
 from flurries.scene.scene import Scene
 
 # Slices of the air, and the first depth at which one ends: 32 to a distance of 256, each 1.28
@@ -36,7 +36,7 @@ def deep_of(scene: Scene, number: float) -> Deep:
     pixels, samples, total = [], [], 0
     for edge in [*np.geomspace(FIRST, LAST, SLICES).tolist(), np.inf]:
         last = edge == np.inf
-        layers = whole if last else _before(scene, number, there, edge)
+        layers = whole if last else _before(scene, number, edge)
         for name, layer in whole.items():
             cover, past = layer[..., 3], written[name]
             now = cover if last else np.clip(layers[name][..., 3], past, np.maximum(cover, past))
@@ -67,13 +67,10 @@ def deep_of(scene: Scene, number: float) -> Deep:
     return Deep(counts, values)
 
 
-def _before(scene: Scene, number: float, there: Array | None, edge: float) -> dict[str, Array]:
+def _before(scene: Scene, number: float, edge: float) -> dict[str, Array]:
     """Return the layers of a frame before a wall."""
-    wall = np.full(scene.shape, edge, np.float32)
-    if there is not None:
-        wall = np.minimum(there, wall)
-    far = distance_of(wall, scene.shape, extend="stop", start=None)
-    return _layers(scene._derive(depth=wall, _distance=far), number)
+    far = scene._distance or Distance.of(distance_of(np.full(scene.shape, np.inf), scene.shape))
+    return _layers(scene._derive(depth=edge, _distance=far.up_to(edge)), number)
 
 
 def _layers(scene: Scene, number: float) -> dict[str, Array]:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
+from functools import partial
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from flurries._contract import Array, choice, depths, real, rectangular, require, suggesting
 from flurries._warnings import warn_of_units
+from flurries.frame.edges import Edges, edges_of
 from flurries.io import fit_nearest, open_background, open_depth
 from flurries.io.color import to_unit
 from flurries.io.files import file_of
@@ -92,6 +94,47 @@ def _greys(source: Any) -> Array:
     if given.dtype.kind == "f":
         require("source", given, (given >= 0.0) & (given <= 1.0), "from 0 to 1 everywhere")
     return read_only(np.array(given, order="C"))
+
+
+class Distance(Planes):
+    """A scene's depth, with the pixels in which a near and a far side meet."""
+
+    @staticmethod
+    def of(planes: Planes, *, inverse: bool = False) -> Distance:
+        """Return planes (H, W), or (H, W, 3) of near, far and the near one's share, with edges."""
+        split = partial(_split, inverse=inverse)
+        return Distance(planes.given, planes.files, (*planes.steps, split))
+
+    def frame(self, t: float) -> Array:
+        """Return the depth at frame floor(t), (H, W) float32."""
+        depth: Array = super().frame(t)[0]
+        return depth
+
+    def edges(self, t: float) -> Edges | None:
+        """Return its edges, if it has any."""
+        edges: Edges | None = super().frame(t)[1]
+        return edges
+
+    def up_to(self, wall: float) -> Distance:
+        """Return the same with a wall at one depth before it."""
+        return Distance(self.given, self.files, (*self.steps, partial(_walled, wall=wall)))
+
+
+def _split(found: Array, *, inverse: bool) -> tuple[Array, Edges | None]:
+    """Return a depth for each pixel, and the edges or None."""
+    if found.ndim == 2:
+        return found, edges_of(found, inverse=inverse)
+    near, back, share = (np.ascontiguousarray(found[..., k]) for k in range(3))
+    share = np.where(np.isfinite(share), share, np.float32(0.0))
+    return read_only(np.where(share >= 0.5, near, back)), Edges.of(near, read_only(back), share)
+
+
+def _walled(found: tuple[Array, Edges | None], wall: float) -> tuple[Array, Edges | None]:
+    depth, edges = found
+    if edges is not None:
+        front = replace(edges.front, depth=np.minimum(edges.front.depth, np.float32(wall)))
+        edges = Edges(np.minimum(edges.back, np.float32(wall)), front)
+    return np.minimum(depth, np.float32(wall)), edges
 
 
 def distance_of(

@@ -137,9 +137,14 @@ def mattes_of(
         else:
             matte = Planes(_of_array(one.source, shape))
         how = {"name": f"{name} depth", "display": display, **numbers}
-        far = None if one.depth is None else distance_of(one.depth, shape, **how)
+        far = None if one.depth is None else distance_of(one.depth, shape, **how).then(_nearest)
         parts.append((matte, far))
     return Mattes(tuple(parts))
+
+
+def _nearest(depth: Array) -> Array:
+    """Return a depth (H, W) as it is, and of one that has two the near one."""
+    return depth if depth.ndim == 2 else np.ascontiguousarray(depth[..., 0])
 
 
 def _of_picture(

@@ -25,9 +25,9 @@ from flurries.io.sources import Source
 from flurries.light.lamp import Lamp, Sun
 from flurries.scene.arguments import effects_of, lights_of, number_or_none, one_or_none, parse_size
 from flurries.scene.background import Backdrop, backdrop
-from flurries.scene.depth import DepthMap, distance_of
+from flurries.scene.depth import DepthMap, Distance, distance_of
 from flurries.scene.foreground import Foreground, Mattes, frozen, mattes_of
-from flurries.scene.numbered import Display, Planes
+from flurries.scene.numbered import Display
 from flurries.scene.output import Output
 from flurries.scene.rendering import Rendering
 from flurries.scene.words import line_of, page_of
@@ -149,7 +149,7 @@ class Scene(Rendering):
     _mattes: Mattes | None = field(init=False)
     # What was found in the background, such as its light: also of scenes derived from this one.
     _found: dict[str, tuple[int, Any]] = field(init=False, compare=False)
-    _distance: Planes | None = field(init=False)
+    _distance: Distance | None = field(init=False)
     _path: CameraPath = field(init=False)
 
     def __init__(
@@ -209,7 +209,8 @@ class Scene(Rendering):
         settle("foreground", front)
         settle("_mattes", mattes_of(front, self.shape, **numbers))
         distance = None if depth is None else distance_of(depth, self.shape, **numbers)
-        settle("_distance", distance)
+        inverse = isinstance(depth, DepthMap) and depth.law == "inverse"
+        settle("_distance", distance and Distance.of(distance, inverse=inverse))
         settle("depth", distance.given if distance and np.ndim(depth) == 2 else depth)  # type: ignore[arg-type]
 
     def __repr__(self) -> str:

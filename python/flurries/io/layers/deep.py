@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,12 +12,12 @@ import numpy as np
 from flurries._contract import rectangular
 from flurries.io.atomic import replacing
 from flurries.io.color import Array
-from flurries.io.files import Budget, plain_file
 from flurries.io.layers.planes import require_exr
 from flurries.io.oiio import last_error, openimageio
 from flurries.io.pictures import metadata as header
-from flurries.io.pictures.header import reader_of
+from flurries.io.pictures.header import opened_picture
 from flurries.io.pictures.rows import output_of
+from flurries.io.pictures.samples import samples_of
 from flurries.io.pictures.slate import Slate
 
 __all__ = ["Deep", "read_deep", "write_deep"]
@@ -102,7 +101,9 @@ def write_deep(
                 above = specification.y
                 if not output.write_deep_scanlines(above + top, above + last, 0, band):
                     raise OSError(f"{target}: cannot be written: {last_error(output)}")
-        if not np.array_equal(_counts(*_read(temporary)), deep.counts):
+        with opened_picture(temporary, deep=True) as opened:
+            there, _ = samples_of(opened, opened.part, [])
+        if not np.array_equal(there, deep.counts):
             raise OSError(f"{target}: does not read back as what was written")
 
 
@@ -111,38 +112,11 @@ def read_deep(path: str | os.PathLike[str]) -> Deep:
 
     OSError or ValueError if the file cannot be read, or is none with these channels.
     """
-    data, specification = _read(plain_file(path))
-    order = [specification.channelindex(name) for name in CHANNELS]
-    counts, read = _counts(data, specification), data.deep_value
-    values = [
-        [read(pixel, channel, sample) for channel in order]
-        for pixel, count in enumerate(counts.ravel().tolist())
-        for sample in range(count)
-    ]
-    return Deep(counts, np.array(values, np.float32).reshape(-1, len(CHANNELS)))
-
-
-def _read(path: Path) -> tuple[Any, Any]:
-    """Return the samples of a file as OpenImageIO has them, and what its header says."""
-    budget = Budget()
-    reader = reader_of(path, budget)
-    try:
-        specification = reader.spec()
-        if not specification.deep or not set(CHANNELS) <= set(specification.channelnames):
-            raise ValueError(f"{path}: holds no deep samples of {', '.join(CHANNELS)}")
-        size = (specification.width, specification.height)
-        budget.admit(path, size, 4 * len(CHANNELS))
-        data = reader.read_native_deep_image()
-        if data is None:
-            raise OSError(f"{path}: cannot be read: {last_error(reader)}")
-        return data, specification
-    finally:
-        reader.close()
-
-
-def _counts(data: Any, specification: Any) -> Array:
-    shape = specification.height, specification.width
-    return np.array([data.samples(pixel) for pixel in range(shape[0] * shape[1])]).reshape(shape)
+    with opened_picture(path, deep=True) as opened:
+        names = opened.specification.channelnames
+        if not opened.specification.deep or not set(CHANNELS) <= set(names):
+            raise ValueError(f"{opened.path}: holds no deep samples of {', '.join(CHANNELS)}")
+        return Deep(*samples_of(opened, opened.part, [names.index(name) for name in CHANNELS]))
 
 
 def _band(library: Any, kinds: list[Any], counts: Array, values: Array) -> Any:

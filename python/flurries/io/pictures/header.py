@@ -207,7 +207,9 @@ class Opened:
         return _upright(values, self.orientation)
 
 
-def read_header(path: str | os.PathLike[str], *, overscan: bool = False) -> Header:
+def read_header(
+    path: str | os.PathLike[str], *, overscan: bool = False, deep: bool = False
+) -> Header:
     """Read what a picture says about itself, without decoding its pixels.
 
     Parameters
@@ -215,8 +217,10 @@ def read_header(path: str | os.PathLike[str], *, overscan: bool = False) -> Head
     path : str or path
     overscan : bool
         Whether the size is that of all that is stored, not of the display window alone.
+    deep : bool
+        Whether it may be deep, with many samples in a pixel.
     """
-    with opened_picture(path, overscan=overscan) as opened:
+    with opened_picture(path, overscan=overscan, deep=deep) as opened:
         return Header(
             path=str(opened.path),
             size=opened.size,
@@ -233,10 +237,15 @@ def read_header(path: str | os.PathLike[str], *, overscan: bool = False) -> Head
 
 @contextmanager
 def opened_picture(
-    path: str | os.PathLike[str], budget: Budget | None = None, *, overscan: bool = False
+    path: str | os.PathLike[str],
+    budget: Budget | None = None,
+    *,
+    overscan: bool = False,
+    deep: bool = False,
 ) -> Iterator[Opened]:
     """Open a picture and find its colors."""
     flag("overscan", overscan)
+    flag("deep", deep)
     found = plain_file(path)
     limits = Budget.of(budget)
     if found.stat().st_size == 0:
@@ -244,7 +253,7 @@ def opened_picture(
     require_whole_png(found, f"{found}: the picture is damaged or cut short")
     reader = reader_of(found, limits)
     try:
-        part, spec = _part_with_color(found, reader)
+        part, spec = _part_with_color(found, reader, deep=deep)
         color, alpha = find_channels(spec.channelnames, spec.nchannels, spec.alpha_channel)
         opened = Opened(found, reader, spec, part, color, alpha, limits, overscan)
         for size in ((spec.width, spec.height), opened.size):
@@ -302,12 +311,12 @@ def _parts(reader: Any) -> list[Any]:
     return [reader.spec(part) for part in range(min(max(stated, 1), 1000))]
 
 
-def _part_with_color(path: Path, reader: Any) -> tuple[int, Any]:
+def _part_with_color(path: Path, reader: Any, *, deep: bool) -> tuple[int, Any]:
     """Return the first part of a picture that holds red, green and blue, or else its first."""
     parts = _parts(reader) if reader.format_name() == "openexr" else [reader.spec()]
     chosen = next((n for n, part in enumerate(parts) if {"R", "G", "B"} <= {*part.channelnames}), 0)
     spec = parts[chosen]
-    if spec.deep:
+    if spec.deep and not deep:
         raise ValueError(f"{path}: deep pictures, with many samples in a pixel, are not supported")
     if {"RY", "BY"} & {*spec.channelnames}:
         raise ValueError(f"{path}: pictures in luminance and chroma are not supported")

@@ -14,6 +14,7 @@ from flurries._warnings import warn_of_units
 from flurries.io.color import Array, Encoding, to_unit
 from flurries.io.files import Budget
 from flurries.io.pictures.header import Opened, opened_picture
+from flurries.io.pictures.samples import two_depths
 
 # What luminance is made of, Rec. 709.
 _GREEN, _BLUE = 0.7152, 0.0722
@@ -144,7 +145,8 @@ def read_depth(
 ) -> Array:
     """Read the depth channel of a picture, (H, W) float32.
 
-    Outside an EXR's data window it is infinity.
+    Outside an EXR's data window it is infinity. A deep EXR has two depths in a pixel: (H, W, 3), a
+    near one, that of what is seen behind it, and the share of the pixel that the near one hides.
 
     Parameters
     ----------
@@ -154,8 +156,10 @@ def read_depth(
     budget, overscan
         As `read_picture`.
     """
-    with opened_picture(path, budget, overscan=overscan) as opened:
+    with opened_picture(path, budget, overscan=overscan, deep=True) as opened:
         part, channel = _channel_of(opened)
+        if opened.reader.spec(part).deep:
+            return two_depths(opened, part, channel)
         plane = opened.read([channel], "float", part=part)
         shown = np.ascontiguousarray(opened.shown(plane, np.inf)[..., 0])
     warn_of_units("depth", shown)
@@ -186,5 +190,5 @@ def _is_float(spec: Any, channel: int) -> bool:
 
 def require_depth(path: Path, budget: Budget | None) -> None:
     """Refuse a file without depth, before any frame is asked for."""
-    with opened_picture(path, budget) as opened:
+    with opened_picture(path, budget, deep=True) as opened:
         _channel_of(opened)
