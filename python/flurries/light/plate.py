@@ -135,7 +135,9 @@ def ambient_of(frames: Sequence[Array]) -> tuple[float, float, float]:
     # What is there in less than half of the frames, such as a lamp that enters, is no light of all.
     if not frames:
         return _BLACK
-    sums = np.maximum(np.median(frames, axis=0).reshape(-1, 4), 0.0).astype(np.float64)
+    # `np.median` imports masked arrays, which takes longer than all of this.
+    middle = np.sort(frames, axis=0)[(len(frames) - 1) // 2 : len(frames) // 2 + 1]
+    sums = np.maximum(middle.mean(axis=0).reshape(-1, 4), 0.0).astype(np.float64)
     sums = sums[sums[:, 3] > 0.0]
     light = sums[:, :3] / sums[:, 3:]
     if not light.any():

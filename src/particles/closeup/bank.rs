@@ -39,10 +39,6 @@ struct View {
     side: f64,
 }
 
-pub struct Bank {
-    views: Vec<View>,
-}
-
 /// A silhouette between two neighbouring views, at one size.
 pub struct Silhouette {
     /// Opacities, 0 to 1, row by row; what is behind the last row is not looked at.
@@ -52,45 +48,36 @@ pub struct Silhouette {
     pub side: f64,
 }
 
-static BANK: OnceLock<Bank> = OnceLock::new();
+/// Views of all shapes, each made when it is first asked for: a frame of few near flakes waits for few.
+static BANK: [OnceLock<View>; SHAPES * VIEWS] = [const { OnceLock::new() }; SHAPES * VIEWS];
 
-impl Bank {
-    /// The one bank, made when it is first asked for; always the same.
-    pub fn get() -> &'static Self {
-        BANK.get_or_init(|| {
-            let views = (0..SHAPES).flat_map(|shape| {
-                let points = aggregate(shape);
-                let far = points.iter().map(length).fold(0.0, f64::max);
-                (0..VIEWS).map(move |view| {
-                    let turn = std::f64::consts::TAU * view as f64 / VIEWS as f64;
-                    View::of(&points, far, turn)
-                })
-            });
-            Self { views: views.collect() }
-        })
-    }
+fn seen(shape: usize, view: usize) -> &'static View {
+    BANK[shape * VIEWS + view].get_or_init(|| {
+        let points = aggregate(shape);
+        let far = points.iter().map(length).fold(0.0, f64::max);
+        View::of(&points, far, std::f64::consts::TAU * view as f64 / VIEWS as f64)
+    })
+}
 
-    /// An aggregate seen from an angle, in turns; texels are at least `texel` diameters wide, or the
-    /// finest.
-    #[inline]
-    pub fn look(&self, shape: usize, turns: f64, texel: f64) -> Silhouette {
-        let place = (turns - turns.floor()) * VIEWS as f64;
-        let first = (place as usize).min(VIEWS - 1);
-        let part = place - first as f64;
-        let [a, b] =
-            [first, (first + 1) % VIEWS].map(|view| &self.views[shape % SHAPES * VIEWS + view]);
-        let side = a.side + part * (b.side - a.side);
-        let mut level = 0;
-        while level + 1 < LEVELS && side / ((SIDE >> (level + 1)) as f64) <= texel {
-            level += 1;
-        }
-        let mut seen = Silhouette { texels: [0.0; SIDE * SIDE], count: SIDE >> level, side };
-        let views = a.levels[level].iter().zip(&b.levels[level]);
-        for (texel, (a, b)) in seen.texels.iter_mut().zip(views) {
-            *texel = a + part as f32 * (b - a);
-        }
-        seen
+/// An aggregate seen from an angle, in turns; texels are at least `texel` diameters wide, or the
+/// finest.
+#[inline]
+pub fn look(shape: usize, turns: f64, texel: f64) -> Silhouette {
+    let place = (turns - turns.floor()) * VIEWS as f64;
+    let first = (place as usize).min(VIEWS - 1);
+    let part = place - first as f64;
+    let [a, b] = [first, (first + 1) % VIEWS].map(|view| seen(shape % SHAPES, view));
+    let side = a.side + part * (b.side - a.side);
+    let mut level = 0;
+    while level + 1 < LEVELS && side / ((SIDE >> (level + 1)) as f64) <= texel {
+        level += 1;
     }
+    let mut seen = Silhouette { texels: [0.0; SIDE * SIDE], count: SIDE >> level, side };
+    let views = a.levels[level].iter().zip(&b.levels[level]);
+    for (texel, (a, b)) in seen.texels.iter_mut().zip(views) {
+        *texel = a + part as f32 * (b - a);
+    }
+    seen
 }
 
 impl Silhouette {
@@ -266,13 +253,12 @@ mod tests {
 
     #[test]
     fn aggregates_have_the_area_of_a_disc_and_their_aspect() {
-        let bank = Bank::get();
         let mut aspects = Vec::new();
         for shape in 0..SHAPES {
             for view in 0..VIEWS {
                 for (texel, error) in [(0.0, 0.01), (0.15, 0.02)] {
                     let turns = (view as f64 + 0.25) / VIEWS as f64;
-                    let (area, aspect) = measured(&bank.look(shape, turns, texel));
+                    let (area, aspect) = measured(&look(shape, turns, texel));
                     let wanted = std::f64::consts::FRAC_PI_4;
                     assert!((area / wanted - 1.0).abs() < error + 0.02, "{shape} {view} {area}");
                     aspects.push(aspect);

@@ -1,7 +1,7 @@
 //! A flake at rest and in focus, as texels: an aggregate that tumbles, a drop, or a dot.
 
 use super::aperture::Blur;
-use super::bank::{Bank, SHAPES, Silhouette};
+use super::bank::{self, SHAPES, Silhouette};
 use crate::base::random::Hash;
 use crate::base::simd::dispatch;
 
@@ -115,7 +115,7 @@ fn aggregate(place: &Place, diameter: f64, number: i64, look: &Look) -> Vec<f32>
     let sign = if unit(4) < 0.5 { -1.0 } else { 1.0 };
     let turns = unit(5) + sign * (TURNS.0 + (TURNS.1 - TURNS.0) * unit(3)) * tumble.seconds;
     let shape = (unit(6) * SHAPES as f64) as usize;
-    let seen = Bank::get().look(shape, turns, 1.0 / diameter);
+    let seen = bank::look(shape, turns, 1.0 / diameter);
     // Nothing lies in the corners of a view.
     let reach = 0.5 * seen.side;
     let turn = [libm::cos(angle) as f32, libm::sin(angle) as f32];
