@@ -81,11 +81,8 @@ def test_one_missing_folder_is_made_and_no_more(tmp_path):
     with replacing(tmp_path / "new" / "a.png") as temporary:
         temporary.write_bytes(b"x")
     assert (tmp_path / "new" / "a.png").read_bytes() == b"x"
-    with (
-        pytest.raises(FileNotFoundError, match=r"b\.png"),
-        replacing(tmp_path / "x" / "y" / "b.png"),
-    ):
-        pass
+    with pytest.raises(FileNotFoundError, match=r"b\.png"):
+        replacing(tmp_path / "x" / "y" / "b.png").__enter__()
     assert not (tmp_path / "x").exists()
 
 

@@ -16,12 +16,10 @@ def test_grey_palettes_bits_and_ink(tmp_path):
     photograph = np.ascontiguousarray(skimage.data.astronaut()[:48, 200:264])
     image = Image.fromarray(photograph)
     cases = {
-        "palette.png": (image.quantize(16), {}),
-        "grey-alpha.png": (image.convert("LA"), {}),
+        "palette.png": (image.quantize(16), {}), "grey-alpha.png": (image.convert("LA"), {}),
         "grey.jpg": (image.convert("L"), {"quality": 100}),
-        "lzw.tif": (image, {"compression": "tiff_lzw"}),
-        "plain.webp": (image, {"lossless": True}),
-    }
+        "lzw.tif": (image, {"compression": "tiff_lzw"}), "plain.webp": (image, {"lossless": True}),
+    }  # fmt: skip
     for name, (written, options) in cases.items():
         written.save(tmp_path / name, **options)
         picture = read_picture(tmp_path / name)

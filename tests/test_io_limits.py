@@ -53,11 +53,8 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("hostile")
     side = 23_000
     rows = zlib.compress(bytes(side * (1 + side // 8)), 9)
-    parts = [
-        (b"IHDR", struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)),
-        (b"IDAT", rows),
-        (b"IEND", b""),
-    ]
+    head = struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)
+    parts = [(b"IHDR", head), (b"IDAT", rows), (b"IEND", b"")]
     data = b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts)
     (folder / "huge.png").write_bytes(data)
     spec = oiio.ImageSpec(64, 64, 3, "half")

@@ -196,15 +196,11 @@ def test_bytes_depend_on_nothing_but_the_arguments(tmp_path, name):
 
 def test_layers_come_back(tmp_path):
     layers = {
-        "rgba": noise((70, 9, 4)),
-        "snow": noise((70, 9, 4), 1),
-        "light": noise((70, 9, 3), 2),
-        "depth": np.abs(noise((70, 9), 3)) * 1000,
-        "motion": noise((70, 9, 2), 4) * 100,
-        "alpha": np.abs(noise((70, 9), 5)),
-        "left.mask": np.abs(noise((70, 9), 6)),
+        "rgba": noise((70, 9, 4)), "snow": noise((70, 9, 4), 1), "light": noise((70, 9, 3), 2),
+        "depth": np.abs(noise((70, 9), 3)) * 1000, "motion": noise((70, 9, 2), 4) * 100,
+        "alpha": np.abs(noise((70, 9), 5)), "left.mask": np.abs(noise((70, 9), 6)),
         "noise": noise((70, 9), 7),
-    }
+    }  # fmt: skip
     layers["depth"][0, 0] = np.inf
     write_layers(tmp_path / "a.exr", layers, metadata={"seed": 3})
     assert set(read_header(tmp_path / "a.exr").channels) == {

@@ -130,11 +130,9 @@ def test_files_that_are_no_videos(tmp_path):
     (tmp_path / "text.mp4").write_text("no film\n" * 50)
     (tmp_path / "text.dat").write_text("no film\n" * 50)
     for name, error in [
-        ("missing.mp4", FileNotFoundError),
-        ("picture.mp4", OSError),
-        ("text.mp4", OSError),
+        ("missing.mp4", FileNotFoundError), ("picture.mp4", OSError), ("text.mp4", OSError),
         ("text.dat", ValueError),
-    ]:
+    ]:  # fmt: skip
         with pytest.raises(error, match=name):
             list(read_video(tmp_path / name))
     with pytest.raises(ValueError, match="path must name a file"):

@@ -116,8 +116,7 @@ def weather(**snow: Any) -> fl.Scene:
 # Scenes by a late value, and the first of the frames 0, 19, 38, 40, 41, 55 that a change may reach.
 LATE: dict[str, tuple[Any, int]] = {
     "amount": (lambda v: weather(amount=keyed(v)), 41),
-    "a later frame": (lambda v: weather(emission=keyed(0.5, end=60 + 10 * v)), 41),
-    "color": (lambda v: weather(color=keyed(v), method="simulated", far=9.0), 41),
+    "color": (lambda v: weather(color=keyed(0.5, end=60 + 10 * v), far=9.0), 41),
     "lens": (lambda v: weather(haze=keyed(v)).replace(lens=fl.camera.Lens(keyed(v, low=3.0))), 41),
     "position": (lambda v: way(position=vectors(v)), 40),
     "velocity": (lambda v: way(velocity=vectors(v)), 40),

@@ -57,9 +57,7 @@ def header(path: Path) -> Any:
     return spec
 
 
-KINDS: dict[str, dict[str, Any]] = {"composite": {}, "layers": {"layers": True}, "alone": {
-    "alone": True
-}}  # fmt: skip
+KINDS: dict[str, Any] = {"composite": {}, "layers": {"layers": True}, "alone": {"alone": True}}
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -179,9 +177,32 @@ def test_amount_0_is_the_plate(name: str, tmp_path: Path):
     assert result.maxerror == 0.0
     one, other = header(path), header(out)
     assert one.channelnames == other.channelnames and one.format == other.format
-    assert one.get_int_attribute("oiio:BitsPerSample") == other.get_int_attribute(
-        "oiio:BitsPerSample"
-    )
+    bits = "oiio:BitsPerSample"
+    assert one.get_int_attribute(bits) == other.get_int_attribute(bits)
+
+
+def test_a_dpx_says_what_its_numbers_are(tmp_path: Path):
+    video, log = ("Unspecified video", "ITU-R 709-4"), ("Logarithmic", "User defined")
+    light = fl.Scene(LIGHT[..., :3], colorspace="ACEScg")
+
+    def said(scene: fl.Scene, name: str, space: str | None = None) -> tuple[str, ...]:
+        scene.write(tmp_path / name, 1, bits=16, colorspace=space)
+        names = ("dpx:Transfer", "dpx:Colorimetric")
+        return tuple(map(header(tmp_path / name).get_string_attribute, names))
+
+    assert said(fl.Scene("#204060", size=(W, H)), "plain.dpx") == video
+    assert said(light, "log.dpx", "ACEScct") == log
+    with pytest.raises(ValueError, match=r"log\.dpx says that its numbers are logarithmic: color"):
+        fl.Scene(tmp_path / "log.dpx")
+    plate = fl.Scene(tmp_path / "log.dpx", colorspace="ACEScct")
+    np.testing.assert_allclose(plate.render(0), light.render(0), atol=1e-3)
+    assert said(plate, "same.dpx") == log and said(plate, "b.dpx", "sRGB - Display") == video
+    # Some programs call all that they write linear.
+    data = bytearray((tmp_path / "plain.dpx").read_bytes())
+    data[801] = 2
+    (tmp_path / "linear.dpx").write_bytes(data)
+    with pytest.warns(UserWarning, match="linear, not display values"):
+        fl.Scene(tmp_path / "linear.dpx")
 
 
 # Time codes --------------------------------------------------------------------------------------
@@ -223,11 +244,10 @@ def test_more_bits_than_the_plate_has_are_steps_of_the_weather(tmp_path: Path):
     assert (io.read_picture(tmp_path / "b.png").pixels == [32 * 257, 48 * 257, 64 * 257]).all()
 
 
-@pytest.mark.parametrize(
-    ("name", "bits"),
-    [("a.png", "float"), ("a.png", "half"), ("a.png", 10), ("a.exr", 8), ("a.jpg", 16),
-     ("a.tif", "half"), ("a.mp4", "float"), ("a.mov", 16)],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "bits"), [
+    ("a.png", "float"), ("a.png", "half"), ("a.png", 10), ("a.exr", 8), ("a.jpg", 16),
+    ("a.tif", "half"), ("a.mp4", "float"), ("a.mov", 16),
+])  # fmt: skip
 def test_bits_that_a_file_cannot_hold_are_refused(name: str, bits: Any, tmp_path: Path):
     with pytest.raises(ValueError, match="bits must be"):
         fl.Scene(size=(W, H), effects=SNOW).write(tmp_path / name, "1", bits=bits)
@@ -237,18 +257,13 @@ def test_bits_that_a_file_cannot_hold_are_refused(name: str, bits: Any, tmp_path
 def test_snow_of_the_display_window_is_that_of_a_plate_without_overscan(tmp_path: Path):
     """The lens is that of the display window: overscan shows more of the same snow."""
     plate(tmp_path / "wide.exr", [], windows=WINDOWS["uneven overscan"])
-    flakes = [fl.effects.TentSnow(flakes=400)]
-    wide = fl.Scene(tmp_path / "wide.exr", effects=flakes)
+    wide = fl.Scene(tmp_path / "wide.exr", effects=SNOW)
     left, top, width, height = wide._display
     black = np.zeros((height, width, 3), np.float32)
-    lens = fl.Camera(1.2 * width, aspect=1.0)
-    plain = fl.Scene(black, effects=flakes, camera=lens)
-    assert wide.camera.camera.focal == pytest.approx(lens.focal)
-    whole = wide.layers(3)
-    inner = plain.layers(3)
+    plain = fl.Scene(black, effects=SNOW, camera=fl.Camera(1.2 * width))
+    assert wide.camera.camera.focal == pytest.approx(1.2 * width)
     points = [scene._program.camera(None, 3.0).principal(scene.shape) for scene in (wide, plain)]
     np.testing.assert_allclose(np.subtract(*points), (left, top))
-    assert whole.alpha.shape == (H, W) and inner.alpha.shape == (height, width)
 
 
 def test_the_weather_alone_of_a_plate_of_16_bits_has_16(tmp_path: Path):

@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 
 import flurries as fl
-from flurries.camera import importers
-from flurries.camera.csv import read_path
 from flurries.io import (
     VideoWriter,
     open_background,
@@ -93,7 +91,6 @@ def jobs(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
     random = np.random.default_rng(7)
     light = random.random((40, 56, 4)).astype(np.float32)
     levels = (255 * light[..., :3]).astype(np.uint8)
-    (folder / "colmap").mkdir(exist_ok=True)
     for name, pixels in {
         "a.exr": light, "a.hdr": light[..., :3], "a.tif": light, "a.png": levels, "a.jpg": levels,
     }.items():  # fmt: skip
@@ -114,11 +111,6 @@ def jobs(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
     scene.save(folder / "a.toml")
     scene.write(folder / "out" / "%d.png", "1-3")
     (folder / "out" / NAME).rename(folder / "a.json")
-    (folder / "a.csv").write_text("frame,x,y,z,focal\n0,1,2,3,50\n4,2,3,4.5,60\n9,2,3,5,70\n")
-    (folder / "a.chan").write_text("1 0 1 2 10 20 30 45\n2 0 1 3 11 20 30 46\n")
-    (folder / "a.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 1 0 1 0 0 0 0 1 2\n")
-    (folder / "colmap" / "cameras.txt").write_text("1 PINHOLE 56 40 50 50 28 20\n")
-    (folder / "a.images").write_text("1 1 0 0 0 0 0 0 1 a1.png\n\n2 1 0 0 0 0 0 1 1 a2.png\n\n")
     kinds: list[tuple[str, str, Callable[[Path], Any]]] = [
         ("a.exr", "bad.exr", picture), ("a.png", "bad.png", picture),
         ("a.jpg", "bad.jpg", picture), ("a.tif", "bad.tif", picture),
@@ -127,10 +119,6 @@ def jobs(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
         ("views.exr", "bad.exr", read_views), ("a.mp4", "bad.mp4", films),
         ("a.mkv", "bad.mkv", films), ("a.webm", "bad.webm", films),
         ("a.toml", "bad.toml", fl.open), ("a.json", NAME, journal_of),
-        ("a.csv", "bad.csv", read_path),
-        ("a.chan", "bad.chan", lambda path: importers.load(path, (40, 56))),
-        ("a.txt", "bad.txt", lambda path: importers.load(path, (40, 56))),
-        ("a.images", "colmap/images.txt", lambda path: importers.load(path.parent, (40, 56))),
     ]  # fmt: skip
     originals = [(folder / name).read_bytes() for name, _, _ in kinds]
     # The control: what is not damaged is read.

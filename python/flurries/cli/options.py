@@ -21,7 +21,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _FEW = 20
 GROUPS = {title: frozenset(f"--{name}" for name in names.split()) for title, names in {
     "More on the weather": "amount color density loop method near rate shutter",
-    "Camera and picture": "camera colorspace extend eyes fly foreground lens linear start",
+    "Camera and picture": "camera center colorspace down extend eyes fly foreground lens linear "
+    "start",
     "Files": "alone bits codec compression damaged deep layers motion no-sound output-colorspace "
     "quality",
     "Work": "dask dask-patience quiet reproducible threads verbose",

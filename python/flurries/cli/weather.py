@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from flurries.camera import importers
+from flurries.camera.importers.usd import SUFFIXES as USD
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.cli.options import FILE, OneOf, join, numbers, option, weather_options
@@ -81,6 +82,12 @@ scene_options: Callable[[Any], Any] = join(
     option("--camera", type=FILE, metavar="FILE", example="shot.chan", unset="it stands",
            help="path of the camera: .csv with x,y,z and rx,ry,rz a frame, Nuke's .chan, a USD "
            "stage, KITTI's poses .txt, or a folder of COLMAP's text"),
+    option("--center", type=numbers(2), metavar="X,Y", example="980,560", unset="the middle",
+           help="the camera's principal point, pixels: the shift of the lens, which .chan, .csv "
+           "and .txt do not say"),
+    option("--down", type=numbers(3), metavar="X,Y,Z", example="0,1,0.2",
+           unset="the mean of the cameras'",
+           help="where things fall in the axes of COLMAP's world"),
     option("--depth", type=FILE, metavar="FILE|METRES", example="depth.exr", unset="far away",
            help="what hides weather behind it: an EXR with Z, or the distance of a wall"),
     option("--foreground", type=FILE, metavar="FILE[@METRES]", example="roto.%04d.exr",
@@ -126,13 +133,21 @@ def scene_of(source: str, **options: Any) -> Scene:
         scene = _changed(open_scene(source), changes, options)
     else:
         scene = _new(source, changes, options)
+    if options["down"] is not None and options["camera"] is None:
+        raise click.UsageError("--down needs --camera with a folder of COLMAP's text")
     lens = scene.camera.camera
+    if options["center"] is not None:
+        lens = replace(lens, center=options["center"])
+        scene = scene.replace(camera=replace(scene.camera, camera=lens))
     if options["fly"] is not None:
         scene = scene.replace(camera=CameraPath(lens, velocity=options["fly"]))
     elif options["camera"] is not None:
+        file = Path(options["camera"])
+        if options["center"] is not None and (file.is_dir() or file.suffix.lower() in USD):
+            raise click.UsageError(f"--center is for a camera that does not say it: {file} does")
         with file_of("camera"):
             shape = scene._display[3], scene._display[2]
-            way = importers.load(options["camera"], shape, camera=lens)
+            way = importers.load(file, shape, camera=lens, down=options["down"])
         scene = scene.replace(camera=way)
     return scene if options["loop"] is None else scene.replace(loop=options["loop"])
 

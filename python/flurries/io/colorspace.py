@@ -89,16 +89,31 @@ class ColorSpace:
 
     def from_rec709(self) -> Array:
         """Return M (3, 3): linear light c of Rec. 709's primaries is c @ M in this linear space."""
-        config = _config(os.environ.get("OCIO", ""))
-        name = next((one for one in _REC709 if config.getColorSpaceIndex(one) >= 0), None)
-        if name is None:
-            raise ValueError(
-                f"$OCIO has no linear space of Rec. 709's primaries ({', '.join(_REC709[:4])}), in "
-                "which the weather's colors are"
-            )
-        basis = np.eye(3, dtype=np.float32)[None]
-        turned = ColorSpace.of("colorspace", name).convert(basis, self)
+        turned = _rec709().convert(np.eye(3, dtype=np.float32)[None], self)
         return np.asarray(turned[0], np.float64)
+
+    @property
+    def video(self) -> tuple[str, str]:
+        """What a DPX calls the curve of such numbers, and their primaries."""
+        light = np.concatenate([np.eye(3), 0.045 * 2.0 ** np.arange(-1, 4)[:, None] * np.ones(3)])
+        light[3] = 0.0
+        seen = _rec709().convert(light[None], self)[0]
+        # Where each doubling of the light is one step, it is a logarithm.
+        steps = np.diff(seen[4:, 1])
+        curve = "Logarithmic" if np.ptp(steps) < 0.02 * steps.mean() else "Unspecified video"
+        alike = np.abs(seen[:3] - seen[3])[~np.eye(3, dtype=bool)].max() < 1e-4
+        return "Linear" if self.linear else curve, "ITU-R 709-4" if alike else "User defined"
+
+
+def _rec709() -> ColorSpace:
+    config = _config(os.environ.get("OCIO", ""))
+    name = next((one for one in _REC709 if config.getColorSpaceIndex(one) >= 0), None)
+    if name is None:
+        raise ValueError(
+            f"$OCIO has no linear space of Rec. 709's primaries ({', '.join(_REC709[:4])}), in "
+            "which the weather's colors are"
+        )
+    return ColorSpace.of("colorspace", name)
 
 
 def config_hash() -> str:

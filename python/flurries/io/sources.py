@@ -174,7 +174,7 @@ class PictureSource(Source):
             self.first, self.count = numbers[0], numbers[-1] - numbers[0] + 1
         header = read_header(self.file(0), overscan=overscan, deep=deep)
         self.size, self.encoding, self.display = header.size, header.encoding, header.display
-        self.aspect = header.aspect
+        self.aspect, self.curve = header.aspect, header.curve
         self.fps = None if header.rate is None else float(header.rate)
 
     def file(self, i: int) -> Path:

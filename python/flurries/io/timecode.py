@@ -56,12 +56,9 @@ class TimeCode:
 
     def later(self, frames: int) -> TimeCode:
         """Return the time code so many frames later; a day begins again."""
-        return TimeCode((self.frames + frames) % self._day, self.nominal, self.drop)
-
-    @property
-    def _day(self) -> int:
         dropped = self.nominal // 15 * (1440 - 144) if self.drop else 0
-        return 86400 * self.nominal - dropped
+        day = 86400 * self.nominal - dropped
+        return TimeCode((self.frames + frames) % day, self.nominal, self.drop)
 
     @property
     def parts(self) -> tuple[int, int, int, int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +73,8 @@ class Content:
             apart = self.kind in ("layers", "deep") or self.eyes
             own = scene._color.working if apart else self.space
             metadata = {**metadata, "colorspace": own.name}
-            slate = slate if own.name == scene._color.name else slate.uncolored()
+            slate = replace(slate, video=own.video) if form.name == "dpx" else slate
+            slate = slate if own.name == scene._color.name else replace(slate, colored=False)
         # A plate that is a part of its picture remains that part.
         cut = slate.crop if form.name == "openexr" and self.kind != "deep" else None
         slate = slate if cut is None else slate.cropped()

@@ -130,7 +130,10 @@ def write(
         packed = "zip"
     own = scene.colorspace if asked.colorspace is None else asked.colorspace
     if own is not None and scene.colorspace is None:
-        raise ValueError("colorspace of what is written needs the scene's own colorspace")
+        raise ValueError(
+            "colorspace of what is written needs the scene's own colorspace, such as "
+            "'sRGB - Display' (--colorspace)"
+        )
     space = None if own is None else ColorSpace.of("colorspace", own)
     content = Content(kind, asked.bits, codec, asked.motion, _views(eyes), packed, space)
     _require_room(text, content, is_video=target.is_video)

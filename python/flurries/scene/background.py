@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Array, require, table
-from flurries._warnings import warn_of_levels
+from flurries._warnings import warn, warn_of_levels
 from flurries.io import fit, open_background
 from flurries.io.color import parse_hex
 from flurries.io.colorspace import ColorSpace
@@ -60,6 +60,16 @@ class Backdrop:
         """Return the same as light of a color space's working space."""
         made = self.source.then(lambda pixels: read_only(space.decode(pixels)))
         return replace(self, encoding="linear", source=made)
+
+    def require_display(self) -> None:
+        """Refuse numbers that say they are no display values, where no color space is named."""
+        source = None if self.files is None else self.files.source
+        curve, where = getattr(source, "curve", ""), f"background: {getattr(source, 'spec', '')}"
+        name = "colorspace= (--colorspace) names their space, such as 'ACEScct'"
+        if curve in ("Logarithmic", "Printing density", "ADX"):
+            raise ValueError(f"{where} says that its numbers are {curve.lower()}: {name}")
+        if curve == "Linear":
+            warn(f"{where} says that its numbers are linear, not display values: {name}")
 
     def fine(self) -> Backdrop:
         """Return the same in 16 bits, where it has 8."""

@@ -179,6 +179,8 @@ class Scene(Rendering):
         found = backdrop(background, wanted, **numbers)
         if self._color is not None and space == "display":
             raise ValueError("space must not be 'display' where a colorspace is given")
+        if self._color is None:
+            found.require_display()
         settle("_backdrop", found if self._color is None else found.decoded(self._color))
         # Arrays are copied: the caller's may change.
         settle(

@@ -10,6 +10,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy.typing as npt
+
 from flurries._contract import shape_of
 from flurries.camera.csv import read_path
 from flurries.camera.importers.colmap import read_colmap
@@ -23,7 +25,11 @@ __all__ = ["from_matrices", "load", "read_chan", "read_colmap", "read_kitti", "r
 
 
 def load(
-    path: str | os.PathLike[str], shape: tuple[int, int], *, camera: Camera | None = None
+    path: str | os.PathLike[str],
+    shape: tuple[int, int],
+    *,
+    camera: Camera | None = None,
+    down: npt.ArrayLike | None = None,
 ) -> CameraPath:
     """Return the camera path of a file, by its kind.
 
@@ -39,14 +45,20 @@ def load(
     shape : (H, W)
         Of the pictures to be made.
     camera : Camera, optional
-        The lens, where the file says nothing of it; 1.2 picture widths if not given.
+        The lens, where the file says nothing of it; 1.2 picture widths if not given. ``.chan``,
+        ``.csv`` and ``.txt`` never say a shift of the lens, its `center`.
+    down : (3,), optional
+        Where things fall, in the axes of COLMAP's world, which have no relation to the ground; the
+        mean of the cameras' own down if not given.
     """
     size = shape_of("shape", shape)
     lens = Camera(1.2 * size[1]) if camera is None else expect_camera(camera, stretched=True)
     place = Path(path)
     suffix = place.suffix.lower()
     if place.is_dir():
-        return read_colmap(place, size)
+        return read_colmap(place, size, down=down)
+    if down is not None:
+        raise ValueError(f"{place}: down is for COLMAP's folders: other files say which way it is")
     if suffix == ".chan":
         return read_chan(place, size, camera=lens)
     if suffix in SUFFIXES:

@@ -61,7 +61,11 @@ def read_colmap(
     frames = _frame_numbers([name for name, _, _ in rows])
     ordered = np.argsort(frames, kind="stable")
     frames, rows = frames[ordered], [rows[i] for i in ordered]
-    turns = matrices_of(np.array([_unit(file, row[1][:4]) for row in rows])).transpose(0, 2, 1)
+    turning = np.array([row[1][:4] for row in rows])
+    lengths = np.linalg.norm(turning, axis=1, keepdims=True)
+    if np.abs(lengths - 1.0).max() > 0.01:
+        raise ValueError(f"{file}: quaternions must have length 1")
+    turns = matrices_of(turning / lengths).transpose(0, 2, 1)
     places = -np.einsum("nij,nj->ni", turns, np.array([row[1][4:] for row in rows]))
     seen = np.array([lenses[camera] for _, _, camera in rows])
     if np.ptp(seen[:, [0, 1, 4, 5]], axis=0).any() or np.ptp(seen[:, 3] / seen[:, 2]) > 1e-9:
@@ -74,8 +78,7 @@ def read_colmap(
         aspect=float(high * seen[0, 3] / (across * seen[0, 2])),
     )
     world = _upright(turns[:, :, 1].mean(axis=0) if down is None else vector("down", down, 3))
-    lengths = focal if np.ptp(focal) > 0.0 else None
-    return path_of(frames, places @ world.T, world @ turns, lens, lengths, scale)
+    return path_of(frames, places @ world.T, world @ turns, lens, focal, scale)
 
 
 def _colmap_lenses(path: Path) -> dict[str, tuple[float, ...]]:
@@ -102,14 +105,6 @@ def _colmap_lenses(path: Path) -> dict[str, tuple[float, ...]]:
     if distorted:
         warnings.warn(f"{file}: lens distortion is left out", UserWarning, stacklevel=4)
     return found
-
-
-def _unit(file: Path, values: list[float]) -> list[float]:
-    """Return a quaternion (w, x, y, z) of length 1."""
-    length = math.sqrt(sum(value * value for value in values))
-    if not 0.99 < length < 1.01:
-        raise ValueError(f"{file}: quaternions must have length 1, got {length:g}")
-    return [value / length for value in values]
 
 
 def _frame_numbers(names: list[str]) -> Float64:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import os
 import warnings
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from flurries.camera.importers.matrices import FLIP, path_of
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
 from flurries.io.files import plain_file
+from flurries.io.films.process import Remote
 
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
@@ -28,6 +31,14 @@ _SAME = 1e-5
 _FITS = 0.005
 
 MOST_SAMPLES = 100_000
+
+_LENS = (
+    *("focalLength", "horizontalAperture", "verticalAperture"),
+    *("horizontalApertureOffset", "verticalApertureOffset"),
+)
+
+# Bytes of addresses while a stage is opened, beside its own: a damaged one may ask for all.
+_MOST_MEMORY = 1 << 32
 
 
 def require_usd() -> tuple[Any, Any, Any, Any, Any]:
@@ -66,42 +77,63 @@ def read_usd(
     if prim is not None and not isinstance(prim, str):
         raise TypeError(f"prim must be a path such as '/shot/camera', got {type(prim).__name__}")
     file, scale = plain_file(path), real("scale", scale, above=0.0)
+    given = None if camera is None else expect_camera(camera, stretched=True)
     try:
-        return _read(file, size, camera, prim, scale)
+        with closing(Remote(file, "read", Stage)) as stage:
+            times, places, turns, lenses = stage.call("camera", file, prim)
+        lens, focal = _lens(file, lenses, size, given)
+        if not len(times):
+            return CameraPath(lens, position=scale * places, orientation=turns)
+        return path_of(times, places, turns, lens, focal, scale)
     except Exception as error:
-        if type(error) is TypeError or (type(error) is ValueError and str(file) in str(error)):
+        if isinstance(error, (ValueError, OSError)) and str(file) in str(error):
             raise
         raise ValueError(f"{file}: no USD stage, or a damaged one") from None
 
 
-def _read(
-    file: Path, shape: tuple[int, int], camera: Camera | None, prim: str | None, scale: float
-) -> CameraPath:
-    Gf, _, Usd, UsdGeom, _ = require_usd()
-    stage = Usd.Stage.Open(str(file))
-    if stage is None:
-        raise ValueError(f"{file}: no USD stage")
-    found = _camera_of(file, stage, UsdGeom, prim)
-    times = _times(file, found.GetPrim(), Usd, UsdGeom)
-    unit = UsdGeom.GetStageMetersPerUnit(stage) * scale
-    world = AXES[str(UsdGeom.GetStageUpAxis(stage))]
-    turns, places, lenses = [], [], []
-    for time in times or [Usd.TimeCode.Default()]:
-        seen = found.GetCamera(time)
-        if seen.projection != Gf.Camera.Perspective:
-            raise ValueError(f"{file}: {found.GetPath()} is orthographic, and depth is none in it")
-        matrix = np.array(seen.transform).T
-        turns.append(world @ _rotation(file, matrix[:3, :3]) @ FLIP)
-        places.append(unit * (world @ matrix[:3, 3]))
-        lenses.append((
-            seen.focalLength, seen.horizontalAperture, seen.verticalAperture,
-            seen.horizontalApertureOffset, seen.verticalApertureOffset,
-        ))  # fmt: skip
-    given = None if camera is None else expect_camera(camera, stretched=True)
-    lens, focal = _lens(file, np.array(lenses), shape, given)
-    if not times:
-        return CameraPath(lens, position=np.array(places), orientation=np.array(turns))
-    return path_of(np.array(times), np.array(places), np.array(turns), lens, focal, 1.0)
+class Stage:
+    """Reads a stage, in a process of its own."""
+
+    NOUN = "stage"
+
+    def camera(self, file: Path, prim: str | None) -> tuple[Float64, Float64, Float64, Float64]:
+        """Return the times (n,) of a camera's poses, the poses, and each lens, (n or 1, ...)."""
+        Gf, _, Usd, UsdGeom, _ = require_usd()
+        with _bounded(_MOST_MEMORY + 4 * file.stat().st_size):
+            stage = Usd.Stage.Open(str(file))
+        if stage is None:
+            raise ValueError(f"{file}: no USD stage")
+        found = _camera_of(file, stage, UsdGeom, prim)
+        times = _times(file, found.GetPrim(), Usd, UsdGeom)
+        unit = UsdGeom.GetStageMetersPerUnit(stage)
+        world = AXES[str(UsdGeom.GetStageUpAxis(stage))]
+        turns, places, lenses = [], [], []
+        for time in times or [Usd.TimeCode.Default()]:
+            seen = found.GetCamera(time)
+            if seen.projection != Gf.Camera.Perspective:
+                where = f"{file}: {found.GetPath()}"
+                raise ValueError(f"{where} is orthographic, and depth is none in it")
+            matrix = np.array(seen.transform).T
+            turns.append(world @ _rotation(file, matrix[:3, :3]) @ FLIP)
+            places.append(unit * (world @ matrix[:3, 3]))
+            lenses.append([getattr(seen, name) for name in _LENS])
+        return np.array(times), np.array(places), np.array(turns), np.array(lenses)
+
+
+@contextmanager
+def _bounded(size: int) -> Iterator[None]:
+    """Refuse this process more memory than a size, where the system can."""
+    try:
+        import resource
+    except ImportError:
+        yield
+        return
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
 
 
 def _camera_of(file: Path, stage: Any, UsdGeom: Any, prim: str | None) -> Any:
@@ -126,8 +158,7 @@ def _times(file: Path, prim: Any, Usd: Any, UsdGeom: Any) -> list[float]:
         if at.IsA(UsdGeom.Xformable):
             found.update(UsdGeom.Xformable(at).GetTimeSamples())
         at = at.GetParent()
-    for name in ("focalLength", "horizontalAperture", "verticalAperture",
-                 "horizontalApertureOffset", "verticalApertureOffset"):  # fmt: skip
+    for name in _LENS:
         found.update(prim.GetAttribute(name).GetTimeSamples())
     if not found:
         return []
@@ -172,7 +203,7 @@ def _lens(
                 f"{file}: apertures of {across[0]:.4g} x {down[0]:.4g} are of another shape than "
                 f"the picture of {width} x {height} px; the width counts",
                 UserWarning,
-                stacklevel=4,
+                stacklevel=3,
             )
         if np.ptp(ratio) > _SAME * aspect:
             raise ValueError(f"{file}: the pixel aspect of a camera must not change")

@@ -139,7 +139,6 @@ class Film:
         with _told(path):
             if self._track is not None:
                 self._track.finish()
-                self._track.close()
             self._container.close()
         try:
             check_structure(temporary)

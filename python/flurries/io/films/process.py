@@ -1,7 +1,7 @@
-"""A process of its own for a film's codecs.
+"""A process of its own for libraries that do not survive what they are given.
 
-Codecs write past their own memory, over a full disk or a damaged film. Their process ends then, and
-here that is an error of one sentence.
+Codecs write past their own memory, over a full disk or a damaged film, and a damaged USD stage asks
+for all memory. Their process ends then, and here that is an error of one sentence.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import traceback
 import weakref
 from contextlib import suppress
 from multiprocessing.spawn import get_executable
@@ -27,7 +28,7 @@ class Remote:
     """An object in another process; its methods are called by their names, one after the other."""
 
     def __init__(self, path: Path, verb: str, kind: type, *arguments: Any) -> None:
-        self._what = f"{path}: the video cannot be {verb}"
+        self._what = f"{path}: the {getattr(kind, 'NOUN', 'video')} cannot be {verb}"
         self._process = _Process.take()
         self.close = weakref.finalize(self, self._process.release)
         self._post("", kind, Path.cwd(), *arguments)
@@ -140,7 +141,9 @@ def serve() -> None:
                     answer = False, None
             except Exception as error:
                 own = type(error).__module__ == "builtins"
-                answer = True, error if own else RuntimeError(f"{type(error).__name__}: {error}")
+                # Some errors cannot say what they are.
+                said = traceback.format_exception_only(error)[-1].strip()
+                answer = True, error if own else RuntimeError(said)
             _send(sink, answer)
 
 

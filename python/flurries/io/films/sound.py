@@ -68,8 +68,6 @@ class SoundTrack:
 
     def finish(self) -> None:
         self.write_up_to(self._to + 1)
-
-    def close(self) -> None:
         with suppress(Exception):
             self._source.close()
 

@@ -115,10 +115,14 @@ class VideoWriter:
     ) -> None:
         if os.getpid() != self._owner or self._files is None:
             return  # A forked child leaves the block: the file is its parent's.
+        film, self._film = self._film, None
+        assert film is not None
         with self._files:
             if error is not None:
                 raise error
-            self._finish()
+            # What the encoder still holds; then the file is closed, and what is in it counted.
+            film.call("join_own")
+            film.call("finish", self.count)
 
     def write(self, frame: npt.ArrayLike) -> None:
         """Append a frame, (H, W, 3), or (H, W, 4) with alpha, uint8 or uint16, display values."""
@@ -131,13 +135,6 @@ class VideoWriter:
         os.utime(self._temporary)
         self._film.call("encode", array)
         self.count += 1
-
-    def _finish(self) -> None:
-        """Write what the encoder still holds, close the file and count what is in it."""
-        film, self._film = self._film, None
-        assert film is not None
-        film.call("join_own")
-        film.call("finish", self.count)
 
 
 _CURVES = {14: 1, 15: 1}  # BT.2020 has BT.709's curve, and ProRes knows one name of it.

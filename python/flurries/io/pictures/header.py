@@ -44,6 +44,8 @@ class Header:
         Width of a pixel over its height.
     rate : Fraction or None
         Frames per second, if the header has them.
+    curve : str
+        What a DPX says of its numbers: "Logarithmic", "Linear" and so on; empty of other formats.
     moves : bool
         Whether it holds several pictures to be shown after each other, as GIF and WebP may.
     """
@@ -56,6 +58,7 @@ class Header:
     aspect: float = 1.0
     rate: Fraction | None = None
     moves: bool = False
+    curve: str = ""
 
 
 @dataclass(frozen=True)
@@ -229,6 +232,7 @@ def read_header(
             display=opened.display,
             aspect=opened.aspect,
             rate=rate_of(opened.specification),
+            curve=opened.specification.get_string_attribute("dpx:Transfer"),
             moves=(
                 opened.reader.format_name() in ("gif", "webp") and opened.reader.seek_subimage(1, 0)
             ),

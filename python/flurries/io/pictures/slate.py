@@ -32,6 +32,7 @@ _COLOR = {"chromaticities", "cicp", "colorinteropid", "iccprofile", "whitelumina
 _COLOR |= {"adoptedneutral", "colorspace", "gamma"}
 
 _TIME = "smpte:TimeCode"
+_VIDEO = ("dpx:Transfer", "dpx:Colorimetric")
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,8 @@ class Slate:
         Whether colors are in the plate's own space still.
     crop : (rows, columns) or None
         The pixels that the plate has of a picture that is larger, as slices.
+    video : (str, str)
+        What a DPX calls the curve of the numbers and their primaries, where the plate does not.
     """
 
     attributes: tuple[tuple[str, str, Any], ...] = ()
@@ -66,6 +69,7 @@ class Slate:
     bits: int | None = None
     colored: bool = True
     crop: tuple[slice, slice] | None = None
+    video: tuple[str, str] = ("Unspecified video", "ITU-R 709-4")
 
     def value(self, name: str) -> Any:
         return next((value for known, _, value in self.attributes if known == name), None)
@@ -108,14 +112,15 @@ class Slate:
         (top, left), (x, y) = (part.start for part in self.crop), self.origin
         return replace(self, origin=(x + left, y + top), crop=None)
 
-    def uncolored(self) -> Slate:
-        """Return the slate of a picture whose colors are in another space than the plate's."""
-        return replace(self, colored=False)
-
     def put(self, specification: Any, format_name: str, encoding: str) -> None:
         """Write it into the header of a picture that is about to be made."""
         same = self.colored and encoding == self.encoding
+        if format_name == "dpx":
+            for name, said in zip(_VIDEO, self.video, strict=True):
+                specification.attribute(name, said)
         for name, kind, value in self.attributes:
+            if name in _VIDEO and (not same or value in ("Undefined", "User defined")):
+                continue
             if name.lower().partition(":")[0] in _COLOR and not same:
                 continue
             if name.startswith("dpx:") and format_name != "dpx":

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from flurries._contract import suggestion
-from flurries.camera.csv import read_path
 from flurries.camera.importers import load as load_camera
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
@@ -165,16 +164,18 @@ def _depth(text: SceneText, value: Any, *at: str | int) -> Any:
 def _camera(text: SceneText, table: Any, scene: Scene) -> CameraPath:
     if isinstance(table, str):
         table = {"path": table}
-    given = text.table(table, (*LENS, "path", *WAY, "extend"), "camera", "camera")
+    given = text.table(table, (*LENS, "path", "down", *WAY, "extend"), "camera", "camera")
     values = {key: _value(text, value, "camera", key) for key, value in given.items()}
     way = {key: values.pop(key) for key in WAY if key in values}
-    ending = values.pop("extend", None)
+    ending, down = values.pop("extend", None), values.pop("down", None)
     _, _, width, height = scene._display
     values.setdefault("focal", DEFAULT_FOCAL * width)
     values.setdefault("aspect", scene._backdrop.aspect)
     zoom = values["focal"] if isinstance(values["focal"], (Keys, tuple)) else None
     if zoom is not None:
         values["focal"] = 1.0
+    if down is not None and "path" not in values:
+        raise ValueError(f"{text.where('camera', 'down')}: down is for a path of COLMAP's")
     if "path" in values:
         name = values.pop("path")
         if not isinstance(name, str) or way:
@@ -183,18 +184,12 @@ def _camera(text: SceneText, table: Any, scene: Scene) -> CameraPath:
                 + ", ".join(WAY)
             )
         file = text.path.parent / name
-        if file.suffix.lower() != ".csv":
-            if zoom is not None:
-                raise ValueError(f"{text.where('camera', 'focal')}: focal must be a number here")
-            with file_of("camera: path"):
-                loaded = load_camera(file, (height, width), camera=Camera(**values))
+        with file_of("camera: path"), text.errors(table, "camera"):
+            loaded = load_camera(file, (height, width), camera=Camera(**values), down=down)
+            loaded = loaded if zoom is None else replace(loaded, focal=zoom)
             return loaded if ending is None else replace(loaded, extend=ending)
-        with file_of("camera: path"):
-            way, ending = read_path(file), ending or "stop"
-    if zoom is not None:
-        way["focal"] = zoom
     with text.errors(table, "camera"):
-        return CameraPath(Camera(**values), **way, extend=ending or "on")
+        return CameraPath(Camera(**values), **way, focal=zoom, extend=ending or "on")
 
 
 def _value(text: SceneText, value: Any, *keys: str | int) -> Any:
