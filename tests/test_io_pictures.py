@@ -232,9 +232,12 @@ def test_whole_numbers_come_back_to_the_bit(tmp_path):
         write_layers(path, given)
         spec = oiio.ImageInput.open(str(path)).spec()
         kinds = {n: str(spec.channelformat(i)) for i, n in enumerate(spec.channelnames)}
-        assert kinds["snow.id"] == kinds["snow.id.hi"] == "uint"
+        assert kinds["snow.id.lo"] == kinds["snow.id.hi"] == "uint"
         reader = oiio.ImageInput.open(str(path))
-        for channel, wanted in (("snow.id", numbers & 0xFFFFFFFF), ("snow.id.hi", numbers >> 32)):
+        for channel, wanted in (
+            ("snow.id.lo", numbers & 0xFFFFFFFF),
+            ("snow.id.hi", numbers >> 32),
+        ):
             place = spec.channelindex(channel)
             got = reader.read_scanlines(0, 0, 0, 70, 0, place, place + 1, "uint")[..., 0]
             np.testing.assert_array_equal(got, wanted)

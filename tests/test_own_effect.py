@@ -47,7 +47,7 @@ def test_the_page_makes_frames_files_and_eyes(page: dict[str, Any], tmp_path: Pa
     steps = str(scene.plan("1-24", probe=False))
     assert all(f"ash: {step}" in steps for step in ("flakes", "veil", "join"))
     spec = oiio.ImageBuf(str(tmp_path / "ash.0002.exr")).spec()
-    assert {"ash.R", "ash.A", "ash.depth.Z", "ash.forward.u", "ash.id"} <= set(spec.channelnames)
+    assert {"ash.R", "ash.A", "ash.depth.Z", "ash.forward.u", "ash.id.lo"} <= set(spec.channelnames)
     assert (page["left"] != page["right"]).any()
     flakes = scene.layers(2)
     assert flakes.layers["ash"].ids.max() > 0 and np.isfinite(flakes.layers["ash"].depth).any()

@@ -140,7 +140,7 @@ def test_channels_are_called_as_compositors_call_them(tmp_path: Path):
         named |= {f"{layer}.{c}" for c in "RGBA"}
         named |= {f"{layer}.{c}" for c in ("depth.Z", "forward.u", "forward.v")}
         named |= {f"{layer}.backward.{c}" for c in "uv"}
-        named |= {f"{layer}.coverage.A", f"{layer}.id", f"{layer}.id.hi"}
+        named |= {f"{layer}.coverage.A", f"{layer}.id.lo", f"{layer}.id.hi"}
     assert set(types) == named
     precise = {name for name in named if name[-1] in "Zuv"}
     numbers = {name for name in named if ".id" in name}

@@ -31,8 +31,8 @@ _SINGLE = {"depth": "Z", "alpha": "A", "mask": "A", "coverage": "A"}
 _FLOW = ("forward", "backward")
 # What a half is too coarse for.
 _PRECISE = ("depth",)
-# The upper 32 bits of whole numbers are a channel beside that of the lower ones.
-_UPPER = ".hi"
+# Whole numbers are two channels of 32 bits; Blender would take a bare "snow.id" for a fifth of "snow".
+_LOWER, _UPPER = ".lo", ".hi"
 
 VIEWS = ("left", "right")
 
@@ -57,8 +57,8 @@ def write_layers(
         (H, W, 3) or (H, W, 4) is a color, (H, W, 2) a vector with the channels X and Y, or u and v
         where the name ends in "forward" or "backward", and (H, W) a number: ``depth.Z``,
         ``alpha.A``, ``mask.A``, ``coverage.A``, else ``name.Y``. An array (H, W) of int64 or
-        uint64, 0 to 2^63 - 1, is two channels of type uint: ``name``, its lower 32 bits, and
-        ``name.hi``, the upper ones.
+        uint64, 0 to 2^63 - 1, is two channels of type uint: ``name.lo``, its lower 32 bits,
+        and ``name.hi``, the upper ones.
     half : bool, default True
         Store colors and masks as half. Depths and vectors always have 32 bits.
     metadata, slate
@@ -123,7 +123,7 @@ def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -
 
     They are float32, (H, W) for single channels and (H, W, C) else; the display window is not
     applied. Each channel of type uint is a plane of its own by its whole name, (H, W) int64, and
-    ``name`` and ``name.hi`` are one. `path`, `budget` and errors are those of `read_picture`.
+    ``name.lo`` and ``name.hi`` are one. `path`, `budget` and errors are those of `read_picture`.
     """
     with opened_picture(path, budget) as opened:
         spec = opened.specification
@@ -178,7 +178,7 @@ def part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> tuple[Any, Band]
         sizes.add(array.shape[:2])
         if array.dtype.kind in "iu":
             lower, upper = _halves(name, array)
-            planes[name], planes[name + _UPPER] = (lower, UINT), (upper, UINT)
+            planes[name + _LOWER], planes[name + _UPPER] = (lower, UINT), (upper, UINT)
             continue
         last = name.rpartition(".")[2]
         precise = not half or last in _PRECISE or array.shape[2] == 2
@@ -217,11 +217,12 @@ def _integers(opened: Opened) -> dict[str, Array]:
     numbers = integers_of(opened.specification)
     found = {}
     for name, place in numbers.items():
-        if not (name.endswith(_UPPER) and name.removesuffix(_UPPER) in numbers):
-            found[name] = opened.read([place], UINT)[..., 0].astype(np.int64)
-            upper = numbers.get(name + _UPPER)
-            if upper is not None:
-                found[name] |= opened.read([upper], UINT)[..., 0].astype(np.int64) << 32
+        whole = name.removesuffix(_LOWER).removesuffix(_UPPER)
+        own = opened.read([place], UINT)[..., 0].astype(np.int64)
+        if {whole + _LOWER, whole + _UPPER} <= numbers.keys():
+            own = found.get(whole, 0) | own << (32 if name.endswith(_UPPER) else 0)
+            name = whole
+        found[name] = own
     return found
 
 
