@@ -119,16 +119,10 @@ def against(measured: Any, wanted: Any) -> tuple[float, float]:
     return float(np.hypot(ax, ay) / np.hypot(bx, by)), float(np.degrees(turn))
 
 
-# A camera that stands still --------------------------------------------------------------------
-
-
 def parallax(pair: tuple[Floats, Floats]) -> Floats:
     """(3, 2): of the bands WAVES, m px."""
     bands = [band_shift([pair], wavelength, 0.04) for wavelength in WAVES]
     return np.array([moved * NEAR * LONGEST / mean for moved, mean in bands])
-
-
-# A film ---------------------------------------------------------------------------------------
 
 
 def largest_changes(

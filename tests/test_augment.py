@@ -184,9 +184,6 @@ def test_sheets_before_two_eyes_have_their_disparity():
         assert abs(best - wanted) <= 1.0, (depth, wanted, best)
 
 
-# Random numbers, records -------------------------------------------------------------------------
-
-
 @EACH
 def test_a_seed_and_an_index_are_all(kind: str):
     one, two = KINDS[kind](seed=7), KINDS[kind](seed=7)

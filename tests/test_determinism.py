@@ -67,8 +67,6 @@ def test_threads_processes_and_orders(
     assert got == [want] * 3
 
 
-# Hashes that are kept ---------------------------------------------------------------------------
-
 KEPT = json.loads((HERE / "frames" / "hashes.json").read_text(encoding="utf-8"))
 
 
@@ -96,8 +94,6 @@ def test_16_2_a_change_of_frames_raises_the_number_of_their_bits():
     """Frames of other bits are told apart by it, see `flurries.scene.fingerprint.BITS`."""
     assert 1 + sum(entry["number"] - 1 for entry in KEPT.values()) == BITS
 
-
-# Copies -------------------------------------------------------------------------------------------
 
 WIND = fl.Wind((1.0, 0.0, 0.3), gusts=0.6)
 PATH = fl.CameraPath(

@@ -11,8 +11,6 @@ import flurries as fl
 import measure
 from measure import picture, scene
 
-# What pops -------------------------------------------------------------------------------------
-
 CROWD = {"texture": 0.0, "haze": 0.0, "color": 1.0, "flakes": 2000, "flake_size": (0.03, 0.05),
          "near_depth": 4.0}  # fmt: skip
 SOMETIMES = np.random.default_rng(2).uniform(0.0, 500.0, 25)

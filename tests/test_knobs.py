@@ -121,9 +121,6 @@ def test_a_knob_leaves_what_is_given_and_is_written_out(kind: Any, tmp_path: Pat
     assert fl.open(tmp_path / "own.toml").effects == (plain,)
 
 
-# Sizes of the picture ----------------------------------------------------------------------------
-
-
 def boxed(alpha: np.ndarray, times: int) -> np.ndarray:
     """Means over squares."""
     height, width = alpha.shape

@@ -38,9 +38,6 @@ def python(code: str, *arguments: Any, **environment: str) -> subprocess.Complet
     )  # fmt: skip
 
 
-# 1: plates are known by what is in them -----------------------------------------------------------
-
-
 @pytest.fixture
 def plate(tmp_path: Path) -> Path:
     """A plate of 2.4 MiB whose middle neither end of a megabyte holds."""
@@ -110,8 +107,6 @@ def test_16_1_of_a_sequence_the_frames_of_the_changed_plate_alone(tmp_path: Path
     assert moved.write(tmp_path / "out" / "%d.png").kept == [0, 1, 2, 3]
 
 
-# 2: frames of another version ---------------------------------------------------------------------
-
 VERSION = """
 import sys
 import flurries
@@ -138,9 +133,6 @@ def test_16_2_frames_of_another_version_are_kept_only_with_its_bits(tmp_path: Pa
     assert check(tmp_path) == (2, [])
 
 
-# 10: what is left over, and whose it is -----------------------------------------------------------
-
-
 def test_16_10_leftovers_of_other_machines_stay_for_an_hour(tmp_path: Path):
     own = owner_of_new_files()
     dead = subprocess.Popen(["true"])
@@ -155,9 +147,6 @@ def test_16_10_leftovers_of_other_machines_stay_for_an_hour(tmp_path: Path):
         os.utime(path, (time.time() - 3700,) * 2)
     removed = {path.name for path in remove_leftovers(tmp_path)}
     assert removed == {f".flurries-{other}01234567.png"}
-
-
-# 12: a full disk ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", ["png", "exr", "mp4"])

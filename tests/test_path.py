@@ -78,9 +78,6 @@ def test_both_ways_at_once_are_refused():
         fl.CameraPath(LENS, position=PLACES, velocity=(0, 0, 0))
 
 
-# The air -----------------------------------------------------------------------------------------
-
-
 def frame_of(scene: fl.Scene, t: float) -> Frame:
     return Frame(shape=scene.shape, window=(0, *scene.shape[:1], 0, scene.shape[1]), t=t,
                  fps=scene.fps, camera=scene.camera.camera, path=scene.camera, seed=1)  # fmt: skip

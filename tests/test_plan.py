@@ -173,9 +173,6 @@ def test_gas_of_one_color_is_not_sorted():
     assert np.abs(image.astype(int) - want).max() <= 1
 
 
-# What others write -------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Own:
     """Somebody's effect without needs."""
@@ -219,8 +216,6 @@ def test_effects_of_others():
     with pytest.raises(TypeError, match=r"Wrong\.needs must return Needs, got list"):
         fl.Scene(BYTES, effects=[Wrong()]).render(0)
 
-
-# The plan itself ---------------------------------------------------------------------------------
 
 TURNING = fl.CameraPath(Camera(500.0), orientation=fl.Keys([(0, (0.0,) * 3), (9, (0.0, 0.1, 0.0))]))
 LAMP = fl.scene.Lamp((0.0, -1.0, 6.0))
@@ -345,9 +340,6 @@ def test_the_command_line_prints_a_plan(tmp_path: Path, capsys: pytest.CaptureFi
     assert json.loads(plan.to_json()) == json.loads(json.dumps(plan.to_dict()))
     assert all(step.name in text and step.name in page for step in plan.steps)
     assert "measured in frames 3, 6, 9" in text and "its amount is 0" in text
-
-
-# What accuracy costs -----------------------------------------------------------------------------
 
 
 def test_accuracy_is_that_of_the_frame_with_other_hand_overs():

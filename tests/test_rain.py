@@ -48,9 +48,6 @@ def test_presets_are_named_and_grow():
         Rain("rain", flakes=3)
 
 
-# What fast motion leaves -------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("cycles", [0.2, 0.5, 0.7, 1.0, 2.0, 8.0, 40.0])
 @pytest.mark.parametrize(("alias", "shutter"), [("cut", 0.0), ("soft", 0.0), ("cut", 0.5),
                                                 ("soft", 1.0), ("keep", 1.0)])  # fmt: skip
@@ -126,9 +123,6 @@ def test_nothing_kept_is_no_streak_and_no_nan():
                 wavelengths=(2.0, 4.0))  # fmt: skip
     got = black(rain, (64, 64)).layers(7)
     assert np.isfinite(got.image).all()
-
-
-# Streaks that move -------------------------------------------------------------------------------
 
 
 def share_still(rain: fl.effects.TentRain, seed: int = 0) -> float:
@@ -241,9 +235,6 @@ def test_the_gain_is_light():
     # Each drop is faint; those near enough to be drawn wide fade out.
     assert means[1] / means[0] == pytest.approx(4.0, rel=0.1)
     assert means[2] / means[1] == pytest.approx(4.0, rel=0.1)
-
-
-# The contract ------------------------------------------------------------------------------------
 
 
 def test_scenes_with_rain_are_saved(tmp_path: Path):

@@ -117,9 +117,6 @@ def test_ids_are_the_strongest_flake():
     assert (fl.particles.ids(shape, points, radius, camera, opacity=0.7, depth=wall) == -1).all()
 
 
-# Files -------------------------------------------------------------------------------------------
-
-
 def scene_of_two() -> fl.Scene:
     front = np.zeros((H, W, 4), np.float32)
     front[150:, :100] = (0.1, 0.2, 0.05, 0.8)

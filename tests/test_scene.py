@@ -45,9 +45,6 @@ SCENES: dict[str, fl.Scene] = {
 }  # fmt: skip
 
 
-# A frame is a pure function ----------------------------------------------------------------------
-
-
 PARTS = [
     np.s_[0:1, 0:1], np.s_[H - 1 : H, W - 1 : W], np.s_[33:34, 45:46], np.s_[:, :],
     np.s_[20:51, 13:77], np.s_[-9:, :], np.s_[:, 63:65], np.s_[5:1000, 80:],
@@ -88,9 +85,6 @@ def test_frozen_and_nobody_elses():
     assert np.array_equal(scene.render(3), want)
     for made in (scene.replace(fps=scene.fps), scene._anew(), pickle.loads(pickle.dumps(scene))):
         assert np.array_equal(made.render(3), want), "what the caller did reached a copy"
-
-
-# How much, and what stands in front --------------------------------------------------------------
 
 
 @pytest.mark.parametrize("space", ["auto", "linear"])
@@ -154,9 +148,6 @@ def test_a_picture_stands_in_front(background: str):
     assert np.array_equal(got[:, :40], plain.render(3)[:, :40])
 
 
-# Layers and light --------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("space", ["display", "linear"])
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 def test_the_layers_make_the_composite(dtype: type, space: str):
@@ -189,9 +180,6 @@ def test_the_layers_make_the_composite(dtype: type, space: str):
 def twin_encode(light: np.ndarray) -> np.ndarray:
     """IEC 61966-2-1, written out."""
     return np.where(light <= 0.0031308, 12.92 * light, 1.055 * np.abs(light) ** (1 / 2.4) - 0.055)
-
-
-# Backgrounds and bad arguments -------------------------------------------------------------------
 
 
 def test_times_and_regions_that_are_none_are_refused():

@@ -141,9 +141,6 @@ def test_depth_and_motion_of_a_seam_are_weighed_by_power(blend: str):
         assert plane[seam] == pytest.approx(mixed, rel=1e-5)
 
 
-# Flakes and veil ---------------------------------------------------------------------------------
-
-
 def test_flakes_behind_the_scene_are_hidden():
     depth = np.random.default_rng(4).uniform(1.0, 12.0, (H, W)).astype(np.float32)
     snow = Snow(texture=0.0, haze=0.0, flakes=2000, sway=(0.0, 1.0), flake_opacity=0.5)
@@ -165,9 +162,6 @@ def test_the_veil_thickens_with_the_way_through_it():
     for part in (0.01, 0.25, 0.5, 1.0, 7.0):
         want = 1.0 - 0.6 ** min(part, 1.0)
         assert alpha(veil, part * far) == pytest.approx(want, abs=1e-6)
-
-
-# The light of the background ---------------------------------------------------------------------
 
 
 def street(sky: float, walls: float) -> np.ndarray:

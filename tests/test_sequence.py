@@ -33,9 +33,6 @@ def test_the_two_modes_are_never_mixed(tmp_path: Path):
         fl.settings(reproducible=False)
 
 
-# The journal -------------------------------------------------------------------------------------
-
-
 def test_the_journal_has_a_hash_of_each_frame(tmp_path: Path, capsys: Any):
     SCENE.write(tmp_path / "%04d.png", "1-3")
     SCENE.write(tmp_path / "%04d.exr", "2-4x2")
@@ -91,9 +88,6 @@ def test_journals_of_many_are_one_and_lines_of_what_was_replaced_go(tmp_path: Pa
     assert Journal(Store(), tmp_path).names() == ["1.png", "2.png", "a", "b"]
     assert [p.name for p in tmp_path.glob("flurries*")] == [NAME]
     assert (tmp_path / NAME).read_bytes().count(b"\n") == 4
-
-
-# Keys that a frame has not come to ---------------------------------------------------------------
 
 
 def keyed(late: float, *, end: float = 60.0, low: float = 0.0) -> fl.Keys:
@@ -155,9 +149,6 @@ def test_only_frames_that_a_late_key_changes_are_refused(tmp_path: Path):
     assert new.write(tmp_path / "%d.png", "1-48x47").kept == [1, 48]
     with pytest.raises(ValueError, match=r"60\.png is there already and is of another scene"):
         new.write(tmp_path / "%d.png", "1,48,60")
-
-
-# Damaged backgrounds -----------------------------------------------------------------------------
 
 
 @pytest.fixture

@@ -162,8 +162,6 @@ def test_apertures_of_another_shape_fit_the_width(tmp_path: Path):
     assert path.camera.focal == pytest.approx(40.0 / 36.0 * W) and path.camera.aspect == 1.0
 
 
-# Points -------------------------------------------------------------------------------------------
-
 WAY = fl.CameraPath(
     fl.Camera(90.0, center=(43.0, 27.0), aspect=1.25, rotation=(0.05, -0.1, 0.3)),
     velocity=(0.5, -0.2, 2.0),

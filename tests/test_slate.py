@@ -205,9 +205,6 @@ def test_a_dpx_says_what_its_numbers_are(tmp_path: Path):
         fl.Scene(tmp_path / "linear.dpx")
 
 
-# Time codes --------------------------------------------------------------------------------------
-
-
 def test_every_plate_keeps_its_own_time_code(tmp_path: Path):
     for number in range(1001, 1004):
         plate(tmp_path / f"plate.{number}.exr", ["framesPerSecond"])
@@ -229,9 +226,6 @@ def test_every_plate_keeps_its_own_time_code(tmp_path: Path):
     with av.open(str(tmp_path / "film.mov")) as film:
         said = [one.metadata.get("timecode") for one in film.streams]
         assert TimeCode.of_text("01:00:00:00", Fraction(24)).later(1002).text in said
-
-
-# Bits --------------------------------------------------------------------------------------------
 
 
 def test_more_bits_than_the_plate_has_are_steps_of_the_weather(tmp_path: Path):

@@ -25,8 +25,6 @@ def volume(frames: int = FRAMES, size: int = 64, c: float = C, **options) -> np.
     return fl.spectral.volume(frames, size, drift(c, longest=longest), **options)
 
 
-# The film is the inverse transform of the spectrum ------------------------------------------------
-
 SIZES = [(16, 16, (2.0, 8.0)), (15, 15, (2.0, 8.0)), (9, 14, (3.0, 9.0)), (24, 13, (4.0, 13.0))]
 
 
@@ -42,9 +40,6 @@ def test_the_film_is_numpys_inverse_transform(frames: int, size: int, band, cell
     single = volume(frames, size, seed=4, wavelengths=band, cells=cells, dtype=np.float32)
     assert single.dtype == np.float32
     assert np.abs(single - want).max() < 4e-6
-
-
-# The slides' band, arguments ----------------------------------------------------------------------
 
 
 OCTAVES = [(16.0, 32.0), (8.0, 16.0), (4.0, 8.0)]  # coarse first

@@ -201,9 +201,6 @@ def test_bad_files_are_told(tmp_path: Path):
             fl.CameraPath.load(tmp_path / "way.csv", LENS)
 
 
-# What is seen of it ------------------------------------------------------------------------------
-
-
 def test_a_closed_path_returns_the_frame():
     loop = np.array([(0, 0, 0), (1, 0, 2), (3, -1, 2), (1, 1, 1), (0, 0, 0)], dtype=float)
     still = fl.effects.TentSnow(

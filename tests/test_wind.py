@@ -32,9 +32,6 @@ def one(shown: fl.Scene, t: float, effect: int = 0) -> fl.effects.Frame:
     return shown._program.views(t)[effect][1]
 
 
-# The field ---------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", WINDS)
 def test_no_air_is_made(name: str):
     wind, step = WINDS[name], 1e-3
@@ -120,9 +117,6 @@ def test_what_is_carried_swings_about_its_place(rate: float):
     for t in (0.0, 300.0, 2000.0):
         want = (np.exp(1j * rate * t) - (rate < 1e-3)) / (1j * rate)
         assert np.hypot(*(turns.to(t) - [want.real, want.imag])) < 1e-9 / rate
-
-
-# What it carries ---------------------------------------------------------------------------------
 
 
 def carried_by(wind: fl.Wind, start: np.ndarray, fall: Any, t: float) -> np.ndarray:
@@ -247,9 +241,6 @@ def test_gusts_in_the_view_of_a_turning_camera():
     # No step where a frame begins.
     assert np.abs(displaced(64.0 + 1e-9) - displaced(64.0 - 1e-9)).max() < 1e-8
     assert np.abs(displaced(1e-9)).max() < 1e-9
-
-
-# Frames and the contract -------------------------------------------------------------------------
 
 
 def test_equal_winds_are_equal():

@@ -65,9 +65,6 @@ def shot(tmp_path: Path) -> Path:
     return tmp_path
 
 
-# oiiotool ----------------------------------------------------------------------------------------
-
-
 @needs("exrheader")
 def test_openexr_knows_the_attributes_by_its_own_names(shot: Path):
     said = run("exrheader", shot / "out.exr")
@@ -93,8 +90,6 @@ def test_the_module_of_openexr_counts_deep_samples(tmp_path: Path):
             values = np.concatenate([one for one in pixels.ravel() if one is not None])
             np.testing.assert_array_equal(values.astype(np.float32), ours.values[:, number])
 
-
-# ffprobe -----------------------------------------------------------------------------------------
 
 CODE = TimeCode.of_text("10:20:30:05", Fraction(24))
 CODECS = {
@@ -135,9 +130,6 @@ def test_ffprobe_says_what_we_wrote(name: str, tmp_path: Path):
     assert abs(float(sound["duration"]) - 1.0) < 0.06
     codes = [one.get("tags", {}).get("timecode") for one in said["streams"]]
     assert "10:20:30:05" in codes
-
-
-# Blender -----------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

@@ -143,8 +143,6 @@ def test_loaders_give_one_set_whatever_their_workers(method: str):
     assert len(torch.unique(alone, dim=0)) == 12
 
 
-# What comes out beside the picture ---------------------------------------------------------------
-
 SHAPE = PHOTOGRAPH.shape[:2]
 BOXES = [[10.0, 20.0, 60.0, 80.0]]
 
