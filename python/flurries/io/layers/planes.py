@@ -31,7 +31,7 @@ _SINGLE = {"depth": "Z", "alpha": "A", "mask": "A", "coverage": "A"}
 _FLOW = ("forward", "backward")
 # What a half is too coarse for.
 _PRECISE = ("depth",)
-# Whole numbers are two channels of 32 bits; Blender would take a bare "snow.id" for a fifth of "snow".
+# Whole numbers are two channels; Blender would take a bare "snow.id" for a fifth of "snow".
 _LOWER, _UPPER = ".lo", ".hi"
 
 VIEWS = ("left", "right")
