@@ -215,7 +215,7 @@ def part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> tuple[Any, Band]
 def _integers(opened: Opened) -> dict[str, Array]:
     """Return the whole numbers of a picture, (H, W) int64, lower and upper halves as one."""
     numbers = integers_of(opened.specification)
-    found = {}
+    found: dict[str, Array] = {}
     for name, place in numbers.items():
         whole = name.removesuffix(_LOWER).removesuffix(_UPPER)
         own = opened.read([place], UINT)[..., 0].astype(np.int64)
