@@ -38,9 +38,6 @@ def cloud(turn: np.ndarray, place: np.ndarray, forward: float) -> np.ndarray:
     return local @ turn.T + place
 
 
-# Nuke --------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("order", ["ZXY", "XYZ", "YZX"])
 @pytest.mark.parametrize("start", [1, 1001])
 def test_chan(order: str, start: int, tmp_path: Path):
@@ -80,9 +77,6 @@ def test_chan_with_gaps_and_a_lens_of_its_own(tmp_path: Path):
     assert path.camera == lens and not path.zooms
 
 
-# KITTI, matrices ---------------------------------------------------------------------------------
-
-
 def poses() -> tuple[np.ndarray, np.ndarray]:
     turns = Rotation.from_rotvec(np.radians(ANGLES)).as_matrix()
     return turns, np.concatenate([turns, PLACES[:, :, None]], axis=2)
@@ -114,9 +108,6 @@ def test_matrices(inverse: bool, opengl: bool):
         local, points = local * FLIP, points * FLIP
     want = 100.0 * local[:, :2] / local[:, 2:] + (W / 2, H / 2)
     assert np.abs(seen(path, 2.0, points)[0] - want).max() < 1e-6
-
-
-# COLMAP ------------------------------------------------------------------------------------------
 
 
 def colmap(folder: Path, names: list[str], model: str = "PINHOLE 320 180 200 210 150 95") -> None:
@@ -222,8 +213,6 @@ def test_what_files_do_not_say_is_an_option(tmp_path: Path, monkeypatch: pytest.
     for more in (["sparse", "--center", "1,2"], ["cam.chan", "--down", "0,1,0"]):
         assert main([*words, *more]) == 2
 
-
-# fx and fy, zoom ---------------------------------------------------------------------------------
 
 WIDE = fl.Camera(120.0, center=(70.0, 50.0), aspect=1.3, offset=(0.1, -0.2, 0.0))
 
