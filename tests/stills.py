@@ -8,12 +8,14 @@ import OpenImageIO as oiio
 from flurries.io import read_picture
 
 
-def write_exr(path, pixels, names, *, data=(0, 0), display=None, kind="float"):
+def write_exr(path, pixels, names, *, data=(0, 0), display=None, kind="float", header=None):
     """An EXR straight from OpenImageIO."""
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, kind)
     spec.channelnames = names
     spec.x, spec.y = data
+    for key, value in (header or {}).items():
+        spec.attribute(key, value)
     if display:
         spec.full_x, spec.full_y, spec.full_width, spec.full_height = display
     output = oiio.ImageOutput.create("x.exr")

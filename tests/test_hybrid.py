@@ -1,7 +1,5 @@
 """Snow stands nowhere and pops never, measured on rendered frames."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files that would hang, or take all memory: refused by name, before anything is decoded."""
 
-from __future__ import annotations
-
 import os
 import struct
 import subprocess

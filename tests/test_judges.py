@@ -1,7 +1,5 @@
 """Every judge of falling snow finds its imitation out, and lets flakes drawn one by one pass."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

@@ -1,7 +1,5 @@
 """One number in place of many: severities, rates, visibilities, and sizes of the picture."""
 
-from __future__ import annotations
-
 import copy
 import math
 import pickle

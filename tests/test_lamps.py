@@ -1,7 +1,5 @@
 """Lamps: a flake's radiance by hand, and what is refused."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

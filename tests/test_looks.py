@@ -1,7 +1,5 @@
 """Looks stay what they are: golden frames of every version."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Scenes that begin again: to the bit, without a jump, and with as much weather at all times."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any
 

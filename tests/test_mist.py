@@ -1,7 +1,5 @@
 """Mist in scenes: presets, visibility, wind, depth, layers, light."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Rendered frames move as commanded, measured by scikit-image, which knows nothing of waves."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from skimage.registration import phase_cross_correlation

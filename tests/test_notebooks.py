@@ -1,7 +1,5 @@
 """Every notebook runs from top to bottom, its claims hold, and it is kept without outputs."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Frames that are silently wrong, mixed or missing: each case named by its number in issue 16."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """An effect of somebody's own: the page that says how, and its kind in scene files."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the package says of itself, and what it does without its extras."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Where the flakes are: fl.particles.positions, sway_offsets, edge_fade."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import mpmath

@@ -1,7 +1,5 @@
 """The image of the flakes against the slow twin, and the laws it obeys."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

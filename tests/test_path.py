@@ -1,7 +1,5 @@
 """The camera's way through the air: places and rates, and snow that moves as both say."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Memory that a frame gives back is used again, and never while anybody looks at it."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np

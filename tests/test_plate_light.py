@@ -1,7 +1,5 @@
 """Light of the plate: what it is worth to a flake, the same in display, linear and float plates."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Snow and rain of one population: laws, drawing, the texture against every flake drawn, keys."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

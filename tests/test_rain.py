@@ -1,7 +1,5 @@
 """Rain: streaks that move, as long as the shutter says, and a tile that is large enough."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import warnings

@@ -1,7 +1,5 @@
 """docs/internals/reliability.md keeps its word: the tests that it names exist."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scenes to files: what is in them, what stays, and that nothing of another scene is mixed in."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -3,8 +3,6 @@
 Motion is judged by warping: what it predicts of the next frame is compared with the next frame.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

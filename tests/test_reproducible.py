@@ -1,7 +1,5 @@
 """The reproducible mode: one set of bits whatever the processor has; and what it is not."""
 
-from __future__ import annotations
-
 import json
 import os
 import platform

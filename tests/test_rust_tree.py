@@ -1,7 +1,5 @@
 """The Rust tree: which folder may read which, and where unsafe stands."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The scene: a frame is a pure function, its layers add up, and what it refuses."""
 
-from __future__ import annotations
-
 import dataclasses
 import pickle
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Backgrounds with alpha: weather over them is premultiplied, and alpha is kept, both ways."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

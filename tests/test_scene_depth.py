@@ -1,7 +1,5 @@
 """Depth and sun of a scene: where they come from, how they are fitted, and what is refused."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Weather in front of a scene that ends: less before a wall than before the sky."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

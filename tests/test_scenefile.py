@@ -1,7 +1,5 @@
 """Scene files: what is saved comes back, and every mistake is told with its line."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

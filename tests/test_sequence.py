@@ -1,7 +1,5 @@
 """Sequences that cannot be lost: journals, damaged plates."""
 
-from __future__ import annotations
-
 from hashlib import sha256
 from pathlib import Path
 from typing import Any

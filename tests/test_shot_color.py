@@ -1,7 +1,5 @@
 """Color spaces: the same snow in every working space, and plates that come out as they went in."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

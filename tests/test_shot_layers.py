@@ -1,7 +1,5 @@
 """Depth and motion of every layer: judged by points that are followed one by one."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

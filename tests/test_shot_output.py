@@ -1,7 +1,5 @@
 """How frames are written, as the scene says it: [output] of a scene file, and what comes before."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

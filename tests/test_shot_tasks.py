@@ -1,7 +1,5 @@
 """The six tasks of docs/shot.md run, and make what the page says."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """USD: cameras in, flakes out as points, judged by usd-core's own frustum."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Vector levels: the two with fused multiply-adds give the same bits, the portable one all but."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

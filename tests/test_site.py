@@ -1,7 +1,5 @@
 """The site's own parts: links that are judged, the pages made from the code, and what they lack."""
 
-from __future__ import annotations
-
 import re
 import sys
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """What a plate says of itself goes through: before and after, line by line."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 from typing import Any

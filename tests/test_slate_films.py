@@ -1,7 +1,5 @@
 """What a film says of itself goes through: codes of time, tags, bits."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The sound of a film goes with its frames."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Texture sequences: files that hold the loop, and a description that says what they are."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """One frame of the field: equal to the twin, equal to the composition of its steps."""
 
-from __future__ import annotations
-
 import warnings
 from typing import Any
 

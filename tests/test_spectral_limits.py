@@ -3,8 +3,6 @@
 Refusals of arguments that have the wrong type, shape or range are those of `test_public.py`.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from typing import Any

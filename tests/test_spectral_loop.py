@@ -1,7 +1,5 @@
 """Loops: a film that repeats exactly, in time and space, and moves as it should."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Opacity: the map, its mean and spread, and the mean that a shutter takes away."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

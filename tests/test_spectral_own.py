@@ -1,7 +1,5 @@
 """Fields with a spectrum and a temporal law of the caller's own, judged by sums of cosines."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

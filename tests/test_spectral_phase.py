@@ -1,7 +1,5 @@
 """Phases: the hash to the bit, and phases that are still right after a million frames."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -64,12 +64,9 @@ def _result(given: Array, planes: Array, out: Array | None, *inputs: Array) -> t
 
 
 def snow(
-    background: npt.ArrayLike,
-    alpha: npt.ArrayLike,
-    *,
-    intensity: float | Sequence[float] = PAPER_WHITE,
-    out: Array | None = None,
-) -> Array:
+    background: npt.ArrayLike, alpha: npt.ArrayLike, *,
+    intensity: float | Sequence[float] = PAPER_WHITE, out: Array | None = None,
+) -> Array:  # fmt: skip
     """Snow of one color over a picture, Eq. 7 in the picture's own values.
 
     Parameters
@@ -157,12 +154,9 @@ def over(background: npt.ArrayLike, layer: npt.ArrayLike, *, out: Array | None =
 
 
 def join(
-    layers: Sequence[npt.ArrayLike],
-    *,
-    haze: float = 0.0,
-    matte: npt.ArrayLike | None = None,
+    layers: Sequence[npt.ArrayLike], *, haze: float = 0.0, matte: npt.ArrayLike | None = None,
     out: Array | None = None,
-) -> Array:
+) -> Array:  # fmt: skip
     """Opacity of layers of one color together, behind a matte.
 
     Parameters

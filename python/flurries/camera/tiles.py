@@ -121,12 +121,9 @@ def tile_middles(
 
 
 def drift_at(
-    x: Float64,
-    y: Float64,
-    displacement: Float64,
-    focals: tuple[float, float],
+    x: Float64, y: Float64, displacement: Float64, focals: tuple[float, float],
     result: Float64 | None = None,
-) -> Float64:
+) -> Float64:  # fmt: skip
     """Return motion times depth, px m, (y, x, 2), at places from the principal point."""
     # For a `displacement` of the eye against the air in camera axes, metres. Without a `result` to
     # be filled it is (1, 1, 2) where all places move alike.

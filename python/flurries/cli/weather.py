@@ -90,10 +90,11 @@ scene_options: Callable[[Any], Any] = join(
            help="where things fall in the axes of COLMAP's world"),
     option("--depth", type=FILE, metavar="FILE|METRES", example="depth.exr", unset="far away",
            help="what hides weather behind it: an EXR with Z, or the distance of a wall"),
-    option("--foreground", type=FILE, metavar="FILE[@METRES]", example="roto.%04d.exr",
-           unset="none", multiple=True,
-           help="mask or picture in front of the weather, a sequence or a film; at its distance "
-           "where @METRES is given; may be repeated"),
+    option("--foreground", "--matte", "foreground", type=FILE, metavar="FILE[:NAMES][@METRES]",
+           example="roto.%04d.exr", unset="none", multiple=True,
+           help="mask or picture in front of the weather, a sequence or a film; or what an EXR's "
+           "Cryptomatte has by the names after a colon; at its distance where @METRES is given; "
+           "may be repeated"),
     option("--extend", type=OneOf(EXTEND), example="hold", unset="the scene's, else stop",
            help="frame numbers that the picture's files, depth, foreground or camera lack: stop, "
            "hold the first or last, or loop"),

@@ -17,20 +17,6 @@ from flurries.frame.layer import Layer
 from flurries.frame.view import Frame
 
 __all__ = [
-    "ConeRain",
-    "ConeSnow",
-    "Field",
-    "Flakes",
-    "Frame",
-    "Layer",
-    "Mist",
-    "Motion",
-    "Precipitation",
-    "Rain",
-    "Snow",
-    "TentRain",
-    "TentSnow",
-    "Texture",
-    "Veil",
-    "register",
-]
+    "ConeRain", "ConeSnow", "Field", "Flakes", "Frame", "Layer", "Mist", "Motion",
+    "Precipitation", "Rain", "Snow", "TentRain", "TentSnow", "Texture", "Veil", "register",
+]  # fmt: skip

@@ -61,11 +61,9 @@ class WallMaps(NamedTuple):
 
 
 def wall_maps(
-    sky: tuple[float, float, float],
-    least: float,
-    shares: tuple[float, ...],
+    sky: tuple[float, float, float], least: float, shares: tuple[float, ...],
     left: Callable[[Float64], Float64],
-) -> WallMaps:
+) -> WallMaps:  # fmt: skip
     """Return the maps of a texture."""
     grid = np.linspace(_FIRST**0.25, 1.0, _SHARES) ** 4
     nodes = np.unique(np.concatenate([grid, [s for s in shares if _FIRST < s < 1.0]]))

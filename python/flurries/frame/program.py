@@ -140,14 +140,9 @@ class Program:
         )
 
     def asks(
-        self,
-        t: float,
-        camera: Camera,
-        window: Window,
-        dtype: np.dtype[Any] | None,
-        *,
+        self, t: float, camera: Camera, window: Window, dtype: np.dtype[Any] | None, *,
         read: bool = True,
-    ) -> list[Ask]:
+    ) -> list[Ask]:  # fmt: skip
         """Return the effects that run at `t` with their views of the frame, back to front."""
         # A picture of integers, of type `dtype`, does not show what is less than half of a step; of
         # layers, where it is None, every value counts. Depth and ambient light are filled in where

@@ -13,11 +13,13 @@ from pathlib import Path
 from typing import Any
 from weakref import WeakSet
 
+from flurries._contract import choice, suggestion
 from flurries._kept import Kept
 from flurries.io.color import Encoding
 from flurries.io.files import Budget, path_text
 from flurries.io.films.index import READABLE
 from flurries.io.films.reader import VideoReader
+from flurries.io.layers.cryptomatte import read_matte, split_names, things_of
 from flurries.io.pictures.header import read_header
 from flurries.io.pictures.reader import Picture, read_depth, read_picture, require_depth
 from flurries.io.sequences import Pattern, with_percent
@@ -250,12 +252,9 @@ class VideoSource(Source):
 
 
 def open_background(
-    spec: str | os.PathLike[str],
-    *,
-    damaged: str = "stop",
-    budget: Budget | None = None,
+    spec: str | os.PathLike[str], *, damaged: str = "stop", budget: Budget | None = None,
     overscan: bool = False,
-) -> Source:
+) -> Source:  # fmt: skip
     """Open a background.
 
     Parameters
@@ -269,8 +268,7 @@ def open_background(
     budget, overscan
         As `read_picture`; for each frame, and of pictures alone.
     """
-    if damaged not in ("stop", "hold"):
-        raise ValueError(f"damaged must be 'stop' or 'hold', got {damaged!r}")
+    choice("damaged", damaged, ("stop", "hold"))
     if budget is not None:
         Budget.of(budget)
     path = _place("background", spec)
@@ -303,6 +301,33 @@ def open_depth(
     source = PictureSource(_place("depth", spec), "stop", read, overscan, deep=True)
     require_depth(source.file(0), budget)
     return source
+
+
+def open_matte(spec: str | os.PathLike[str], *, overscan: bool = False) -> Source | None:
+    """Open what ``plate.####.exr:house,tree`` names in a Cryptomatte; None for other files.
+
+    Pictures' pixels are (H, W) float32, the share of a pixel that the things cover together.
+    """
+    file, names = split_names(spec)
+    if not names:
+        return None
+    source = PictureSource(_place("foreground", file), "stop", read_picture, overscan)
+    things: dict[str, tuple[str, str]] = {}
+    known: set[str] = set()
+    for number in range(source.count or 1):
+        missing = [name for name in names if name not in things]
+        if missing and source.file(number).exists():
+            found, more = things_of(source.file(number), missing)
+            things, known = things | found, known | more
+    for name in names:
+        if name not in things:
+            raise ValueError(f"{file}: no Cryptomatte has {name!r}{suggestion(name, known)}")
+    source.read = partial(_matte, things=[*things.values()], overscan=overscan)
+    return source
+
+
+def _matte(path: Path, **more: Any) -> Picture:
+    return Picture(read_matte(path, **more), None, "linear", str(path))
 
 
 def _depth(path: Path, *, budget: Budget | None, overscan: bool) -> Picture:

@@ -36,14 +36,9 @@ class Crew:
 
 
 def make(
-    crew: Crew,
-    groups: list[list[int]],
-    job: Job,
-    indices: list[int],
-    journal: Journal,
-    progress: Progress,
-    done: Done,
-) -> None:
+    crew: Crew, groups: list[list[int]], job: Job, indices: list[int], journal: Journal,
+    progress: Progress, done: Done,
+) -> None:  # fmt: skip
     """Make the files that are missing, as `flurries.output.sequence.make` does, by a crew."""
 
     class Arriving:

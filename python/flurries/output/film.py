@@ -40,15 +40,9 @@ AHEAD = 2
 
 
 def write_film(
-    job: Frames,
-    frames: list[int],
-    quality: str,
-    progress: Progress,
-    *,
-    sound: bool,
-    dask: Any,
+    job: Frames, frames: list[int], quality: str, progress: Progress, *, sound: bool, dask: Any,
     patience: float,
-) -> tuple[Done, str]:
+) -> tuple[Done, str]:  # fmt: skip
     """Render frames into a video, unless the very same one is there."""
     scene, path = job.scene, Path(job.pattern)
     assert scene.size is not None

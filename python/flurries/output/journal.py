@@ -88,13 +88,9 @@ class Journal:
     """Lines about files by their names, the ways from the folder."""
 
     def __init__(
-        self,
-        store: Store,
-        folder: Path,
-        *,
-        run: str | None = None,
+        self, store: Store, folder: Path, *, run: str | None = None,
         known: Iterable[Entry] | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._store, self._folder = store, folder
         self.run = run or os.urandom(4).hex()  # A token in the names of this run's own files.
         self._lines: dict[str, dict[bytes, Entry]] = {}

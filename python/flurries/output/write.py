@@ -72,17 +72,11 @@ class Summary:
 
 
 def write(
-    scene: Rendering,
-    pattern: str | Path,
-    frames: Numbers = None,
-    output: Mapping[str, Any] = MappingProxyType({}),
-    *,
-    eyes: Mapping[str, Camera] | None = None,
-    overwrite: bool = False,
-    dask: Client | str | bool | None = None,
-    dask_patience: float = 60.0,
+    scene: Rendering, pattern: str | Path, frames: Numbers = None,
+    output: Mapping[str, Any] = MappingProxyType({}), *, eyes: Mapping[str, Camera] | None = None,
+    overwrite: bool = False, dask: Client | str | bool | None = None, dask_patience: float = 60.0,
     progress: Progress | None = None,
-) -> Summary:
+) -> Summary:  # fmt: skip
     """Render frames to files; see :meth:`flurries.Scene.write`."""
     scene = expect_scene(scene)
     started = time.monotonic()

@@ -16,6 +16,7 @@ from flurries.frame.matte import Deep, Front, Matte
 from flurries.io import fit, open_background
 from flurries.io.files import file_of
 from flurries.io.pictures.reader import Picture, luminance
+from flurries.io.sources import open_matte
 from flurries.scene.depth import distance_of
 from flurries.scene.numbered import Display, Last, Numbered, Planes, pixels_of, placed
 
@@ -34,7 +35,8 @@ class Foreground:
     source : path or array
         A mask (H, W) of the background's own pixels, 1 in front; or a picture with alpha
         (H, W, 4), straight for integers, premultiplied for floats. A file, an image sequence
-        (``roto.%04d.png``) or a film goes by the shot's frame numbers.
+        (``roto.%04d.png``) or a film goes by the shot's frame numbers. Of an EXR's Cryptomatte
+        what is named after a colon stands in front: ``plate.####.exr:house,tree``.
     depth : float, array or path, optional
         How far away it stands, as a scene's `depth`: weather that is nearer falls in front of it.
         If not given it stands before all weather.
@@ -128,7 +130,8 @@ def mattes_of(
         name = "foreground" if number == 1 else f"foreground {number}"
         if isinstance(one.source, (str, os.PathLike)):
             with file_of(name):
-                source = open_background(one.source, overscan=display is not None)
+                how: dict[str, Any] = {"overscan": display is not None}
+                source = open_matte(one.source, **how) or open_background(one.source, **how)
             files = Numbered.of(name, source, **numbers)
             matte = Planes(None, files, (partial(_of_picture, shape=shape, display=display),))
             if matte.still:
@@ -151,7 +154,7 @@ def _of_picture(
     picture: Picture, shape: tuple[int, int], display: Display | None
 ) -> tuple[Array, bool]:
     if picture.alpha is None:
-        mask = luminance(picture)
+        mask = picture.pixels if picture.pixels.ndim == 2 else luminance(picture)
         fitted = placed(mask, picture.display, shape, display, fit, 0.0)
         return (mask if fitted is mask else np.clip(fitted, 0.0, 1.0)), True
     rgba = placed(picture.rgba(), picture.display, shape, display, fit, 0)

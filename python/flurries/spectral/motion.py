@@ -80,12 +80,9 @@ def _fitted(now: Request, kinds: Float64, rings: int) -> Float64:
 
 @kept(4)
 def _waves(
-    tile: tuple[int, int],
-    wavelengths: tuple[float, float],
-    exponent: float,
-    edges: tuple[float, ...],
-    rings: int,
-) -> tuple[Float64, Float64, Float64, np.ndarray, Float64]:
+    tile: tuple[int, int], wavelengths: tuple[float, float], exponent: float,
+    edges: tuple[float, ...], rings: int,
+) -> tuple[Float64, Float64, Float64, np.ndarray, Float64]:  # fmt: skip
     """Return the waves of half the band: vectors, power, wavelength, ring, products."""
     # The last are what is summed over them with their weights, a column each, (n, 2 + 8 rings).
     power = band_amplitude(tile, wavelengths=wavelengths, exponent=exponent) ** 2

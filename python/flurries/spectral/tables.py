@@ -107,12 +107,9 @@ def velocity_from_paper(
 
 
 def band_amplitude(
-    shape: tuple[int, int],
-    *,
-    wavelengths: tuple[float, float] = BANDS["paper"],
-    exponent: float = 1.0,
-    out: Float64 | None = None,
-) -> Float64:
+    shape: tuple[int, int], *, wavelengths: tuple[float, float] = BANDS["paper"],
+    exponent: float = 1.0, out: Float64 | None = None,
+) -> Float64:  # fmt: skip
     """Amplitude of each wave: a band of wavelengths, falling as a power of the frequency.
 
     Parameters

@@ -20,12 +20,9 @@ _MOST_TILES = 2**22
 
 
 def inverse_transform(
-    amplitude: npt.ArrayLike,
-    phase: npt.ArrayLike,
-    *,
-    dtype: npt.DTypeLike = np.float32,
+    amplitude: npt.ArrayLike, phase: npt.ArrayLike, *, dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
-) -> Array:
+) -> Array:  # fmt: skip
     """Real field of two wave tables: the unnormalised inverse transform.
 
     Parameters

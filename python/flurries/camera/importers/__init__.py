@@ -25,12 +25,9 @@ __all__ = ["from_matrices", "load", "read_chan", "read_colmap", "read_kitti", "r
 
 
 def load(
-    path: str | os.PathLike[str],
-    shape: tuple[int, int],
-    *,
-    camera: Camera | None = None,
+    path: str | os.PathLike[str], shape: tuple[int, int], *, camera: Camera | None = None,
     down: npt.ArrayLike | None = None,
-) -> CameraPath:
+) -> CameraPath:  # fmt: skip
     """Return the camera path of a file, by its kind.
 
     Parameters

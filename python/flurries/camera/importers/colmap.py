@@ -28,12 +28,9 @@ _MODELS = {
 
 
 def read_colmap(
-    folder: str | os.PathLike[str],
-    shape: tuple[int, int],
-    *,
-    down: npt.ArrayLike | None = None,
+    folder: str | os.PathLike[str], shape: tuple[int, int], *, down: npt.ArrayLike | None = None,
     scale: float = 1.0,
-) -> CameraPath:
+) -> CameraPath:  # fmt: skip
     """Return the camera path of a COLMAP reconstruction in text, a folder."""
     # Images are frames by the numbers that their names end in; if not all do, in the order of their
     # names. The axes have no relation to the ground and no unit: `down` is where things fall, the

@@ -22,15 +22,9 @@ AXES = ("x right, y down, z forward", "x right, y up, z back")
 
 
 def from_matrices(
-    matrices: npt.ArrayLike,
-    camera: Camera,
-    *,
-    axes: str,
-    inverse: bool = False,
-    focal: npt.ArrayLike | None = None,
-    scale: float = 1.0,
-    start: int = 0,
-) -> CameraPath:
+    matrices: npt.ArrayLike, camera: Camera, *, axes: str, inverse: bool = False,
+    focal: npt.ArrayLike | None = None, scale: float = 1.0, start: int = 0,
+) -> CameraPath:  # fmt: skip
     """Return the camera path of poses, one for each frame from `start` on.
 
     Parameters
@@ -65,13 +59,9 @@ def from_matrices(
 
 
 def path_of(
-    frames: Float64,
-    places: Float64,
-    turns: Float64,
-    lens: Camera,
-    focal: Float64 | None,
+    frames: Float64, places: Float64, turns: Float64, lens: Camera, focal: Float64 | None,
     scale: float,
-) -> CameraPath:
+) -> CameraPath:  # fmt: skip
     """Return a path through places and orientations at frames."""
     places = real("scale", scale, above=0.0) * places
     if focal is not None:

@@ -43,14 +43,9 @@ def lines_of(file: Path) -> list[tuple[int, str]]:
 
 
 def read_chan(
-    path: str | os.PathLike[str],
-    shape: tuple[int, int],
-    *,
-    camera: Camera | None = None,
-    order: str = "ZXY",
-    scale: float = 1.0,
-    start: int | None = None,
-) -> CameraPath:
+    path: str | os.PathLike[str], shape: tuple[int, int], *, camera: Camera | None = None,
+    order: str = "ZXY", scale: float = 1.0, start: int | None = None,
+) -> CameraPath:  # fmt: skip
     """Return the camera path of a Nuke ``.chan`` file."""
     # Lines of `frame tx ty tz rx ry rz` and perhaps `vfov`: degrees, y up, looking along -z. The
     # angle of view is that of the pictures' height; `camera` is the lens where there is none, and

@@ -53,13 +53,9 @@ def require_usd() -> tuple[Any, Any, Any, Any, Any]:
 
 
 def read_usd(
-    path: str | os.PathLike[str],
-    shape: tuple[int, int],
-    *,
-    camera: Camera | None = None,
-    prim: str | None = None,
-    scale: float = 1.0,
-) -> CameraPath:
+    path: str | os.PathLike[str], shape: tuple[int, int], *, camera: Camera | None = None,
+    prim: str | None = None, scale: float = 1.0,
+) -> CameraPath:  # fmt: skip
     """Return the camera path of a USD stage, which says its axes and unit; time codes are frames.
 
     Parameters

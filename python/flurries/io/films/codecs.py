@@ -91,14 +91,9 @@ def encoder_threads() -> int:
 
 
 def encoder_for(
-    suffix: str,
-    quality: str,
-    size: tuple[int, int],
-    codec: str | None = None,
-    bits: int | None = None,
-    *,
-    alpha: bool = False,
-) -> Encoder:
+    suffix: str, quality: str, size: tuple[int, int], codec: str | None = None,
+    bits: int | None = None, *, alpha: bool = False,
+) -> Encoder:  # fmt: skip
     """Return the encoder for an extension; a number of threads always makes the same bytes."""
     name = _USUAL[suffix] if codec is None else choice("codec", codec, tuple(CODECS))
     kind = CODECS[name]

@@ -56,19 +56,11 @@ class VideoWriter:
     """
 
     def __init__(
-        self,
-        path: str | os.PathLike[str],
-        size: tuple[int, int],
-        fps: float | Fraction,
-        *,
-        quality: str = "high",
-        sound: Sound | None = None,
-        comment: str = "",
-        codec: str | None = None,
-        bits: int | None = None,
-        alpha: bool = False,
+        self, path: str | os.PathLike[str], size: tuple[int, int], fps: float | Fraction, *,
+        quality: str = "high", sound: Sound | None = None, comment: str = "",
+        codec: str | None = None, bits: int | None = None, alpha: bool = False,
         tags: Tags | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         require_library()
         self.path = Path(path)
         suffix = self.path.suffix.lower()
@@ -108,11 +100,9 @@ class VideoWriter:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
+        self, kind: type[BaseException] | None, error: BaseException | None,
         trace: TracebackType | None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         if os.getpid() != self._owner or self._files is None:
             return  # A forked child leaves the block: the file is its parent's.
         film, self._film = self._film, None

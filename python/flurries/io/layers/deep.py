@@ -56,13 +56,9 @@ class Deep:
 
 
 def write_deep(
-    path: str | os.PathLike[str],
-    deep: Deep,
-    *,
-    half: bool = True,
-    metadata: Mapping[str, object] | None = None,
-    slate: Slate | None = None,
-) -> None:
+    path: str | os.PathLike[str], deep: Deep, *, half: bool = True,
+    metadata: Mapping[str, object] | None = None, slate: Slate | None = None,
+) -> None:  # fmt: skip
     """Write samples into a deep EXR with the channels R, G, B, A, Z and ZBack.
 
     OpenImageIO takes samples one number at a time: large pictures take long.

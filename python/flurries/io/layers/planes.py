@@ -38,13 +38,9 @@ VIEWS = ("left", "right")
 
 
 def write_layers(
-    path: str | os.PathLike[str],
-    layers: Mapping[str, npt.ArrayLike],
-    *,
-    half: bool = True,
-    metadata: Mapping[str, object] | None = None,
-    slate: Slate | None = None,
-) -> None:
+    path: str | os.PathLike[str], layers: Mapping[str, npt.ArrayLike], *, half: bool = True,
+    metadata: Mapping[str, object] | None = None, slate: Slate | None = None,
+) -> None:  # fmt: skip
     """Write one EXR with several named layers; atomic and verified as `write_picture`.
 
     Parameters
@@ -69,13 +65,9 @@ def write_layers(
 
 
 def write_layer_views(
-    path: str | os.PathLike[str],
-    views: Mapping[str, Mapping[str, npt.ArrayLike]],
-    *,
-    half: bool = True,
-    metadata: Mapping[str, object] | None = None,
-    slate: Slate | None = None,
-) -> None:
+    path: str | os.PathLike[str], views: Mapping[str, Mapping[str, npt.ArrayLike]], *,
+    half: bool = True, metadata: Mapping[str, object] | None = None, slate: Slate | None = None,
+) -> None:  # fmt: skip
     """Write one EXR with several views; atomic and verified as `write_picture`.
 
     Parameters
@@ -98,12 +90,9 @@ def write_layer_views(
 
 
 def _write(
-    path: str | os.PathLike[str],
-    views: Mapping[str, Mapping[str, npt.ArrayLike]],
-    half: bool,
-    metadata: Mapping[str, object] | None,
-    slate: Slate | None,
-) -> None:
+    path: str | os.PathLike[str], views: Mapping[str, Mapping[str, npt.ArrayLike]], half: bool,
+    metadata: Mapping[str, object] | None, slate: Slate | None,
+) -> None:  # fmt: skip
     """Write a part for each view; one without a name is not marked."""
     strings, said = header.checked(metadata), Slate.of(slate)
     parts = []

@@ -151,13 +151,9 @@ class Opened:
         return values
 
     def bands(
-        self,
-        channels: Sequence[int],
-        kind: str,
-        *,
-        part: int | None = None,
+        self, channels: Sequence[int], kind: str, *, part: int | None = None,
         pixel_bytes: int | None = None,
-    ) -> Iterator[tuple[slice, Array]]:
+    ) -> Iterator[tuple[slice, Array]]:  # fmt: skip
         """Yield channels of a part as stored, some rows at a time: where, and (rows, w, c)."""
         number = self.part if part is None else part
         spec = self.reader.spec(number)
@@ -241,12 +237,9 @@ def read_header(
 
 @contextmanager
 def opened_picture(
-    path: str | os.PathLike[str],
-    budget: Budget | None = None,
-    *,
-    overscan: bool = False,
+    path: str | os.PathLike[str], budget: Budget | None = None, *, overscan: bool = False,
     deep: bool = False,
-) -> Iterator[Opened]:
+) -> Iterator[Opened]:  # fmt: skip
     """Open a picture and find its colors."""
     flag("overscan", overscan)
     flag("deep", deep)

@@ -118,14 +118,9 @@ def _write_rows(target: str, output: Any, specification: Any, band: Band) -> Che
 
 
 def _verify(
-    target: str,
-    temporary: Path,
-    specification: Any,
-    checksums: Checksums,
-    *,
-    lossless: bool,
+    target: str, temporary: Path, specification: Any, checksums: Checksums, *, lossless: bool,
     part: int = 0,
-) -> None:
+) -> None:  # fmt: skip
     """Read the picture back; a full disk or a faulty writer shows here and not next week."""
     let_open(4 * specification.width * specification.height * specification.nchannels)
     step = _rows(specification)

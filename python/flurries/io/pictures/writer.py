@@ -73,19 +73,11 @@ def packing(compression: str) -> str:
 
 
 def write_picture(
-    path: str | os.PathLike[str],
-    pixels: npt.ArrayLike,
-    *,
-    alpha: npt.ArrayLike | None = None,
-    encoding: str | None = None,
-    premultiplied: bool | None = None,
-    half: bool = True,
-    bits: int | None = None,
-    compression: str = "zip",
-    quality: int = 95,
-    metadata: Mapping[str, object] | None = None,
-    slate: Slate | None = None,
-) -> None:
+    path: str | os.PathLike[str], pixels: npt.ArrayLike, *, alpha: npt.ArrayLike | None = None,
+    encoding: str | None = None, premultiplied: bool | None = None, half: bool = True,
+    bits: int | None = None, compression: str = "zip", quality: int = 95,
+    metadata: Mapping[str, object] | None = None, slate: Slate | None = None,
+) -> None:  # fmt: skip
     """Write a picture; the extension decides about the format.
 
     The file appears whole or not at all, after it was read back: same size, same channels and, in
