@@ -156,11 +156,8 @@ def test_a_lens_that_distorts_is_told(tmp_path: Path):
 
 
 BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
-    "chan width": (lambda p: (p / "a.chan").write_text("1 2 3\n"), "line 1"),
     "chan order": (lambda p: (p / "a.chan").write_text("2 0 0 0 0 0 0\n1 0 0 0 0 0 0"), "increase"),
     "chan fov": (lambda p: (p / "a.chan").write_text("2 0 0 0 0 0 0 180"), "vfov"),
-    "chan empty": (lambda p: (p / "a.chan").write_text("# nothing\n"), "no camera"),
-    "chan binary": (lambda p: (p / "a.chan").write_bytes(b"\xff\xfe\x00"), "text"),
     "kitti mirror": (lambda p: (p / "a.txt").write_text("-1 0 0 0 0 1 0 0 0 0 1 0"), "rotation"),
     "colmap none": (lambda p: (p / "a").mkdir(), "cameras.txt"),
     "a picture": (lambda p: (p / "a.png").write_text("x"), "a camera is"),

@@ -80,5 +80,4 @@ def test_a_damaged_png_is_told_by_us_alone(tmp_path, capfd):
         bad.write_bytes(data)
         with pytest.raises(OSError, match=r"^.*bad\.png: the picture is damaged.*$"):
             read_picture(bad)
-    # The codecs' library writes to the terminal by itself.
     assert capfd.readouterr() == ("", "")

@@ -90,7 +90,7 @@ def test_a_function_that_is_forgotten_is_noticed(monkeypatch: pytest.MonkeyPatch
 UNTRIED = {
     "composite.join layers", "io.write_layers layers", "io.write_layer_views views",
     "spectral.optical_depth patterns",
-    "camera.importers.read_colmap down", "augment.Fog.record image",
+    "camera.importers.read_colmap down", "camera.importers.load down", "augment.Fog.record image",
     # A spectrum of one's own and rings exclude each other; the other row of the function has them.
     *(f"spectral.Texture {own}" for own in ("envelope", "rate")),
     *(f"spectral.Texture(own) ring_{of}" for of in ("edges", "gains")),

@@ -7,6 +7,7 @@ import pytest
 
 import flurries as fl
 from flurries import io
+from flurries.io.colorspace import config_hash
 
 H, W = 24, 36
 LIGHT = np.random.default_rng(3).random((H, W, 3)).astype(np.float32) * 0.5
@@ -74,3 +75,11 @@ def test_alone_and_layers_are_in_the_space(tmp_path: Path):
     wide, rec = (io.read_picture(tmp_path / f"{name}.exr") for name in ("wide", "plain"))
     np.testing.assert_array_equal(wide.alpha, rec.alpha)
     np.testing.assert_allclose(wide.pixels, turned(rec.pixels), atol=2e-5)
+
+
+def test_a_configuration_counts_by_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "ocio").mkdir()
+    monkeypatch.setenv("OCIO", str(tmp_path / "ocio" / "a.ocio"))
+    (tmp_path / "ocio" / "a.ocio").write_text("search_path: ..\na: !<F> {src: a.lut}\n")
+    found = [(tmp_path / "a.lut").write_text(text) and config_hash() for text in ("1", "2", "1")]
+    assert found[0] == found[2] != found[1]

@@ -170,9 +170,8 @@ def test_frames_before_0_are_frames(shot: Path):
     assert names == ["new.-002.exr", "new.-001.exr", "new.0000.exr", "new.0001.exr"]
     plates = fl.Scene("new.%04d.exr")
     assert plates.range == (-2, 1) and len(list(shot.glob("early.*"))) == 4
-    np.testing.assert_array_equal(
-        plates.render(-2), io.read_picture("new.-002.exr").pixels[..., :3]
-    )
+    first = io.read_picture("new.-002.exr").pixels[..., :3]
+    np.testing.assert_array_equal(plates.render(-2), first)
 
 
 def test_a_still_has_the_number_in_its_name(shot: Path):
@@ -216,9 +215,6 @@ def test_a_plate_that_is_a_part_of_its_picture_remains_it(shot: Path, layers: bo
     assert window == (12, 8, 10, 6, *SIZE)
     shown = part.render(1001)[8:14, 12:22, :3]
     np.testing.assert_allclose(found.read_image(0, 3, "float"), shown, atol=1e-6)
-
-
-# Mattes that stand in the air
 
 
 def test_a_matte_with_a_depth_hides_only_what_is_behind_it():

@@ -123,8 +123,14 @@ def config_hash() -> str:
         return hashlib.sha256(f"{path} {openimageio().VERSION_STRING}".encode()).hexdigest()
     data = path.read_bytes()
     digest = hashlib.sha256(data)
+    # Tables may also lie where its search path says.
+    paths = re.findall(r"^ *(?:search_path: *|- )(.+)$", data.decode(errors="replace"), re.M)
+    words = {word.strip(" []\"'") for line in paths for word in re.split("[:,]", line)}
     for name in sorted(set(re.findall(rb"src: *\"?([^,}\"\n]+)", data))):
-        for table in sorted(path.parent.rglob(Path(name.decode(errors="replace")).name)):
+        wanted = name.decode(errors="replace").strip()
+        found = {*path.parent.rglob(Path(wanted).name)}
+        found |= {path.parent / word / wanted for word in words}
+        for table in sorted(filter(Path.is_file, found)):
             digest.update(table.read_bytes())
     return digest.hexdigest()
 
