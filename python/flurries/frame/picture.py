@@ -179,6 +179,8 @@ def _cut(layer: Layer, place: Window) -> Layer:
 
 def draw(effect: Any, frame: Frame) -> tuple[Layer, ...]:
     """Return an effect's layers, before what stands in the air with its own depth too."""
+    if not frame.nearer:
+        return _drawn(effect, frame)
     parts = [deep.seen.within(frame.window) for deep in frame.nearer]
     shared = frame.shared
     if shared is None and any(parts):
