@@ -4,7 +4,8 @@ python docs/photographs.py [--sheets FOLDER] [--costs]
 
 The photographs are made here or are scikit-image's. Limits are those of real photographs of falling
 snow: flakes grey within 17 of 255, the brightest of them (98th percentile of peaks) .75 to 1.0 of
-the sky, and visible before what is dark.
+the sky, and visible before what is dark. A flake lets some of the plate through: grey is what it
+adds itself, by its known opacity; the spread of the pixel with what shines through stands beside.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from skimage import data
 
 import flurries as fl
 from flurries import io
+from flurries.light.plate import plate_light
 from make_looks import HEIGHT, WIDTH, _noise, overcast, street
 
 # Channels of a flake differ by at most so many levels; a flake is seen that is so much brighter
@@ -143,12 +145,17 @@ def measured(plate: np.ndarray, scene: fl.Scene) -> dict[str, float]:
     image, alpha = parts.image.astype(float), parts.alpha
     level, behind = image.mean(axis=2), plate.astype(float).mean(axis=2)
     peaks = (alpha == maximum_filter(alpha, 5)) & (alpha > 0.6)
-    spread = np.ptp(image[peaks], axis=1) if peaks.any() else np.zeros(1)
+    cover = alpha[peaks][:, None]
+    own = (image[peaks] - (1.0 - cover) * plate[peaks]) / cover
+    spread, mixed = (
+        np.ptp(one, axis=1) if len(own) else np.zeros(1) for one in (own, image[peaks])
+    )
     white = float(np.percentile(gaussian_filter(behind, 2.0), 99.0))
     dark = behind <= np.percentile(behind, 100.0 / 3.0)
     rises = (level - behind)[(alpha == maximum_filter(alpha, 5)) & (alpha > 0.2) & dark]
     return {
         "spread": float(np.median(spread)),
+        "mixed": float(np.median(mixed)),
         "bright": float(np.percentile(level[peaks], 98.0)) if peaks.any() else 0.0,
         "white": white,
         "seen": float((rises > SEEN).sum() / (1e-6 * dark.sum())),
@@ -157,13 +164,23 @@ def measured(plate: np.ndarray, scene: fl.Scene) -> dict[str, float]:
 
 
 def costs() -> None:
-    """Print what the usual lens and shapes cost: processor time of heavy snow at 1920 x 1080."""
+    """Print what lens, shapes and light cost: processor time of heavy snow at 1920 x 1080."""
+    rng = np.random.default_rng(1)
     plate = np.full((1080, 1920, 3), 60, np.uint8)
-    natural, round_ = fl.Snow("heavy"), fl.Snow("heavy", shape="round")
+    plate[:500] = 150, 170, 210
+    plate += rng.integers(0, 20, plate.shape, dtype=np.uint8)
+    depth = np.full(plate.shape[:2], 8.0, np.float32)
+    depth[:500] = np.inf
+    natural, round_, local = (
+        fl.Snow("heavy", **more) for more in ({}, {"shape": "round"}, {"color": "local"})
+    )
     sharp = fl.Scene(plate, effects=[natural], lens=None, fps=30)
+    deep = sharp.replace(depth=depth)
     scenes = {
         "no lens": sharp, "usual lens": fl.Scene(plate, effects=[natural], fps=30),
         "no lens, round flakes": sharp.replace(effects=[round_]),
+        "before a wall": deep, "before a wall, in linear light": deep.replace(space="linear"),
+        "before a wall, local light": deep.replace(effects=[local]),
     }  # fmt: skip
     times: dict[str, list[float]] = {name: [] for name in scenes}
     for t in range(12):
@@ -174,6 +191,18 @@ def costs() -> None:
     least = {name: 1e3 * min(found) for name, found in times.items()}
     for name, found in least.items():
         print(f"{name}: {found:.1f} ms, {found / least['no lens']:.2f} of no lens")
+    linear = least["before a wall, in linear light"]
+    print(f"local light: {least['before a wall, local light'] / linear:.2f} of linear light")
+    light = fl.scene.Light(0.5)
+    for name, wall in (("shot light", None), ("shot light by depth", depth)):
+        found = []
+        for _ in range(7):
+            start = time.process_time()
+            plate_light(plate, "display", *light.at(0.0)[1:], wall).local(
+                2304.0, asymmetry=0.76, albedo=0.9
+            )
+            found.append(1e3 * (time.process_time() - start))
+        print(f"{name}: {min(found):.1f} ms for each frame of a shot that moves, once for a still")
 
 
 def main() -> None:
@@ -185,14 +214,16 @@ def main() -> None:
     given = parser.parse_args()
     if given.costs:
         return costs()
-    print("| photograph | spread | bright peaks | of white | seen on the dark, per Mpx | share |")
-    print("| --- | --- | --- | --- | --- | --- |")
+    columns = "spread", "of the pixel", "bright peaks", "of white", "seen on the dark", "share"
+    print(f"| photograph | {' | '.join(columns)} |\n|{' --- |' * 7}")
     missed = []
     for name, plate in photographs().items():
         scene = fl.Scene(plate, effects=[fl.Snow(given.look)], seed=3)
         found = measured(plate, scene)
         ratio = found["bright"] / max(found["white"], 1.0)
-        numbers = f"{found['spread']:.0f} | {found['bright']:.0f} | {ratio:.2f}"
+        numbers = (
+            f"{found['spread']:.0f} | {found['mixed']:.0f} | {found['bright']:.0f} | {ratio:.2f}"
+        )
         print(f"| {name} | {numbers} | {found['seen']:.0f} | {found['lighter']:.2f} |")
         if name not in EVEN:
             rules = {

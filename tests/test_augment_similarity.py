@@ -28,14 +28,9 @@ def photographs(size: int, grey: bool, count: int) -> list[np.ndarray]:
 
 
 def similarity(
-    kind: str,
-    severity: int,
-    size: int,
-    *,
-    profile: str = "natural",
-    grey: bool = True,
+    kind: str, severity: int, size: int, *, profile: str = "natural", grey: bool = True,
     count: int = 10,
-) -> np.ndarray:
+) -> np.ndarray:  # fmt: skip
     """Of each of the first photographs with itself in weather."""
     weather = getattr(fl.augment, kind)(severity=severity, profile=profile, seed=3)
     return np.array([

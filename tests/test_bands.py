@@ -26,25 +26,17 @@ FRONT = np.dstack([BYTES, RANDOM.integers(0, 255, (H, W), dtype=np.uint8)])
 STILL: dict[str, Any] = {"fall": 0.0, "wind": (0.0, 0.0, 0.0), "sway": (0.0, 0.0)}
 
 EFFECTS: dict[str, Any] = {
-    "snow": TentSnow(flakes=400),
-    "heavy": TentSnow("heavy"),
-    "rain": TentRain("rain"),
+    "snow": TentSnow(flakes=400), "heavy": TentSnow("heavy"), "rain": TentRain("rain"),
     "gusts": TentSnow(flakes=300, wind=fl.Wind((1.0, 0.0, 0.0), gusts=0.5)),
-    "texture alone": TentSnow(flakes=0),
-    "flakes alone": TentSnow(texture=0.0),
-    "still": TentSnow(flakes=200, **STILL),
-    "by pixel": TentSnow(flakes=200, depth_mode="pixel"),
-    "mist": fl.Mist(count=300),
-    "moving mist": fl.Mist(count=300, wind=(1.0, 0.0, 0.0)),
-    "cone rain": ConeRain(),
-    "cone snow": ConeSnow(),
-    "flakes and layers": fl.Snow("heavy"),
+    "texture alone": TentSnow(flakes=0), "flakes alone": TentSnow(texture=0.0),
+    "still": TentSnow(flakes=200, **STILL), "by pixel": TentSnow(flakes=200, depth_mode="pixel"),
+    "mist": fl.Mist(count=300), "moving mist": fl.Mist(count=300, wind=(1.0, 0.0, 0.0)),
+    "cone rain": ConeRain(), "cone snow": ConeSnow(), "flakes and layers": fl.Snow("heavy"),
     "valley": fl.Mist("valley", wind=(1.0, 0.2, 0.5), top=2.0),
-    "local light": fl.Snow("heavy", color="local", haze=0.1),
-    "drops": fl.Rain("downpour"),
+    "local light": fl.Snow("heavy", color="local", haze=0.1), "drops": fl.Rain("downpour"),
     "profile": TentSnow(flakes=100, wind=fl.Wind(profile=[(6.0, 1.0), (24.0, -1.5)])),
     "field": TentSnow(flakes=100, wind=fl.Wind(field=RANDOM.normal(size=(2, 3, 3, 3, 3)))),
-}
+}  # fmt: skip
 FORWARD = fl.CameraPath(
     fl.Camera(300.0),
     velocity=fl.Keys([(0, (0.5, 0.0, 0.0)), (6, (0.5, 0.0, 2.0)), (40, (0, -3, -4))]),

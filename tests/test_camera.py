@@ -115,13 +115,10 @@ def angle_between(got: np.ndarray, want: np.ndarray) -> np.ndarray:
 
 
 PATHS = {
-    "inside": (0.01, -0.02, 0.4),
-    "on the border": (0.4 * 320.0 / 600.0, 0.0, 0.4),
-    "outside": (2.0, 1.0, 0.4),
-    "at infinity": (0.3, -0.2, 0.0),
-    "nearly at infinity": (0.3, -0.2, 1e-310),
-    "behind": (0.01, -0.02, -0.4),
-}
+    "inside": (0.01, -0.02, 0.4), "on the border": (0.4 * 320.0 / 600.0, 0.0, 0.4),
+    "outside": (2.0, 1.0, 0.4), "at infinity": (0.3, -0.2, 0.0),
+    "nearly at infinity": (0.3, -0.2, 1e-310), "behind": (0.01, -0.02, -0.4),
+}  # fmt: skip
 
 
 @every("path", PATHS)

@@ -22,13 +22,10 @@ def mistakes() -> dict[str, tuple[list[str], str]]:
         ("--wind", "wind", ["nan,0,0", "1,2", "a,b,c", "1e999,0,0"]),
         ("--fly", "", ["0,nan,0", "1"]),
         ("--frames", "frames", ["one", "5--1-", "-3-", "1-5x0", "1-", ""]),
-        ("--seed", "seed", [str(2**63), "1.5", "x"]),
-        ("--fps", "fps", ["0", "nan", "-24"]),
-        ("--threads", "", ["0", "257", "two"]),
-        ("--foreground", "no.png", ["no.png"]),
-        ("--flakes", "--flakes", ["3"]),
-        ("--quality", "quality", ["best"]),
-    ]
+        ("--seed", "seed", [str(2**63), "1.5", "x"]), ("--fps", "fps", ["0", "nan", "-24"]),
+        ("--threads", "", ["0", "257", "two"]), ("--foreground", "no.png", ["no.png"]),
+        ("--flakes", "--flakes", ["3"]), ("--quality", "quality", ["best"]),
+    ]  # fmt: skip
     patterns = ["plate.png/%d.png", "plate.png/a/%d.png", "%d/%d.png", "%s.png", "a%d%d.png", "a",
                 "a/", "", "%d.xyz", "a\n%d.png", "plate.png", "%d.toml", "."]  # fmt: skip
     inputs = {

@@ -111,6 +111,7 @@ OBJECTS: dict[str, Any] = {
     "Scene": fl.Scene(
         "#304050", size=(96, 64), camera=PATH, effects=EFFECTS[:1], sun=fl.scene.Sun()
     ),
+    "Light": fl.scene.Light(0.7, sky=(0.7, 0.8, 0.9)),
     "Sun": fl.scene.Sun((0.1, 1.0, 0.2)),
     "Lamp": fl.scene.Lamp((1.0, -1.0, 5.0), power=fl.Keys([(0, 9.0), (9, 30.0)])),
     "Lens": fl.camera.Lens(focus=2.0, f_stop=1.4, blades=5),

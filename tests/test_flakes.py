@@ -28,13 +28,10 @@ def case(number: int) -> dict[str, Any]:
     spectra[:, :, 0, 0] = rng.uniform(0.5 * tile, 4.0 * tile, (layers, 1))
     size = (rows, cols, layers, 2) if number % 2 else (layers, 2)
     found: dict[str, Any] = {
-        "shape": shape,
-        "patterns": spectra,
-        "drift": rng.normal(0.0, 100.0, size),
+        "shape": shape, "patterns": spectra, "drift": rng.normal(0.0, 100.0, size),
         "shear": float(rng.uniform(-1.0, 1.0)) if number % 4 else 0.0,
-        "gain": rng.uniform(0.1, 1.5, layers) if number % 5 else None,
-        "overlap": overlap,
-    }
+        "gain": rng.uniform(0.1, 1.5, layers) if number % 5 else None, "overlap": overlap,
+    }  # fmt: skip
     if number % 3 != 1:
         found["velocity"] = rng.normal(0.0, 8.0, size[-2:] if number % 7 == 0 else size)
         found["shutter"] = float(rng.uniform(0.0, 1.0))

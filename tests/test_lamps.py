@@ -118,21 +118,6 @@ def test_lamps_light_snow_and_leave_opacity():
     assert np.abs(off.render(4).astype(int) - dark.render(4)).max() <= 1
 
 
-def test_scene_files_have_lamps_and_a_lens(tmp_path: Any):
-    scene = fl.Scene(
-        "#101820", size=(64, 48), effects=[fl.Snow(color="local")],
-        lights=[
-            fl.scene.Lamp((1, 2, 3), color=(1, 0.5, 0.2), power=fl.Keys([(0, 1.0), (9, 2.0)])),
-            fl.scene.Lamp((0, 0, 0), direction=(0, 0, 1), angle=0.5, carried=True),
-        ],
-        lens=fl.camera.Lens(focus=fl.Keys([(0, 1.0), (9, 4.0)]), blades=7),
-    )  # fmt: skip
-    scene.save(tmp_path / "lit.toml")
-    again = fl.open(tmp_path / "lit.toml")
-    assert again.lights[1] == scene.lights[1] and again.lens.blades == 7
-    assert np.array_equal(again.render(3), scene.render(3))
-
-
 @pytest.mark.parametrize(("call", "message"), [
     (lambda: fl.scene.Lamp(), "needs a place, a direction"),
     (lambda: fl.scene.Lamp(place=(0, 0, 1), direction=(0, 0, 1)), "a spot has a place"),

@@ -24,15 +24,12 @@ CAMERAS: dict[str, Any] = {
     "flying": fl.CameraPath(fl.Camera(FOCAL), velocity=(0.0, 0.0, 3.0)),
 }
 WEATHERS: dict[str, Any] = {
-    "snow": fl.Snow(density=20.0, fall=1.4, haze=0.2, far=30.0),
-    "rain": fl.Rain(far=20.0),
+    "snow": fl.Snow(density=20.0, fall=1.4, haze=0.2, far=30.0), "rain": fl.Rain(far=20.0),
     "mist": fl.Mist("fog", method="particles", wind=(1.5, 0.0, 0.3)),
     "valley": fl.Mist("valley", visibility=250.0, wind=(1.5, 0.0, 0.3), color=0.9),
-    "tent snow": fl.effects.TentSnow(flakes=300),
-    "tent rain": fl.effects.TentRain(),
-    "cone snow": fl.effects.ConeSnow("heavy"),
-    "cone rain": fl.effects.ConeRain(),
-}
+    "tent snow": fl.effects.TentSnow(flakes=300), "tent rain": fl.effects.TentRain(),
+    "cone snow": fl.effects.ConeSnow("heavy"), "cone rain": fl.effects.ConeRain(),
+}  # fmt: skip
 
 
 def made(weather: Any, camera: Any = None, frames: int = FRAMES, **more: Any) -> fl.Scene:

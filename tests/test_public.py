@@ -216,23 +216,16 @@ def twice(
 
 
 MISTAKES = {
-    "memory order": (of_layouts, "differs from C order"),
-    "byte order": (of_layouts, "big-endian"),
-    "wraps": (of_layouts, "not the answer of float64"),
-    "writes": (of_layouts, "written to"),
-    "half": (of_layouts, "refused, but not as float64"),
-    "takes all": (of_no_arrays, "is taken"),
-    "names nothing": (of_no_arrays, "not named"),
-    "any out": (of_output, "read-only"),
+    "memory order": (of_layouts, "differs from C order"), "byte order": (of_layouts, "big-endian"),
+    "wraps": (of_layouts, "not the answer of float64"), "writes": (of_layouts, "written to"),
+    "half": (of_layouts, "refused, but not as float64"), "takes all": (of_no_arrays, "is taken"),
+    "names nothing": (of_no_arrays, "not named"), "any out": (of_output, "read-only"),
     "keeps dirt": (of_output, "differs from a new one"),
-    "returns another": (of_output, "not returned"),
-    "any size": (of_arguments, "is taken"),
-    "leaves": (of_arguments, "leaves Python"),
-    "another error": (of_arguments, "KeyError"),
-    "works first": (of_arguments, "refused late"),
-    "asks first": (of_arguments, "MemoryError"),
+    "returns another": (of_output, "not returned"), "any size": (of_arguments, "is taken"),
+    "leaves": (of_arguments, "leaves Python"), "another error": (of_arguments, "KeyError"),
+    "works first": (of_arguments, "refused late"), "asks first": (of_arguments, "MemoryError"),
     "long": (of_arguments, "letters of message"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("mistake", ["", *MISTAKES])

@@ -3,7 +3,6 @@
 import dataclasses
 import math
 import warnings
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from scipy.integrate import quad
 import flurries as fl
 import measure
 from flurries.effects.layout import streaks_tile
-from flurries.scene.fingerprint import fingerprint
 from flurries.spectral.contrast import kept_power, mean_opacity
 
 Rain, Scene, Camera = fl.effects.TentRain, fl.Scene, fl.camera.Camera
@@ -233,18 +231,3 @@ def test_the_gain_is_light():
     # Each drop is faint; those near enough to be drawn wide fade out.
     assert means[1] / means[0] == pytest.approx(4.0, rel=0.1)
     assert means[2] / means[1] == pytest.approx(4.0, rel=0.1)
-
-
-def test_scenes_with_rain_are_saved(tmp_path: Path):
-    rain = Rain("downpour", fall=7.0, tile=512, renormalise=False, drop_depth=9.0, gain=5.0)
-    scene = Scene(size=(64, 48), effects=[fl.effects.TentSnow("light", flakes=50), rain], seed=5)
-    scene.save(tmp_path / "scene.toml")
-    again = fl.open(tmp_path / "scene.toml")
-    assert again.effects == scene.effects and fingerprint(again) == fingerprint(scene)
-    assert np.array_equal(again.render(3), scene.render(3))
-    head = "format = 3\n[[effects]]\nkind = 'tent_rain'\n"
-    (tmp_path / "hand.toml").write_text(f"{head}preset = 'drizzle'\n")
-    assert fl.open(tmp_path / "hand.toml").effects == (Rain("drizzle"),)
-    (tmp_path / "bad.toml").write_text(f"{head}flakes = 3\n")
-    with pytest.raises(ValueError, match=r"line 4.*flakes.*'tent_rain'"):
-        fl.open(tmp_path / "bad.toml")

@@ -8,13 +8,10 @@ SUBJECTS = {"air", "cone", "encode", "falling", "gas", "particles", "spectral"}
 
 # What a folder may read besides itself.
 BELOW = {
-    "base": set(),
-    "frame": {"base", "particles", "spectral"},
-    "python": {"base", "frame", *SUBJECTS},
-    "lib.rs": set(),
-    **{subject: {"base"} for subject in SUBJECTS},
-    "falling": {"air", "base", "particles"},
-}
+    "base": set(), "frame": {"base", "particles", "spectral"},
+    "python": {"base", "frame", *SUBJECTS}, "lib.rs": set(),
+    **{subject: {"base"} for subject in SUBJECTS}, "falling": {"air", "base", "particles"},
+}  # fmt: skip
 
 # Rust without its comments, by file.
 CODE = {

@@ -63,6 +63,13 @@ SCENES: dict[str, dict[str, Any]] = {
                    fl.camera.Camera(77.7, offset=(0.1, 0, 0), center_shift=(1, 2),
                                     rotation=(0, 0.1, 0)),
                    position=RNG.normal(size=(4, 3)))},
+    "rain in lights": {
+        "size": (50, 40), "light": fl.scene.Light(Keys([(0, 0.4), (9, 0.1)]), ground=(0.1, 0, 0)),
+        "effects": [fl.Snow(color="local"), fl.effects.TentRain("downpour", fall=7.0, tile=512,
+                    renormalise=False, drop_depth=9.0, gain=5.0)],
+        "lights": [fl.scene.Lamp((1, 2, 3), color=(1, 0.5, 0.2), power=Keys([(0, 1.0), (9, 2.0)])),
+                   fl.scene.Lamp((0, 0, 0), direction=(0, 0, 1), angle=0.5, carried=True)],
+        "lens": fl.camera.Lens(focus=Keys([(0, 1.0), (9, 4.0)]), blades=7)},
     "wall and sun": {"size": (50, 40), "depth": 3.25,
                      "sun": fl.scene.Sun((1.0, 2.0, 3.0), (1.0, 0.5, 0.25), 0.0)},
     "depth file": {"size": (60, 40), "depth": Path("sub/depth.exr"), "effects": [Snow(flakes=100)]},
@@ -107,12 +114,13 @@ def test_what_a_fingerprint_sees(folder: Path):
                    {"effects": [replace(FULL, fall=2.0000001)]}, {"depth": 3.0}, {"depth": 4.0},
                    {"depth": "sub/depth.exr"}, {"depth": np.full((40, 60), 2.0)},
                    {"depth": np.full((40, 60), 3.0)}, {"sun": fl.scene.Sun()},
+                   {"light": fl.scene.Light(1.0)}, {"light": fl.scene.Light(Keys([(0, 1.0)]))},
                    {"sun": fl.scene.Sun(ambient=0.5)}, {"depth": fl.scene.DepthMap("sub/mask.png",
                        **MAP)},
                    {"depth": fl.scene.DepthMap("sub/mask.png", white="far", **MAP)},
                    {"depth": fl.scene.DepthMap(PLATE[..., 0], **MAP)}):  # fmt: skip
         prints.add(fingerprint(Scene(**{**base, **change})))
-    assert len(prints) == 21
+    assert len(prints) == 23
     # One array or the same in a file of another name: the pixels count.
     array = Scene(PLATE.copy(), effects=[FULL])
     assert fingerprint(array) == fingerprint(Scene(PLATE, effects=[FULL]))

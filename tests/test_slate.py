@@ -22,16 +22,12 @@ LIGHT[..., :3] *= LIGHT[..., 3:]
 
 SAID: dict[str, tuple[str, Any]] = {
     "chromaticities": ("float[8]", (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)),
-    "PixelAspectRatio": ("float", 2.0),
-    "smpte:TimeCode": ("timecode", (0x01020304, 0)),
-    "FramesPerSecond": ("rational", (24000, 1001)),
-    "framesPerSecond": ("rational", (24000, 1001)),
-    "Copyright": ("string", "the owner"),
-    "whiteLuminance": ("float", 100.0),
-    "DocumentName": ("string", "a take"),
-    "screenWindowWidth": ("float", 1.5),
+    "PixelAspectRatio": ("float", 2.0), "smpte:TimeCode": ("timecode", (0x01020304, 0)),
+    "FramesPerSecond": ("rational", (24000, 1001)), "framesPerSecond": ("rational", (24000, 1001)),
+    "Copyright": ("string", "the owner"), "whiteLuminance": ("float", 100.0),
+    "DocumentName": ("string", "a take"), "screenWindowWidth": ("float", 1.5),
     "worldtocamera": ("matrix", tuple(np.eye(4, dtype=float).ravel().tolist())),
-}
+}  # fmt: skip
 
 
 def plate(path: Path, names: list[str], *, windows: Any = None, kind: str = "half") -> None:

@@ -96,15 +96,11 @@ def asked(seed: int) -> tuple[twin.Shape, dict[str, Any]]:
         return random.uniform(-size, size, (*shape, 2))
 
     options: dict[str, Any] = {
-        "seed": int(random.integers(-(2**63), 2**63 - 1)),
-        "tile": tile,
-        "overlap": overlap,
+        "seed": int(random.integers(-(2**63), 2**63 - 1)), "tile": tile, "overlap": overlap,
         "wavelengths": (float(random.choice(EDGES[:4])), float(random.choice(EDGES[5:]))),
-        "exponent": float(random.choice([-0.5, 0.0, 0.5, 1.0, 2.0])),
-        "jitter": maybe(0.4),
-        "blend": str(random.choice(["power", "linear"])),
-        "drift": vectors(30.0, by_ring=True),
-    }
+        "exponent": float(random.choice([-0.5, 0.0, 0.5, 1.0, 2.0])), "jitter": maybe(0.4),
+        "blend": str(random.choice(["power", "linear"])), "drift": vectors(30.0, by_ring=True),
+    }  # fmt: skip
     if rings:
         options["ring_edges"] = np.sort(random.choice(EDGES, rings + 1, replace=False)).tolist()
     if maybe(0.5):

@@ -29,13 +29,9 @@ def test_temporal_filter_is_the_twins(
 ):
     amplitude = twin.band_amplitude(shape, wavelengths=(3.0, 30.0))
     options = {
-        "shift_rate": (0.9, -0.4),
-        "alias": alias,
-        "soft_from": 0.3,
-        "shutter": shutter,
-        "renormalise": renormalise,
-        "wavelength_max": 30.0,
-    }
+        "shift_rate": (0.9, -0.4), "alias": alias, "soft_from": 0.3, "shutter": shutter,
+        "renormalise": renormalise, "wavelength_max": 30.0,
+    }  # fmt: skip
     got = fl.spectral.temporal_filter(amplitude, (14.0, 9.0), **options)
     want = twin.temporal_filter(amplitude, (14.0, 9.0), **options)
     assert got.dtype == np.float64 and got.shape == shape

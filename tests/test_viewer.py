@@ -314,6 +314,7 @@ def random_scene(seed: int) -> fl.Scene:
         camera=maybe(camera, fl.CameraPath(camera, **ways[seed % 2])), loop=maybe(20),
         foreground=maybe([fl.scene.Foreground(rng.random((30, 44)), depth=3.0), "plate.png"]),
         depth=maybe(rng.uniform(2, 40, (30, 44)).astype(np.float32), maybe(9.5)),
+        light=maybe(fl.scene.Light(0.5, sky=(0.6, 1 / 3, 0.7))),
         sun=maybe(fl.scene.Sun((0.2, 1.0, 0.3), ambient=1 / 3)),
         lights=maybe([fl.scene.Lamp((0.0, -1.0, 5.0), power=keys)], []),
         lens=maybe(fl.camera.Lens(focus=float("inf"), f_stop=2.8)),

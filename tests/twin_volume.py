@@ -46,14 +46,9 @@ def turning_points(shape: Shape, k: tuple[int, int], velocity: ArrayLike, longes
 
 
 def spectrum(
-    frames: int,
-    shape: Shape,
-    velocity: ArrayLike,
-    *,
-    seed: int,
-    wavelengths: tuple[float, float] = (4.0, 32.0),
-    cells: str = "one",
-) -> NDArray[np.complex128]:
+    frames: int, shape: Shape, velocity: ArrayLike, *, seed: int,
+    wavelengths: tuple[float, float] = (4.0, 32.0), cells: str = "one",
+) -> NDArray[np.complex128]:  # fmt: skip
     """(H, W, T): amplitude times exp(2 pi i phase) in the cells on the tent, zero elsewhere."""
     amplitude = twin.band_amplitude(shape, wavelengths=wavelengths)
     phase = twin.random_phase(shape, seed=seed)

@@ -183,15 +183,12 @@ def not_outputs(out: np.ndarray) -> dict[str, Any]:
     """Return what does not fit in the place of an array to write into."""
     byte = out.dtype.newbyteorder()
     found = {
-        "a list": out.tolist(),
-        "another dtype": out.astype(np.complex64),
+        "a list": out.tolist(), "another dtype": out.astype(np.complex64),
         "another shape": np.zeros((*out.shape, 2), out.dtype),
         "one row more": np.zeros((out.shape[0] + 1, *out.shape[1:]), out.dtype),
-        "read-only": read_only(out),
-        "strided": strided(out),
-        "backwards": backwards(out),
+        "read-only": read_only(out), "strided": strided(out), "backwards": backwards(out),
         "one number": np.broadcast_to(np.zeros((), out.dtype), out.shape),
-    }
+    }  # fmt: skip
     if byte != out.dtype:
         # One byte has no order and is always aligned.
         found |= {"bytes turned": np.zeros(out.shape, byte), "misaligned": misaligned(out)}

@@ -113,6 +113,7 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
         "direction": ((0.0, 0.0, 0.0), (1.0, 0.0), (1.0, NAN, 0.0)), "ambient": (1.5,),
         "color": (1.5, (0.5, -0.1, 0.5), "white"),
     },
+    "scene.Light": {"snow": (-1.0, (1.0, 1.0), "white", Keys([(0, -1.0)])), "sky": (-1.0,)},
     "camera.Lens": {
         "focus": (0.0,), "f_stop": (-1.0,), "blades": (2,), "sensor": (0.0,),
     },

@@ -72,6 +72,8 @@ CALLS: dict[str, Call] = {
         then=lambda way: way.place(1.5, fps=30.0)),
     "Keys": Call({"keys": [(0, 1.0), (9, 2.0)]}),
     "scene.Sun": Call({}),
+    "scene.Light": Call({"snow": (0.5, 0.6, 0.7)}),
+    "scene.find_light": Call({"scene": SCENE}, then=lambda light: light.at(0.0)),
     "scene.Lamp": Call({"place": (1.0, -2.0, 6.0)}),
     "camera.Lens": Call({"focus": 4.0}, infinite=("focus",), refused={"blades": (2,)}),
     "scene.Output": Call({"bits": "float", "motion": "y-up"}, loose=True),

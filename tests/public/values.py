@@ -42,38 +42,25 @@ def backwards(array: np.ndarray) -> np.ndarray:
 
 # The same numbers in other memory.
 LAYOUTS: dict[str, Callable[[np.ndarray], Any]] = {
-    "Fortran": np.asfortranarray,
-    "transposed": lambda array: np.ascontiguousarray(array.T).T,
-    "backwards": backwards,
-    "strided": strided,
-    "read-only": read_only,
-    "misaligned": misaligned,
+    "Fortran": np.asfortranarray, "transposed": lambda array: np.ascontiguousarray(array.T).T,
+    "backwards": backwards, "strided": strided, "read-only": read_only, "misaligned": misaligned,
     "big-endian": lambda array: array.astype(array.dtype.newbyteorder(">")),
     "subclass": lambda array: array.copy().view(Subclass),
     "masked": lambda array: np.ma.masked_array(array, np.zeros(array.shape, bool)),
-}
+}  # fmt: skip
 
 
 def no_arrays(array: np.ndarray) -> dict[str, Any]:
     """Return what an array of numbers of this shape is not."""
     shape = array.shape
     return {
-        "complex": array + 1j,
-        "object": np.full(shape, object()),
-        "text": np.full(shape, "1"),
-        "dates": np.full(shape, 3, "M8[s]"),
-        "records": np.zeros(shape, [("a", float)]),
-        "None": np.full(shape, None),
-        "bool": array > 0.5,
-        "a word": "abc",
-        "ragged": [[1.0, 2.0], [3.0]],
-        "a mapping": {"a": 1.0},
-        "an object": object(),
-        "too deep": array[(None,) * 5],
-        "empty": array[:0],
-        "NaN": np.full(shape, np.nan),
+        "complex": array + 1j, "object": np.full(shape, object()), "text": np.full(shape, "1"),
+        "dates": np.full(shape, 3, "M8[s]"), "records": np.zeros(shape, [("a", float)]),
+        "None": np.full(shape, None), "bool": array > 0.5, "a word": "abc",
+        "ragged": [[1.0, 2.0], [3.0]], "a mapping": {"a": 1.0}, "an object": object(),
+        "too deep": array[(None,) * 5], "empty": array[:0], "NaN": np.full(shape, np.nan),
         "one NaN": np.where(np.arange(array.size).reshape(shape) == array.size - 1, np.nan, array),
-    }
+    }  # fmt: skip
 
 
 # For each argument that is no array. Whether one may be taken, its type says: `may_be`.
@@ -166,8 +153,8 @@ TYPES: dict[str, Callable[[Any], bool]] = {
     "npt.DTypeLike": lambda value: isinstance(value, np.float64),
     # Classes, of which none is among the hostile values.
     **dict.fromkeys(
-        ("Camera", "Scene", "Budget", "Population", "Match", "Ground", "Lamp", "Lens", "Output",
-         "Sun", "Texture", "Wind"), lambda value: isinstance(value, dict),
+        ("Camera", "Scene", "Budget", "Population", "Match", "Ground", "Lamp", "Lens",
+         "Light", "Output", "Sun", "Texture", "Wind"), lambda value: isinstance(value, dict),
     ),
     # Of what is left, sequences and such, only the plainest is known.
     "Any": lambda value: True, "Depth": lambda value: True,

@@ -70,33 +70,19 @@ def wind(name: str, value: object) -> Any:
 
 # What all that falls has.
 FALL: Mapping[str, Check] = {
-    "look": one_of(LOOKS),
-    "amount": share,
-    "haze": share,
-    "fall": as_number,
-    "wind": wind,
-    "color": lambda _, value: as_color(value),
-    "shutter": partial(as_number, low=0.0),
+    "look": one_of(LOOKS), "amount": share, "haze": share, "fall": as_number, "wind": wind,
+    "color": lambda _, value: as_color(value), "shutter": partial(as_number, low=0.0),
     "seed": optional(lambda _, value: seed_of(value)),
-}
+}  # fmt: skip
 
 # What the tent's texture has besides.
 TENT: Mapping[str, Check] = {
-    **FALL,
-    "texture": share,
-    "mean": as_number,
-    "spread": positive,
-    "power": positive,
-    "exponent": real,
-    "near_depth": length,
-    "wavelengths": optional(wavelengths),
+    **FALL, "texture": share, "mean": as_number, "spread": positive, "power": positive,
+    "exponent": real, "near_depth": length, "wavelengths": optional(wavelengths),
     "tile": optional(partial(integer, low=5, high=2**15)),
-    "overlap": optional(partial(integer, low=0, high=2**15)),
-    "blend": one_of(BLEND),
-    "alias": one_of(ALIAS),
-    "depth_mode": one_of(DEPTH_MODES),
-    "jitter": flag,
-}
+    "overlap": optional(partial(integer, low=0, high=2**15)), "blend": one_of(BLEND),
+    "alias": one_of(ALIAS), "depth_mode": one_of(DEPTH_MODES), "jitter": flag,
+}  # fmt: skip
 
 
 def part_of(kind: type[_Part], effect: Any, **own: Any) -> _Part:

@@ -40,15 +40,10 @@ from flurries.motion.keys import Keys, Number, Vector
 from flurries.motion.wind import Wind
 
 _CONE: dict[str, Check] = {
-    **FALL,
-    "gain": gain,
-    "conserve": flag,
-    "damping": part,
-    "radius": length,
-    "repeats": partial(integer, low=1, high=64),
-    "slope": partial(real, low=0.0, high=10.0),
+    **FALL, "gain": gain, "conserve": flag, "damping": part, "radius": length,
+    "repeats": partial(integer, low=1, high=64), "slope": partial(real, low=0.0, high=10.0),
     "tile": partial(integer, low=16, high=2048),
-}
+}  # fmt: skip
 _RAIN: dict[str, Check] = {
     **_CONE,
     "drops": partial(integer, low=0, high=100_000),
@@ -57,13 +52,9 @@ _RAIN: dict[str, Check] = {
     "spread": part,
 }
 _SNOW: dict[str, Check] = {
-    **_CONE,
-    "texture_flakes": partial(integer, low=0, high=100_000),
-    "flakes": population,
-    "flake_size": sizes,
-    "flake_opacity": part,
-    "sway": pair,
-}
+    **_CONE, "texture_flakes": partial(integer, low=0, high=100_000), "flakes": population,
+    "flake_size": sizes, "flake_opacity": part, "sway": pair,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,14 +235,10 @@ tile, look, seed
             spread=min(2.0 * (large - small) / (large + small), 1.0),
         )  # fmt: skip
         flakes = Flakes(
-            motion=Motion(self.fall, self.wind, self.shutter),
-            keyed=isinstance(self.amount, Keys),
-            number=self.flakes,
-            reach=self.radius,
-            sizes=self.flake_size,
-            opacity=self.flake_opacity,
-            sway=self.sway,
-        )
+            motion=Motion(self.fall, self.wind, self.shutter), keyed=isinstance(self.amount, Keys),
+            number=self.flakes, reach=self.radius, sizes=self.flake_size,
+            opacity=self.flake_opacity, sway=self.sway,
+        )  # fmt: skip
         shown = make if self.texture_flakes else None
         return self._parts(shown, mean, (0.8, 1.0, 1.0, 1.0), flakes)
 

@@ -100,20 +100,11 @@ class DoubleCone:
         top, bottom, left, right = frame.window
         state = self.state(frame)
         alpha = cone.layers(
-            frame.shape,
-            frame.camera,
-            self.make(seed=frame.seed),
-            axis=state.axis,
-            phase=state.phase,
-            stretch=state.stretch,
-            slope=self.slope,
-            repeats=self.repeats,
-            radius=self.radius,
-            depth=frame.depth,
-            rows=(top, bottom),
-            gains=gains,
+            frame.shape, frame.camera, self.make(seed=frame.seed), axis=state.axis,
+            phase=state.phase, stretch=state.stretch, slope=self.slope, repeats=self.repeats,
+            radius=self.radius, depth=frame.depth, rows=(top, bottom), gains=gains,
             conserve=self.conserve,
-        )
+        )  # fmt: skip
         return alpha[:, left:right]
 
 
@@ -138,15 +129,10 @@ def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
     inside = twice + np.tile([-1e-6, 1e-6], len(frames))
     velocity = [course.line(twice, inside)[0] * fps for course in (air, camera)]
     return cone.path(
-        twice / fps,
-        *velocity,
-        damping=part.damping,
-        exposure=np.interp(twice, at, exposures) / fps,
-        length=part.length,
-        radius=part.radius,
-        repeats=part.repeats,
-        still=STILL,
-    )
+        twice / fps, *velocity, damping=part.damping,
+        exposure=np.interp(twice, at, exposures) / fps, length=part.length, radius=part.radius,
+        repeats=part.repeats, still=STILL,
+    )  # fmt: skip
 
 
 @kept(32)

@@ -29,8 +29,7 @@ SNOW: dict[str, dict[str, Any]] = {
         "sway": (0.05, 2.5),
     },
     "night flurry": {
-        "density": 16.0, "flake_size": (0.002, 0.006, 0.016), "color": (1.0, 0.92, 0.8),
-        "wind": (0.6, 0.0, 0.0),
+        "density": 16.0, "flake_size": (0.002, 0.006, 0.016), "wind": (0.6, 0.0, 0.0),
     },
 }  # fmt: skip
 

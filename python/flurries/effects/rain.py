@@ -40,8 +40,8 @@ class Rain(metaclass=Described):
     opacity : float
         Mean opacity over the disc of a drop at rest, 0 to 0.99.
     gain : float
-        Light that a drop sends, divided by `color`. A drop gathers the light of the whole sky
-        ahead, which is brighter than most of what is behind the drop. Keyed.
+        Light that a drop sends, divided by `color`. A drop shows the sky ahead, most of it higher
+        than what the picture has: under clouds twice as bright as at the horizon. Keyed.
     amount : float
         Share of the drops that are shown, 0 to 1. Keyed.
     emission : float
@@ -84,7 +84,7 @@ class Rain(metaclass=Described):
     density: Number = 700.0
     drop_size: tuple[float, float, float] | Keys = (0.0005, 0.0009, 0.006)
     opacity: float = 0.9
-    gain: Number = 6.0
+    gain: Number = 2.0
     amount: Number = 1.0
     emission: Number = 1.0
     fall: Number | None = None

@@ -42,14 +42,10 @@ from flurries.spectral.tables import Aliasing
 from flurries.spectral.tiles import Blend
 
 _CHECKS = {
-    **TENT,
-    "drops": population,
+    **TENT, "drops": population,
     "drop_density": optional(lambda name, value: real(name, value, low=0.0, high=1e6)),
-    "drop_size": sizes,
-    "drop_depth": length,
-    "gain": gain,
-    "renormalise": flag,
-}
+    "drop_size": sizes, "drop_depth": length, "gain": gain, "renormalise": flag,
+}  # fmt: skip
 
 
 @looks
@@ -67,27 +63,13 @@ class TentRain(metaclass=Described):
     ----------
     preset : str, optional
         A look by name, of ``PRESETS``; given fields replace its own.
-    amount : float
-        Strength of the whole effect, 0 to 1; scales drops, texture and haze. Keyed.
+    amount, wind, color, haze, texture, mean, spread, power, exponent, blend, alias, jitter, \
+depth_mode, look, seed, severity
+        As in :class:`TentSnow`. On a bright picture the veil is most of what shows that it rains.
     fall : float
         Fall speed, metres per second: 3 for drizzle, 9 for the largest drops. Keyed.
-    wind : (x, y, z) or Wind
-        Air velocity, metres per second, x right, y down, z away from the camera. Keyed; or
-        :class:`flurries.Wind`.
-    color : float, (r, g, b), "#rrggbb" or "ambient"
-        Display values, 0 to 1. Keyed. "ambient" as in :class:`TentSnow`.
-    haze : float
-        Opacity of an even veil, 0 to 1; in a scene with a depth, of the veil in front of the
-        farthest rain. Keyed. On a bright picture the veil is most of what shows that it rains.
     shutter : float
         Exposure in frames, centred on the frame: how long the streaks are. Keyed.
-    texture : float
-        Largest opacity of the texture, 0 to 1; 0 leaves it out. Keyed.
-    mean, spread, power : float
-        Parameters of the map from the texture to opacity, see :func:`flurries.spectral.opacity`.
-        Keyed.
-    exponent : float
-        Slope of the texture's spectrum.
     wavelengths : (shortest, longest), optional
         The texture's band in pixels. If not given, (2, 12) on a picture 1024 px wide, in proportion
         on others, not under 2 px.
@@ -96,17 +78,8 @@ class TentRain(metaclass=Described):
     tile, overlap : int, optional
         The texture's tiles in pixels. If not given, tiles are large enough for the streaks to move.
         A smaller tile is used with a warning.
-    blend : {"power", "linear"}
-        See :func:`flurries.spectral.blend_tiles`.
-    alias : {"cut", "soft", "keep"}
-        What happens to waves that are too fast for the frame rate, see
-        :func:`flurries.spectral.temporal_filter`.
     renormalise : bool
         Give the remaining waves the contrast that all waves had together.
-    jitter : bool
-        Spread the directions of the texture's waves, so that none stands still.
-    depth_mode : {"tile", "pixel"}
-        As in :class:`TentSnow`.
     drops : int
         Drops in view between the camera and `drop_depth`; 0 draws none.
     drop_density : float, optional
@@ -118,12 +91,6 @@ class TentRain(metaclass=Described):
     gain : float
         Light that a drop scatters, divided by the light that an opaque disc of its size hides. With
         1 the streaks are hardly visible, as those of real drops.
-    look : {"v1"}
-        As in :class:`TentSnow`.
-    seed : int, optional
-        Seed of this effect; the scene's seed if not given.
-    severity : int, optional
-        1 to 5 are rates, as of :class:`Snow` and :class:`Rain`.
     rate : float, optional
         Rate of rain in mm/h: drizzle 3, rain 10, a downpour 25. Sets `drop_density`, `drop_size`,
         `fall`, `texture`, `mean` and `haze`, those that are not given: the drops of Marshall and
@@ -205,11 +172,6 @@ class TentRain(metaclass=Described):
             largest=(1.8, 3.0),
         )
         return part_of(
-            Precipitation,
-            self,
-            name=self.NAME,
-            motion=motion,
-            texture=texture,
-            flakes=drops,
+            Precipitation, self, name=self.NAME, motion=motion, texture=texture, flakes=drops,
             veil=Veil(self.haze, field.far_depth),
-        )
+        )  # fmt: skip

@@ -185,21 +185,11 @@ class TentSnow(metaclass=Described):
         field = part_of(Field, self, motion=motion, tuned=(3.0, 24.0))
         texture = part_of(Texture, self, field=field, opacity=self.texture)
         flakes = Flakes(
-            motion=motion,
-            keyed=isinstance(self.amount, Keys),
-            number=self.flakes,
-            density=self.flake_density,
-            reach=self.near_depth,
-            sizes=self.flake_size,
-            opacity=self.flake_opacity,
-            sway=self.sway,
-        )
+            motion=motion, keyed=isinstance(self.amount, Keys), number=self.flakes,
+            density=self.flake_density, reach=self.near_depth, sizes=self.flake_size,
+            opacity=self.flake_opacity, sway=self.sway,
+        )  # fmt: skip
         return part_of(
-            Precipitation,
-            self,
-            name=self.NAME,
-            motion=motion,
-            texture=texture,
-            flakes=flakes,
+            Precipitation, self, name=self.NAME, motion=motion, texture=texture, flakes=flakes,
             veil=Veil(self.haze, field.far_depth),
-        )
+        )  # fmt: skip

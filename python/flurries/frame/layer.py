@@ -90,15 +90,11 @@ def layers_of(answer: object, effect: object, shape: tuple[int, int]) -> tuple[L
                 f"got {type(layer).__name__}"
             )
         planes: dict[str, tuple[Any, tuple[int, ...]]] = {
-            "alpha": (layer.alpha, shape),
-            "rgb": (layer.rgb, (*shape, 3)),
-            "glow": (layer.glow, (*shape, 3)),
-            "depth": (layer.depth, shape),
-            "motion": (layer.motion, (*shape, 2)),
-            "backward": (layer.backward, (*shape, 2)),
-            "coverage": (layer.coverage, shape),
-            "ids": (layer.ids, shape),
-        }
+            "alpha": (layer.alpha, shape), "rgb": (layer.rgb, (*shape, 3)),
+            "glow": (layer.glow, (*shape, 3)), "depth": (layer.depth, shape),
+            "motion": (layer.motion, (*shape, 2)), "backward": (layer.backward, (*shape, 2)),
+            "coverage": (layer.coverage, shape), "ids": (layer.ids, shape),
+        }  # fmt: skip
         for name, (given, wanted) in planes.items():
             if given is None and name != "alpha":
                 continue

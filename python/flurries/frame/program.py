@@ -27,8 +27,10 @@ from flurries.frame.matte import Front
 from flurries.frame.mixing import Mix
 from flurries.frame.needs import LeftOut, Needs, Run, has_keys, needs_of, renderer_of
 from flurries.frame.view import Frame, Lap
+from flurries.io.color import linear_to_srgb
 from flurries.light.lamp import Lamp, Sun
-from flurries.light.plate import PlateLight, ambient_of, cell_sums, plate_light
+from flurries.light.plate import PlateLight, cell_sums, plate_light
+from flurries.light.shot import Light, light_of
 
 # Frames of a background in which the light of its shot is found.
 _FRAMES = 9
@@ -80,11 +82,12 @@ class Program:
     linear: bool  # Whether layers are mixed in linear light.
     primaries: Array | None = None  # See `Mix`.
     lights: tuple[Lamp, ...] = ()
+    light: Light | None = None  # Of the shot, where the scene says it.
     lens: Lens | None = None
     lap: Lap | None = None
     still: bool = False  # Whether it is one picture, exposed as a photograph is.
     # In the background's last frame; all scenes derived from one share it.
-    found: dict[str, tuple[int, Any]] = field(default_factory=dict)
+    found: dict[str, tuple[Any, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.parts: list[Part] = []
@@ -151,12 +154,12 @@ class Program:
         runs = self._parts_in(base, dtype)
         reads = frozenset[str]().union(*(needs.reads for _, needs in runs)) if read else ()
         depth, edges = self._depths_at(t) if "depth" in reads else (None, None)
-        ambient = self._ambient() if "ambient" in reads else None
+        ambient = self._ambient(t) if "ambient" in reads else None
         front = self.front(t) if runs else None
         visible = None if front is None or dtype is None else front.visible
         sides = (edges and edges.front, front.deep if front is not None and read else None)
         nearer = tuple(deep for deep in sides if deep is not None)
-        plate = self._plate(t) if "plate" in reads else None
+        plate = self._plate(t, depth) if "plate" in reads else None
         found, airs = [], [air_of(part.renderer, t) if self.lights else 0.0 for part, _ in runs]
         for number, (part, needs) in enumerate(runs):
             key = (part.place, camera, window, dtype is None, _core.reproducible())
@@ -229,25 +232,39 @@ class Program:
         return depth if edges is None else edges.back, edges
 
     # Of the whole picture, so that a region has the whole's bits.
-    def _ambient(self) -> tuple[float, float, float]:
-        """Return the light of the shot, found once from frames of all of its background."""
-        with current.get().stage("ambient"):
-            if "ambient" not in self.found:
-                numbers, sums = self.backdrop.sampled(_FRAMES), []
-                for number in numbers:
-                    with suppress(OSError):  # Damaged frames have no say.
-                        sums.append(cell_sums(*self._picture(number))[0])
-                self.found["ambient"] = 0, ambient_of(sums)
-        answer: tuple[float, float, float] = self.found["ambient"][1]
-        return answer
+    def find_light(self, *, keyed: bool = False) -> Light:
+        """Return the light of the shot, from frames of all of its background."""
+        sums = {}
+        for number in self.backdrop.sampled(_FRAMES):
+            with suppress(OSError):  # Damaged frames have no say.
+                sums[number] = cell_sums(*self._picture(number))[0]
+        return light_of(sums, keyed=keyed)
 
-    def _plate(self, t: float) -> PlateLight:
+    def _light(self) -> Light:
+        """Return the light of the shot, as the scene says it or found once."""
+        if self.light is None and "light" not in self.found:
+            self.found["light"] = (), self.find_light()
+        light: Light = self.light or self.found["light"][1]
+        return light
+
+    def _ambient(self, t: float) -> tuple[float, float, float]:
+        """Return the display values of white snow in the light of the shot."""
+        with current.get().stage("ambient"):
+            red, green, blue = linear_to_srgb(self._light().at(t)[0]).tolist()
+        return red, green, blue
+
+    def _plate(self, t: float, depth: Array | None) -> PlateLight:
         """Return the light by places of the background at `t`; of one that never changes, once."""
-        number = 0 if self.backdrop.count is None else math.floor(t)
-        there = self.found.get("plate")
         with current.get().stage("plate light"):
-            if there is None or there[0] != number:
-                there = self.found["plate"] = number, plate_light(*self._picture(t))
+            _, sky, ground = self._light().at(t)
+            depth = None if self.distance is None else depth
+            number = 0 if self.backdrop.count is None else math.floor(t)
+            key = id(depth), number, *sky.tolist(), *ground.tolist()
+            there = self.found.get("plate")
+            if there is None or there[0] != key:
+                made = plate_light(*self._picture(t), sky, ground, depth)
+                # With the depth, so that its number stays its own.
+                there = self.found["plate"] = key, made, depth
         answer: PlateLight = there[1]
         return answer
 

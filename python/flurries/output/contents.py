@@ -25,7 +25,7 @@ from flurries.output.folder import Store
 from flurries.output.journal import Mark
 from flurries.scene.fingerprint import Inputs, Settings
 from flurries.scene.output import MOTION
-from flurries.scene.scene import Scene
+from flurries.scene.scene import Scene, find_light
 
 
 @dataclass(frozen=True)
@@ -236,7 +236,10 @@ class Frames:
     _pattern: Pattern | None = field(init=False)
 
     def __post_init__(self) -> None:
-        self.scene = self.scene._anew()
+        self.scene = scene = self.scene._anew()
+        if scene.range is not None and scene._film is None and scene._takes_light:
+            # Frames of a sequence have the light of all of it: whoever makes one has to agree.
+            self.scene = scene.replace(light=scene.light or find_light(scene))
         self.folder = Path(self.pattern).parent
         self.inputs = Inputs(self.scene)
         # Frames of the two modes are never mixed.

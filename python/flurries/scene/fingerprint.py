@@ -27,7 +27,7 @@ __all__ = ["BITS", "fingerprint"]
 
 # Frames that two versions of flurries make go together only where this number is the same: it is
 # raised with every change that alters a bit of a frame, in a kernel or in a look.
-BITS = 34
+BITS = 37
 
 # A file that changed less than this before it was hashed, in nanoseconds, may change again and
 # keep its time: clocks of file systems tick that slowly.
@@ -38,6 +38,7 @@ _TICK = 2_000_000_000
 _NOW = {
     "effects": ("amount", "color", "emission", "haze", "opacity"),
     "lens": ("focus", "f_stop"),
+    "light": ("snow", "sky", "ground"),
     "lights": ("place", "direction", "color", "power"),
 }
 

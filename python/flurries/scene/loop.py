@@ -36,6 +36,7 @@ class Looped(NamedTuple):
     effects: tuple[Any, ...]  # Those that draw one by one stand twice, a round apart.
     path: CameraPath
     lights: tuple[Any, ...]
+    light: Any
     lens: Any
     bent: tuple[str, ...]  # What does not end as it began, and what becomes of it.
 
@@ -72,7 +73,10 @@ def looped_scene(scene: Rendering, lap: Lap) -> Looped:
             one = replace(one, sway=(one.sway[0], rate))
         shown.append(replace(one, seed=drawn))
     lamps = tuple(close(f"lights[{index}]", lamp) for index, lamp in enumerate(lights))
-    opening = None if scene.lens is None else close("lens", scene.lens)
+    light, opening = (
+        part if part is None else close(name, part)
+        for name, part in (("light", scene.light), ("lens", scene.lens))
+    )
     if path.focal is not None and not isinstance(path.focal, Keys):
         path = replace(path, focal=Keys(list(enumerate(path.focal.tolist()))))
     for field in ("velocity", "focal"):
@@ -97,7 +101,7 @@ def looped_scene(scene: Rendering, lap: Lap) -> Looped:
         for index, effect in enumerate(effects)
         if (words := _bending(effect, path, fps, lap))
     ]
-    return Looped(tuple(shown), path, lamps, opening, tuple(bent))
+    return Looped(tuple(shown), path, lamps, light, opening, tuple(bent))
 
 
 def _bending(effect: Any, path: CameraPath, fps: float, lap: Lap) -> str:

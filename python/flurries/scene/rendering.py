@@ -22,6 +22,7 @@ from flurries.frame.truth import Rendered, truth
 from flurries.frame.view import Lap
 from flurries.io.colorspace import ColorSpace
 from flurries.light.lamp import Lamp, Sun
+from flurries.light.shot import Light
 from flurries.scene.arguments import parse_region
 from flurries.scene.files import Frames, Sources, frames_of
 from flurries.scene.loop import Looped, looped_scene
@@ -47,12 +48,13 @@ class Rendering(Sources):
     seed: int
     sun: Sun | None
     lights: tuple[Lamp, ...]
+    light: Light | None
     lens: Lens | None
     _still: bool
     space: str
     colorspace: str | None
     _path: CameraPath
-    _found: dict[str, tuple[int, Any]]
+    _found: dict[str, tuple[Any, ...]]
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -64,6 +66,12 @@ class Rendering(Sources):
     def _color(self) -> ColorSpace | None:
         """The background's color space, where it is said."""
         return None if self.colorspace is None else ColorSpace.of("colorspace", self.colorspace)
+
+    @property
+    def _takes_light(self) -> bool:
+        """Whether an effect has the light of the shot."""
+        colors = [getattr(effect, "color", None) for effect in self.effects]
+        return any(isinstance(one, str) and one in ("ambient", "local") for one in colors)
 
     @property
     def _linear(self) -> bool:
@@ -106,14 +114,15 @@ class Rendering(Sources):
     @cached_property
     def _program(self) -> Program:
         """The program of each frame, resolved when it is first asked for."""
-        parts = (self.effects, self._path, self.lights, self.lens)
-        effects, path, lights, lens = parts if self.loop is None else self._looped[:4]
+        parts = (self.effects, self._path, self.lights, self.light, self.lens)
+        effects, path, lights, light, lens = parts if self.loop is None else self._looped[:5]
         return Program(
             effects=effects, shape=self.shape, fps=self.fps, path=path, seed=self.seed,
             sun=self.sun, backdrop=self._backdrop, distance=self._distance, mattes=self._mattes,
             linear=self._linear,
             primaries=None if self._color is None else self._color.working.from_rec709(),
-            lights=lights, lens=lens, lap=self._lap, still=self._still, found=self._found,
+            lights=lights, light=light, lens=lens, lap=self._lap, still=self._still,
+            found=self._found,
         )  # fmt: skip
 
     def render(self, t: float, *, region: Region | None = None, eye: Camera | None = None) -> Array:

@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from flurries._contract import Array, choice, rate_of, seed_of, suggesting
+from flurries._contract import Array, choice, flag, rate_of, seed_of, suggesting
 from flurries._warnings import warn
 from flurries.camera.extent import holding
 from flurries.camera.lens import Camera
@@ -23,6 +23,7 @@ from flurries.io import open_background
 from flurries.io.sequences import EXTEND, MOST_FRAMES
 from flurries.io.sources import Source
 from flurries.light.lamp import Lamp, Sun
+from flurries.light.shot import Light
 from flurries.scene.arguments import effects_of, lights_of, number_or_none, one_or_none, parse_size
 from flurries.scene.background import Backdrop, backdrop
 from flurries.scene.depth import DepthMap, Distance, distance_of
@@ -94,6 +95,9 @@ class Scene(Rendering):
         The sun that lights gas.
     lights : sequence of Lamp
         Lamps that light flakes and drops; the frame is then mixed in linear light.
+    light : Light, optional
+        The light of the shot, for what is "ambient" or "local" and for mist; found in nine frames
+        of the background if not given, see :func:`find_light`.
     lens : Lens, "usual" or None
         A lens with an opening: flakes and drops that are out of focus are soft. "usual" is f/5.6
         focused at 10 m over a photograph or a film of integers, and no lens over a color or linear
@@ -141,6 +145,7 @@ class Scene(Rendering):
     start: int | None
     colorspace: str | None
     lights: tuple[Lamp, ...]
+    light: Light | None
     lens: Lens | None
     _still: bool = field(init=False)  # Whether it is one picture, exposed as a photograph is.
     loop: int | None
@@ -148,7 +153,7 @@ class Scene(Rendering):
     _backdrop: Backdrop = field(init=False)
     _mattes: Mattes | None = field(init=False)
     # What was found in the background, such as its light: also of scenes derived from this one.
-    _found: dict[str, tuple[int, Any]] = field(init=False, compare=False)
+    _found: dict[str, tuple[Any, ...]] = field(init=False, compare=False)
     _distance: Distance | None = field(init=False)
     _path: CameraPath = field(init=False)
 
@@ -158,8 +163,8 @@ class Scene(Rendering):
         fps: float | None = None, seed: int = 0, foreground: Front = None, space: Space = "auto",
         depth: Depth | None = None, sun: Sun | None = None, extend: Extend = "stop",
         start: int | None = None, colorspace: str | None = None, lights: Lamp | Sequence[Lamp] = (),
-        lens: Lens | Literal["usual"] | None = "usual", loop: int | None = None,
-        output: Output | None = None,
+        light: Light | None = None, lens: Lens | Literal["usual"] | None = "usual",
+        loop: int | None = None, output: Output | None = None,
     ) -> None:  # fmt: skip
         settle = partial(object.__setattr__, self)
         settle("seed", seed_of(seed))
@@ -170,6 +175,7 @@ class Scene(Rendering):
         settle("effects", effects_of(effects))
         settle("sun", one_or_none("sun", sun, Sun))
         settle("lights", lights_of(lights))
+        settle("light", one_or_none("light", light, Light))
         settle("loop", number_or_none("loop", loop, low=2))
         settle("output", one_or_none("output", output, Output) or Output())
         settle("_found", {})
@@ -300,6 +306,28 @@ def open_scene(path: str | Path, **arguments: Any) -> Scene:
         return Scene(path, **arguments)
     found = load(path)
     return found.replace(**arguments) if arguments else found
+
+
+def find_light(scene: Scene, *, keyed: bool = False) -> Light:
+    """Return the light of a scene's background, whatever its own `light` says.
+
+    Parameters
+    ----------
+    scene : Scene
+        Nine frames of its background are read, and for each place the middle counts: a lamp that
+        enters changes nothing.
+    keyed : bool
+        Whether each of these frames gets a key: for a sky that changes itself, as at dusk, and
+        stays in the picture. A camera that turns to another part of the sky is no such change.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> scene = fl.Scene("#808080", size=(64, 48), effects=[fl.Snow()])
+    >>> scene = scene.replace(light=fl.scene.find_light(scene))
+    """
+    found: Light = expect_scene(scene)._program.find_light(keyed=flag("keyed", keyed))
+    return found
 
 
 def expect_scene(scene: object) -> Scene:

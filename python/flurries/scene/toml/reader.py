@@ -19,6 +19,7 @@ from flurries.camera.path import CameraPath
 from flurries.effects.kinds import class_of
 from flurries.io.files import file_of, read_text
 from flurries.light.lamp import Lamp, Sun
+from flurries.light.shot import Light
 from flurries.motion.keys import Keys
 from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.arguments import MOST_EFFECTS, require_few
@@ -37,7 +38,7 @@ FORMAT = 3
 
 SCENE = tuple(f.name for f in fields(Scene) if f.init)
 # Tables that are objects, by their keys.
-PARTS: dict[str, Any] = {"sun": Sun, "lens": Lens, "output": Output}
+PARTS: dict[str, Any] = {"sun": Sun, "light": Light, "lens": Lens, "output": Output}
 DEPTH = ("source", "near", "far", "white", "law")
 LENS = tuple(f.name for f in fields(Camera))
 WAY = ("position", "velocity", "orientation")

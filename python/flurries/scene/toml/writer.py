@@ -37,9 +37,9 @@ def describe(
         described = _depth("depth", scene.depth, folder, bare="depth" in leave_out)
         if described is not None:
             table["depth"] = described
-    for name, part in (("sun", scene.sun), ("lens", scene.lens)):
-        if part is not None:
-            table[name] = _said(part)
+    for name in ("sun", "light", "lens"):
+        if getattr(scene, name) is not None:
+            table[name] = _said(getattr(scene, name))
     if scene.lens is None and scene._backdrop.photograph:
         table["lens"] = "none"
     if "output" not in leave_out and (said := scene.output.changed()):
