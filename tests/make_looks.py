@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import flurries as fl
-from flurries.effects.presets import CONE_RAIN, CONE_SNOW, MIST, RAIN, SNOW
+from flurries.effects.presets import CONE_RAIN, CONE_SNOW, MIST, TENT_RAIN, TENT_SNOW
 
 FRAMES = Path(__file__).parent / "frames"
 WIDE, HIGH, ACROSS = 64, 48, 8
@@ -26,7 +26,8 @@ def looks(version: str) -> dict[str, tuple[Any, tuple[int, int]]]:
     kinds: tuple[Any, ...] = (
         effects.TentSnow, effects.TentRain, effects.ConeSnow, effects.ConeRain, fl.Mist,
     )  # fmt: skip
-    for kind, presets in zip(kinds, (SNOW, RAIN, CONE_SNOW, CONE_RAIN, MIST), strict=True):
+    looks = TENT_SNOW, TENT_RAIN, CONE_SNOW, CONE_RAIN, MIST
+    for kind, presets in zip(kinds, looks, strict=True):
         for name in presets:
             effect = kind(name, look=version)
             found[f"{kind.__name__} {name}"] = (effect, (512, 384))

@@ -18,11 +18,6 @@ from measure import cover
 KINDS = [fl.effects.TentSnow, fl.effects.TentRain, fl.Mist]
 
 
-def noise(shape: tuple[int, int], seed: int) -> np.ndarray:
-    """A picture of contrasts of all sizes, none of them the weather's."""
-    return np.random.default_rng(seed).uniform(0.0, 1.0, (*shape, 3)).astype(np.float32)
-
-
 def test_the_rate_of_snow_is_its_mass_times_its_speed():
     def mass(diameter: float) -> float:
         """Brandes et al. 2007, kilograms of a flake of some mm."""
@@ -77,13 +72,6 @@ def test_a_density_is_the_same_behind_any_lens():
         inside = (flakes["pixel"] > 0.0).all(axis=1) & (flakes["pixel"] < (256, 192)).all(axis=1)
         counts.append((inside & (flakes["depth"] < 11.0)).sum())
     assert np.mean(counts) == pytest.approx(20.0 * 2.56 * 1.92 * 11.0**3 / 3.0, rel=0.03)
-
-
-def test_a_visibility_is_visibility():
-    fog = fl.Mist(severity=4)
-    assert fog == fl.Mist(visibility=100.0)
-    assert fl.gas.visibility(fog.extinction()) == pytest.approx(100.0, rel=0.01)
-    assert fl.Mist("fog", severity=4) == fl.Mist("fog", visibility=100.0)
 
 
 @pytest.mark.parametrize(("make", "named"), [

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flurries.effects import TentSnow
-from flurries.effects.looks import LOOKS
+from flurries.effects.checks import LOOKS
 from flurries.io import read_picture
 from make_looks import ACROSS, FRAMES, HIGH, WIDE, frame, looks
 

@@ -80,17 +80,3 @@ class Law:
         """Return what a ray loses for each metre, 1/m: density times covered area."""
         d = self.diameters((np.arange(20000) + 0.5) / 20000)
         return self.density * self.opacity * 0.25 * math.pi * float((d**2).mean())
-
-
-def rain_of(rate: float) -> tuple[float, tuple[float, float, float]]:
-    """Return density and sizes of rain of mm/h: N ~ exp(-4.1 R^-.21 D), D from .5 to 6 mm.
-
-    The density is such that the drops carry the rate.
-    """
-    mm = np.linspace(0.5, 6.0, 200_001)
-    number = np.exp(-4.1 * rate**-0.21 * mm)
-    number /= number.sum()
-    speed = 9.65 - 10.3 * np.exp(-0.6 * mm)
-    # A cubic millimetre of water is a milligram; kilograms a square metre are millimetres.
-    carried = 3600.0 * 1e-6 * math.pi / 6.0 * float((number * mm**3 * speed).sum())
-    return rate / carried, (5e-4, 1e-3 * float((number * mm).sum()), 6e-3)

@@ -9,8 +9,8 @@ from typing import Any
 
 import flurries as fl
 from flurries.camera import importers
-from flurries.effects.described import INNER
 from flurries.effects.kinds import OURS
+from flurries.effects.knobs import INNER
 from flurries.output import write as writing
 
 # Pages beside those of the public modules: title, and the names on it.

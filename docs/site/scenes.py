@@ -13,6 +13,8 @@ from typing import Any
 from numpydoc.docscrape import ClassDoc
 
 import flurries as fl
+from flurries import effects
+from flurries.effects import checks
 from flurries.effects.kinds import METHODS, OURS
 from flurries.scene.toml import reader as tables
 
@@ -118,13 +120,24 @@ def described(kind: type[Any]) -> dict[str, tuple[str, str]]:
             text = re.sub(r":\w+:`~?([^`]+)`", r"`\1`", " ".join(part.desc)).replace("``", "`")
             # numpydoc lists class attributes too, without words.
             if text:
-                found.setdefault(name.strip(), (part.type, text))
+                found.setdefault(name.strip(), other(name.strip(), part.type, text))
     return found
+
+
+def other(name: str, about: str, text: str) -> tuple[str, str]:
+    """Return type and text of a parameter, those of another class if it is "As in" that."""
+    match = re.match(r"(As|See)( in)? `(\w+)`\W*", text)
+    kind = match and getattr(effects, match[3], None)
+    if not match or kind is None or name not in described(kind):
+        return about, text
+    first, words = described(kind)[name]
+    return about or first, " ".join([words, text[match.end() :]]).strip()
 
 
 def ranges(kind: type[Any]) -> dict[str, str]:
     """Return what the checks of an effect's fields say of their limits."""
     module = importlib.import_module(kind.__module__)
+    module = module if hasattr(module, "settle") else checks
     seen: dict[str, Any] = {}
     plain = module.settle
     module.settle = lambda effect, checks: (seen.update(checks), plain(effect, checks))

@@ -19,7 +19,7 @@ from flurries.augment.sheets import Sheets, sheets_of
 from flurries.camera.lens import Camera
 from flurries.effects.air import NEAREST, Class, Eye, images_of
 from flurries.effects.air import Air as Request
-from flurries.effects.mist import reach
+from flurries.effects.strength import reach
 from flurries.gas.optics import visibility
 from flurries.particles.population import FADE
 

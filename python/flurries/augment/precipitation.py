@@ -126,16 +126,12 @@ class Rainfall(Precipitation):
 
     Parameters
     ----------
-    amount, severity, profile, veil, ground, focal, white, seed, weather_seed
+    amount, severity, profile, veil, wind, color, ground, focal, white, seed, weather_seed
         See :class:`Snowfall`.
-    wind : number or range
-        Wind across the view, metres per second; to the right if positive.
     fall : number or range
         Fall speed, metres per second: 4 for drizzle, 9 for the largest drops.
     exposure : number or range
         Seconds that the shutter is open; a longer exposure makes longer streaks.
-    color : number, range or (r, g, b)
-        Display values, 0 to 1.
 
     Notes
     -----

@@ -29,7 +29,7 @@ KINDS: dict[str, Any] = {"mist": Mist, "snow": Snow, "rain": Rain}
 PRESETS = {kind: tuple(KINDS[kind].PRESETS) for kind in ("snow", "rain", "mist")}
 
 # Options that are an effect's arguments of these names.
-KNOBS = ("severity", "rate")
+KNOBS = ("severity", "rate", "visibility")
 FIELDS = ("amount", "wind", "color")
 # And those of what falls.
 FALLING = ("density", "shutter", "near", "method")
@@ -59,7 +59,7 @@ scene_options: Callable[[Any], Any] = join(
     option("--rate", type=float, metavar="MM_H", example="2.5", unset="the preset's",
            help="millimetres of water an hour, in place of a preset; of snow or rain"),
     option("--visibility", type=float, metavar="METRES", example="40", unset="the preset's",
-           help="how far one sees in the mist"),
+           help="how far one sees: in the mist where there is some, else in snow or rain"),
     option("--amount", type=float, metavar="A", example="0.5", unset="1",
            help="how much of the weather is there, 0 to 1"),
     option("--wind", type=numbers(3), metavar="X,Y,Z", example="-2,0,0", unset="the preset's",
@@ -155,7 +155,7 @@ def scene_of(source: str, **options: Any) -> Scene:
 
 def _new(source: str, changes: dict[str, Any], options: dict[str, Any]) -> Scene:
     kinds = [kind for kind in KINDS if options[kind] is not None]
-    if not kinds and any(options[knob] is not None for knob in KNOBS):
+    if not kinds and not options["rate"] is options["severity"] is None:
         options = {**options, "snow": ""}
     effects = _effects(options)
     if not effects:
@@ -193,20 +193,20 @@ def _effects(options: dict[str, Any]) -> list[Any]:
     for name, kind in KINDS.items():
         look = options[name]
         if look is not None:
-            own = {knob: v for knob, v in knobs.items() if knob in kind.KNOBS}
+            own = {knob: v for knob, v in knobs.items() if knob in (*kind.KNOBS, "visibility")}
+            # How far one sees belongs to the mist.
+            if options["mist"] is not None and kind is not Mist:
+                own.pop("visibility", None)
             used |= set(own)
-            more = _given(options, ("visibility",) if kind is Mist else FALLING)
-            given = {**own, **common, **more}
+            given = {**own, **common, **({} if kind is Mist else _given(options, FALLING))}
             effects.append(kind(look, **given) if look else kind(**given))
     lost = _given(options, FALLING)
     if effects and lost and options["snow"] is options["rain"] is None:
         raise click.UsageError(f"--{next(iter(lost))} needs --snow or --rain")
     for knob in knobs:
         if knob not in used:
-            takers = [f"--{one}" for one in KINDS if knob in KINDS[one].KNOBS]
+            takers = [f"--{one}" for one in KINDS if knob in (*KINDS[one].KNOBS, "visibility")]
             raise click.UsageError(f"--{knob} needs one of {', '.join(takers)}")
-    if options["visibility"] is not None and options["mist"] is None:
-        raise click.UsageError("--visibility is one of mist: add --mist PRESET, such as --mist fog")
     return effects
 
 

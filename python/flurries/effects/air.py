@@ -36,8 +36,6 @@ _DEPTHS, _HEIGHTS = 129, 65
 
 
 class Eye(NamedTuple):
-    """An eye at one time."""
-
     turn: Any  # (3, 3): rows turn house axes into the eye's.
     focal: tuple[float, float]  # (x, y): pixels.
     center: tuple[float, float]  # (x, y): the principal point, pixels.
@@ -163,7 +161,6 @@ def _eye(camera: Camera, frame: Frame) -> Eye:
 
 
 def images_of(opacity: float) -> _core.BallImages:
-    """Return the images of flakes of an opacity."""
     return _images(opacity, _core.reproducible())
 
 

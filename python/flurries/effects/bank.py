@@ -30,8 +30,6 @@ Drawn: TypeAlias = tuple[Array, Array | None, Array | None]
 
 @dataclass(frozen=True, eq=False)
 class Bank:
-    """The layer of a mist of a visibility."""
-
     mist: Any  # A `Mist`, settled.
 
     def extinction(self, t: float) -> float:
@@ -40,7 +38,6 @@ class Bank:
         return float(value_at(self.mist.amount, t)) * gas.visibility(visible)
 
     def air(self, t: float) -> float:
-        """Return the extinction of the air around the camera at `t`, per metre."""
         return 0.0 if self._topped else self.extinction(t)
 
     @property
@@ -48,7 +45,6 @@ class Bank:
         return self.mist.center is not None or self.mist.top is not None
 
     def needs(self, frame: Frame) -> Needs:
-        """Return the needs of a frame."""
         mist = self.mist
         drawn = LeftOut(f"{mist.NAME}: particles", "it has a visibility, and is drawn in slices")
         out: tuple[LeftOut, ...] = (drawn,)
@@ -59,7 +55,6 @@ class Bank:
         return needs_of_gas(mist, frame, out, shows=shows, most=1.0, by_rows=False)
 
     def render(self, frame: Frame) -> Layer:
-        """Return the layer of a frame."""
         mist, run = self.mist, frame.run or frame.steps_of(self)
         base, color, local = base_of(mist.color, frame)
         # Under the plate's sky gas with a top is dimmer below its own.
@@ -90,7 +85,6 @@ class Bank:
             return moved_with(layer, depth, frame, mist.wind)
 
     def _drawn(self, frame: Frame, base: Base, *, lit: bool) -> Drawn:
-        """Return the whole frame."""
         mist, slopes, extinction = self.mist, Rays(frame).slopes, self.extinction(frame.t)
 
         def dense() -> tuple[Density, list[Slices]]:
@@ -134,7 +128,6 @@ class Bank:
 
 
 def _opacity(thick: Array) -> None:
-    """Turn optical depth into opacity."""
     # In float32 the exponential is on vector lanes, that less one is not.
     np.exp(np.negative(thick, out=thick), out=thick)
     np.subtract(np.float32(1.0), thick, out=thick)

@@ -27,8 +27,6 @@ SAMPLES, STEPS = 64, 8
 
 
 class Slices(NamedTuple):
-    """Slices one behind the other."""
-
     edges: list[float]  # Where they begin and end, planar depth.
     places: list[float]  # The depths that stand for them.
     dense: Array  # (n, rows, columns) extinction on the coarse grid, per metre.
@@ -38,8 +36,6 @@ class Slices(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Density:
-    """The density of a mist in a frame."""
-
     mist: Any  # A `Mist`, settled.
     frame: Frame
     extinction: float  # Of an even gas of the same mean transmittance, per metre.

@@ -42,7 +42,6 @@ def scattered(mist: Any, cosine: Any) -> Any:
 
 
 def lit_by_sun(mist: Any, frame: Frame) -> bool:
-    """Whether the scene's sun lights a mist."""
     return bool(mist.lit) and frame.sun is not None
 
 

@@ -57,7 +57,6 @@ _STRIDE, _SHORT = 7919, 1_000_003
 
 
 def coarse_shape(frame: Frame) -> tuple[int, int]:
-    """Return the shape of the coarse samples, (rows, columns)."""
     height, width = (-(-side // COARSE) + 2 * MARGIN for side in frame.shape)
     return height, width
 

@@ -60,16 +60,12 @@ _Ints = npt.NDArray[np.int64]
 
 
 class Eyes(NamedTuple):
-    """The camera as the shutter opens, and as it closes."""
-
     rays: Float64  # (2, R, C, 3): of the nodes, house axes, with a depth of 1.
     eye: Float64  # (2, L, 3): places of the eye in the air of each layer, house axes, metres.
     rate: Float64  # (L, 3): metres per frame.
 
 
 class Plane(NamedTuple):
-    """A plane that is seen."""
-
     layer: int
     weight: float  # Of its deviation.
     axes: Float64  # (3, 3): rows turn house axes into the plane's.

@@ -9,13 +9,15 @@ from typing import Any, Literal, TypeAlias, TypeVar, get_args
 
 from flurries._contract import choice, flag, integer, real, seed_of, vector
 from flurries.effects.color import as_color
-from flurries.effects.looks import LOOKS
 from flurries.motion.keys import as_number, as_vector
 from flurries.motion.wind import Wind
 from flurries.spectral.tables import ALIAS, band_of
 from flurries.spectral.tiles import BLEND
 
 _Part = TypeVar("_Part")
+
+# Versions of the looks of tents, cones and mist.
+LOOKS = ("v1",)
 
 # From a field's name and value to the value as it is kept.
 Check = Callable[[str, Any], Any]
@@ -32,7 +34,6 @@ population: Check = partial(integer, low=0, high=100_000_000)
 
 
 def one_of(options: tuple[str, ...]) -> Check:
-    """Return the check of a word."""
     return lambda name, value: choice(name, value, options)
 
 
@@ -42,7 +43,6 @@ def optional(check: Check) -> Check:
 
 
 def sizes(name: str, value: object) -> tuple[float, float]:
-    """Return (smallest, largest), metres."""
     low, high = vector(name, value, 2).tolist()
     if not 0.0 < low <= high:
         raise ValueError(f"{name} must be 0 < smallest <= largest, got {(low, high)}")
@@ -50,7 +50,6 @@ def sizes(name: str, value: object) -> tuple[float, float]:
 
 
 def pair(name: str, value: object) -> tuple[float, float]:
-    """Return two numbers."""
     first, second = vector(name, value, 2).tolist()
     return first, second
 

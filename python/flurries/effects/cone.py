@@ -1,7 +1,6 @@
 """Rain and snow as textures on a double cone around the camera (Wang 2004).
 
 They cost the same however heavy they are, tilt with the camera's motion and stretch with its speed.
-Fall, wind, shutter and the size of drops mean what they mean in `TentRain` and `TentSnow`.
 """
 
 from __future__ import annotations
@@ -15,52 +14,38 @@ from typing import Any, ClassVar
 from flurries import cone
 from flurries._contract import Array, flag, integer, real, suggesting
 from flurries._kept import kept
-from flurries.effects.checks import (
-    FALL,
-    Check,
-    gain,
-    length,
-    pair,
-    part,
-    part_of,
-    population,
-    settle,
-    sizes,
-)
+from flurries.effects import checks
 from flurries.effects.color import Color
-from flurries.effects.described import Described
 from flurries.effects.double_cone import FARTHEST, DoubleCone
 from flurries.effects.flakes import Flakes
-from flurries.effects.knobs import looks
+from flurries.effects.knobs import Described, looks
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
-from flurries.effects.presets import CONE_RAIN, CONE_SNOW, ConeRainLook, ConeSnowLook
+from flurries.effects.presets import CONE_RAIN, CONE_SNOW, ConeSnowLook, RainLook
 from flurries.effects.veil import Veil
 from flurries.motion.keys import Keys, Number, Vector
 from flurries.motion.wind import Wind
 
-_CONE: dict[str, Check] = {
-    **FALL, "gain": gain, "conserve": flag, "damping": part, "radius": length,
-    "repeats": partial(integer, low=1, high=64), "slope": partial(real, low=0.0, high=10.0),
-    "tile": partial(integer, low=16, high=2048),
+_CONE: dict[str, checks.Check] = {
+    **checks.FALL, "gain": checks.gain, "conserve": flag, "damping": checks.part,
+    "radius": checks.length, "repeats": partial(integer, low=1, high=64),
+    "slope": partial(real, low=0.0, high=10.0), "tile": partial(integer, low=16, high=2048),
 }  # fmt: skip
-_RAIN: dict[str, Check] = {
+_RAIN: dict[str, checks.Check] = {
     **_CONE,
     "drops": partial(integer, low=0, high=100_000),
-    "drop_size": length,
-    "drop_length": length,
-    "spread": part,
+    "drop_size": checks.length,
+    "drop_length": checks.length,
+    "spread": checks.part,
 }
-_SNOW: dict[str, Check] = {
-    **_CONE, "texture_flakes": partial(integer, low=0, high=100_000), "flakes": population,
-    "flake_size": sizes, "flake_opacity": part, "sway": pair,
+_SNOW: dict[str, checks.Check] = {
+    **_CONE, "texture_flakes": partial(integer, low=0, high=100_000), "flakes": checks.population,
+    "flake_size": checks.sizes, "flake_opacity": checks.part, "sway": checks.pair,
 }  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Cone(metaclass=Described):
-    """What rain and snow on a cone share."""
-
     amount: Number = 1.0
     fall: Number = 8.0
     wind: Vector | Wind = (0.56, 0.0, 0.0)
@@ -90,9 +75,11 @@ class _Cone(metaclass=Described):
         flakes: Flakes | None = None,
     ) -> Precipitation[DoubleCone]:  # fmt: skip
         motion = Motion(self.fall, self.wind, self.shutter)
-        sheet = part_of(DoubleCone, self, motion=motion, make=make, length=length, gains=gains)
+        sheet = checks.part_of(
+            DoubleCone, self, motion=motion, make=make, length=length, gains=gains
+        )
         veil = Veil(self.haze, FARTHEST * self.radius)
-        return part_of(
+        return checks.part_of(
             Precipitation, self, name=self.NAME, motion=motion, texture=sheet, flakes=flakes,
             veil=veil,
         )  # fmt: skip
@@ -104,14 +91,10 @@ class _Cone(metaclass=Described):
 class ConeRain(_Cone):
     """Rain on a double cone: the cost of a frame does not depend on how heavy it is.
 
-    Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.
-
     Parameters
     ----------
-    preset : str, optional
-        A look by name, of ``PRESETS``; given fields replace its own.
-    amount, fall, color, haze, look, seed
-        As in :class:`TentRain`.
+    preset, amount, fall, color, haze, look, seed
+        As in :class:`TentSnow`.
     wind : (x, y, z) or Wind
         As there; a :class:`flurries.Wind` counts with its mean velocity, as a cone has one axis.
     shutter : float
@@ -140,16 +123,9 @@ class ConeRain(_Cone):
         Radius over height of the cone; 0 is a cylinder, in exact perspective.
     tile : int
         Side of the texture's tile in texels, 16 to 2048.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> scene = fl.Scene("#203040", size=(160, 120), effects=[fl.effects.ConeRain("downpour")])
-    >>> scene.render(17).shape
-    (120, 160, 3)
     """
 
-    preset: InitVar[ConeRainLook | None] = field(default=None, kw_only=False)
+    preset: InitVar[RainLook | None] = field(default=None, kw_only=False)
     drops: int = 700
     drop_size: float = 0.004
     drop_length: float = 0.05
@@ -159,7 +135,7 @@ class ConeRain(_Cone):
     PRESETS: ClassVar[Mapping[str, dict[str, Any]]] = CONE_RAIN
 
     def __post_init__(self, *_: Any) -> None:
-        settle(self, _RAIN)
+        checks.settle(self, _RAIN)
         most = 0.5 * self._tile_metres
         if self.drop_length > most:
             raise ValueError(
@@ -168,7 +144,6 @@ class ConeRain(_Cone):
 
     @cached_property
     def parts(self) -> Precipitation[DoubleCone]:
-        """The parts of the effect."""
         metres = self._tile_metres
         make = partial(
             _texture, cone.rain_tile, self.tile, drops=self.drops, width=self.drop_size / metres,
@@ -185,10 +160,8 @@ class ConeSnow(_Cone):
 
     Parameters
     ----------
-    preset : str, optional
-        A look by name, of ``PRESETS``; given fields replace its own.
-    amount, fall, wind, color, haze, shutter, gain, conserve, damping, radius, repeats, slope, \
-tile, look, seed
+    preset, amount, fall, wind, color, haze, shutter, gain, conserve, damping, radius, repeats, \
+slope, tile, look, seed
         As in :class:`ConeRain`.
     texture_flakes : int
         Flakes in a tile of the cone's texture; 0 leaves the cone out.
@@ -200,8 +173,7 @@ tile, look, seed
         Opacity of a flake, 0 to 1: the mean over the disc of those in front, .99 at most, and that
         of the middle of those in the texture.
     sway : (amplitude, rate)
-        Amplitude in metres and rate in radians per second. Each flake in front swings with a phase
-        of its own.
+        As in :class:`Snow`, of the flakes in front.
     """
 
     preset: InitVar[ConeSnowLook | None] = field(default=None, kw_only=False)
@@ -221,11 +193,10 @@ tile, look, seed
     PRESETS: ClassVar[Mapping[str, dict[str, Any]]] = CONE_SNOW
 
     def __post_init__(self, *_: Any) -> None:
-        settle(self, _SNOW)
+        checks.settle(self, _SNOW)
 
     @cached_property
     def parts(self) -> Precipitation[DoubleCone]:
-        """The parts of the effect."""
         small, large = self.flake_size
         mean = 0.5 * (small + large)
         # A flake's radius is three sigma; the width of a tile's flake is two.

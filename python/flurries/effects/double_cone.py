@@ -47,14 +47,12 @@ class DoubleCone:
     name = "cone"
 
     def needs(self, frame: Frame, amount: float) -> Needs:
-        """Return its one step, or why there is none."""
         if self.gain == 0.0 or self.make is None:
             why = "its gain is 0" if self.gain == 0.0 else "it has no flakes"
             return Needs((), (LeftOut("cone", why),), most=0.0)
         return Needs((Step("cone"),), most=1.0)
 
     def state(self, frame: Frame) -> cone.State:
-        """Return axis, phase and stretch of a frame."""
         path = _path(self, frame.path, frame.fps)
         state, lap = path.at(frame.t / frame.fps), frame.lap
         if lap is None:
@@ -67,7 +65,6 @@ class DoubleCone:
         return _beyond(_path(self, path, fps), fps, lap)
 
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
-        """Return motions to other frames (h, w, 2) and depth (h, w): means of what shows."""
         top, bottom, left, right = frame.window
         shape = (bottom - top, right - left)
         way_of = rays(frame)
@@ -92,7 +89,6 @@ class DoubleCone:
         return motions, far.astype(np.float32)
 
     def alpha(self, frame: Frame, amount: float) -> Array:
-        """Return the joint alpha of the layers over the window, (h, w) float32."""
         return self._drawn(frame, np.array([amount * self.gain * gain for gain in self.gains]))
 
     def _drawn(self, frame: Frame, gains: Float64) -> Array:

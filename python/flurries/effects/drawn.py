@@ -38,12 +38,9 @@ Rows = tuple[npt.NDArray[np.uint64], Float64, Float64]
 
 @dataclass(frozen=True, eq=False)
 class DrawnFlakes:
-    """The flakes that are drawn."""
-
     weather: Weather | Flakes
 
     def needs(self, frame: Frame, amount: float) -> Needs:
-        """Return their one step, or why there is none."""
         weather = self.weather
         opacity, shares = weather.opacity_at(frame.t), weather.shares(frame)
         if opacity == 0.0 or not any(one.size.density * one.reach for one in shares):
@@ -55,7 +52,6 @@ class DrawnFlakes:
         return Needs((Step("flakes", once=still),), most=1.0)
 
     def alpha(self, frame: Frame, amount: float) -> Array:
-        """Return the opacity of the flakes over the window, (h, w) float32."""
         if frame.whole:
             return self.seen(frame, amount)[0]
         result = np.empty(_size(frame), np.float32)

@@ -46,7 +46,6 @@ class Field:
     streaks: bool = False  # Whether tiles are as large as streaks need to move.
 
     def band(self, shape: tuple[int, int]) -> tuple[float, float]:
-        """Return the wavelengths in pixels on a picture of that shape."""
         if self.wavelengths is not None:
             return self.wavelengths
         scale = shape[1] / TUNED
@@ -165,7 +164,6 @@ class Field:
         return drift, velocity
 
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
-        """Return motions to other frames (h, w, 2) and depth (h, w), from those of the tiles."""
         layout, longest, shortest = self.layout(frame), self.band(frame.shape)[1], None
         if frame.depth is not None:
             with np.errstate(divide="ignore"):

@@ -42,14 +42,11 @@ _LONGEST = 128.0
 
 @dataclass(frozen=True, eq=False)
 class FlakeTexture:
-    """The texture."""
-
     weather: Weather
 
     name = "texture"
 
     def needs(self, frame: Frame, amount: float) -> Needs:
-        """Return its one step, or why there is none."""
         weather = self.weather
         if not weather.film(frame).layers:
             why = "all flakes are drawn one by one"
@@ -58,7 +55,6 @@ class FlakeTexture:
         return Needs((Step("texture", once=still),), most=1.0 - 1e-6)
 
     def alpha(self, frame: Frame, amount: float) -> Array:
-        """Return its opacity over the window, (h, w) float32."""
         film = self.weather.film(frame)
         if film.rigid:
             return _read(self.weather, frame, film, amount)
@@ -70,7 +66,6 @@ class FlakeTexture:
         return lamp_shade(frame, film.depths, film.covers, optics)
 
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
-        """Return motions to other frames (h, w, 2) and depth (h, w) of what the window shows."""
         film, motion = self.weather.film(frame), self.weather.motion
         weights, nearness = film.covers, film.covers / film.depths
         top, bottom, left, right = frame.window

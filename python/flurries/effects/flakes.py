@@ -26,8 +26,6 @@ _BALL = math.sqrt(8.0) / 6.0
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Flakes:
-    """Flakes that are all drawn one by one."""
-
     motion: Motion  # What moves them.
     number: int  # How many are in view.
     density: float | None = None  # Per cubic metre, in place of the number in view.
@@ -53,7 +51,6 @@ class Flakes:
         return Sizes(small, 0.5 * (small + large), large)
 
     def opacity_at(self, t: float) -> float:
-        """Return the opacity at a frame."""
         return min(float(value_at(self.opacity, t)), _MOST_OPAQUE)
 
     def shares(self, frame: Frame) -> tuple[Share, ...]:

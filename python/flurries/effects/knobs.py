@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from typing import Any, TypeVar
 
@@ -14,48 +14,50 @@ _Kind = TypeVar("_Kind")
 # Effects of other fields that a `method` of snow and rain chooses; `kinds` names them.
 METHODS: dict[type, dict[str, type]] = {}
 
-# From the arguments that were given to the fields that a knob sets.
-Law = Callable[[Any, Mapping[str, Any]], dict[str, Any]]
+# What frames ask of an effect, and users do not.
+INNER = {"KNOBS", "MATTER", "NAME", "of_preset", "parts"}
 
 
-def knobs(**laws: Law) -> Callable[[type[_Kind]], type[_Kind]]:
-    """Give a dataclass arguments that set several of its fields, those that are not given."""
+class Described(type):
+    """The class of effects: its `dir` has their fields and what users call."""
+
+    def __dir__(cls) -> Iterable[str]:
+        return [
+            name for name in super().__dir__() if not name.startswith("_") and name not in INNER
+        ]
+
+
+# From the knobs and the arguments that were given to fields that follow from them.
+Law = Callable[[Mapping[str, Any], Mapping[str, Any]], dict[str, Any]]
+
+
+def knobs(
+    *names: str, law: Law, apart: tuple[str, ...] = ()
+) -> Callable[[type[_Kind]], type[_Kind]]:
+    """Give a dataclass arguments that set fields of it, but none of those `apart` from them."""
 
     def turnable(kind: type[_Kind]) -> type[_Kind]:
         plain = kind.__init__
 
         @functools.wraps(plain)
         def init(self: Any, *others: Any, **given: Any) -> None:
-            turned = [name for name in laws if given.get(name) is not None]
-            if turned:
-                given = _with_look(kind, turned, laws, given)
+            turned = {name: given.pop(name, None) for name in names}
+            turned = {name: value for name, value in turned.items() if value is not None}
+            if turned and {f.name for f in fields(self)} <= set(given):
+                raise TypeError(
+                    f"{next(iter(turned))} sets fields of a new effect, {kind.__name__}(...); in a "
+                    "copy all of them are given"
+                )
+            for name in set(apart) & set(given) if turned else ():
+                raise TypeError(f"{next(iter(turned))} and {name} say the same: give one of them")
+            given |= law(turned, given) if turned else {}
             plain(self, *others, **given)
 
         kind.__init__ = init  # type: ignore[method-assign]
-        kind.KNOBS = tuple(laws)  # type: ignore[attr-defined]
+        kind.KNOBS = names  # type: ignore[attr-defined]
         return suggesting(kind)
 
     return turnable
-
-
-def _with_look(
-    kind: type[Any], turned: list[str], laws: Mapping[str, Law], given: dict[str, Any]
-) -> dict[str, Any]:
-    """Return the arguments with what a knob makes of them."""
-    if len(turned) > 1:
-        raise TypeError(f"{turned[0]} and {turned[1]} set the same fields: give one of them")
-    knob = turned[0]
-    own = {name: value for name, value in given.items() if name not in laws}
-    if {f.name for f in fields(kind)} <= set(own):
-        raise TypeError(
-            f"{knob} sets fields of a new effect: {kind.__name__}({knob}=...); in a copy all of "
-            "them are given"
-        )
-    look = laws[knob](given[knob], own)
-    for name, value in look.items():
-        if value is None and name in own:
-            raise TypeError(f"{knob} and {name} say the same: give one of them")
-    return {**{name: value for name, value in look.items() if value is not None}, **own}
 
 
 def looks(kind: type[_Kind]) -> type[_Kind]:
@@ -76,6 +78,13 @@ def looks(kind: type[_Kind]) -> type[_Kind]:
         other = METHODS.get(cls, {}).get(method) if isinstance(method, str) else None
         return other(*others, **given) if other else object.__new__(cls)
 
+    described = kind.__repr__
+
+    def shown(self: Any) -> str:
+        strength = getattr(self, "strength", None)
+        return described(self) + (f"  # {strength()}" if strength else "")
+
+    kind.__repr__ = shown  # type: ignore[method-assign]
     kind.__init__ = init  # type: ignore[method-assign]
     kind.__new__ = new  # type: ignore[method-assign]
     if not hasattr(kind, "of_preset"):

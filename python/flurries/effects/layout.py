@@ -27,8 +27,6 @@ class Tiling(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """The tiles of a film's texture."""
-
     tiling: Tiling
     shape: tuple[int, int]  # (H, W) of the picture.
     band: tuple[float, float]  # Wavelengths in pixels.
@@ -50,7 +48,6 @@ class Layout(NamedTuple):
         return np.stack([bands[y : y + tall].max(axis=0) for y in rows])
 
     def warn_small(self) -> None:
-        """Warn that tiles are too small for streaks to move."""
         warnings.warn(
             f"rain: with tiles of {self.tiling.tile[0]} px a tenth of the streaks or more stands "
             f"still; take tile={math.ceil(self.needed)}, or leave it out, or jitter=True",

@@ -1,29 +1,22 @@
-"""Looks by version, and what they make of a rate of precipitation.
+"""The tents' looks of a rate of precipitation, between those of the presets.
 
-A look is written out in full when an effect is made of it, so that nothing changes when a later
-version has other numbers. What a version says once said stays.
-
-Laws
-----
-Snow of a liquid-equivalent rate R, mm/h: R = number per m3 * mass * fall speed, with the mass of
-Brandes et al. 2007, density 0.178 D^-0.922 g/cm3 for a diameter D in mm.
-
-Rain of a rate R: the drops of Marshall and Palmer 1948, N(D) = 8000 exp(-4.1 R^-0.21 D) per m3 and
-mm, which fall as Atlas, Srivastava and Sekhon 1973 say, 9.65 - 10.3 exp(-0.6 D) m/s. The largest
-are drawn, and the veil has the extinction of all, 2 pi/4 D^2 each, over 60 m.
+All drops are those of Marshall and Palmer 1948, N(D) = 8000 exp(-4.1 R^-0.21 D) per m3 and mm. The
+largest are drawn, and the veil has the extinction of all, 2 pi/4 D^2 each, over 60 m.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from flurries._contract import real
-
-LOOKS = ("v1",)
+from flurries.effects.checks import sizes
+from flurries.effects.severity import rate_of
+from flurries.particles.sizes import SNOW, Sizes
 
 # Cubic metres that a lens of 1.2 widths sees of 12 m, the picture as high as wide: for which the
 # presets' numbers of flakes in view were tuned.
@@ -51,62 +44,51 @@ _RAIN_RATES = (3.0, 10.0, 25.0)
 _RAIN_RATE: dict[str, tuple[float, ...]] = {"texture": (0.25, 0.35, 0.5), "mean": (0.1, 0.15, 0.3)}
 _DRAWN_DROPS = (2.5, 4.0)
 
-HIGHEST_RATE = {"snow": 50.0, "rain": 500.0}
 
-
-def snow_of_rate(rate: float) -> dict[str, Any]:
-    """Return the fields of snow of a liquid-equivalent rate, mm/h."""
-    rates = []
-    for number, largest, fall in zip(
-        *(_SNOW_RATE[name] for name in ("flakes", "largest", "fall")), strict=True
-    ):
-        size = (_SMALLEST_FLAKE, largest)
-        rates.append(snow_rate(number / _TUNED_VIEW, size, fall))
+def snow_of_rate(turned: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of snow of a liquid-equivalent rate, mm/h, that are not given."""
+    rate = real("rate", rate_of(turned, "snow"))
+    rates = [
+        number / _TUNED_VIEW * _flux((_SMALLEST_FLAKE, largest), fall)
+        for number, largest, fall in zip(
+            *(_SNOW_RATE[name] for name in ("flakes", "largest", "fall")), strict=True
+        )
+    ]
     look = _between(rate, rates, _SNOW_RATE)
-    sizes = (_SMALLEST_FLAKE, look["largest"])
-    return {
-        "flake_density": rate / snow_rate(1.0, sizes, look["fall"]),
-        "flake_size": sizes,
-        # So little snow is few flakes.
-        "texture": look["texture"] * min(rate / rates[0], 1.0),
-        "mean": look["mean"],
-        "spread": look["spread"],
-        "exponent": look["exponent"],
-        "fall": look["fall"],
-        "haze": look["haze"],
-    }
+    # So little snow is few flakes.
+    look["texture"] *= min(rate / rates[0], 1.0)
+    del look["flakes"]
+    found = {"flake_size": (_SMALLEST_FLAKE, look.pop("largest")), **look, **given}
+    each = _flux(sizes("flake_size", found["flake_size"]), real("fall", found["fall"], above=0.0))
+    return {**found, "flake_density": rate / each}
 
 
-def snow_rate(density: float, sizes: tuple[float, float], fall: float) -> float:
-    """Return the liquid-equivalent rate, mm/h, of flakes per m3 whose sizes, m, are even."""
-    low, high = (1e3 * size for size in sizes)
-    power = 3.0 - 0.922
-    moment: float
-    if high > low:
-        moment = (high ** (power + 1.0) - low ** (power + 1.0)) / ((power + 1.0) * (high - low))
-    else:
-        moment = low**power
-    # Grams per cm3 are thousandths per mm3, and kilograms thousandths again.
-    kilograms = 1e-3 * 0.178e-3 * math.pi / 6.0 * moment
-    return density * kilograms * fall * 3600.0
+def _flux(sizes: tuple[float, float], fall: float) -> float:
+    """Return the mm/h of one flake per m3, of even sizes in metres that fall alike."""
+    low, high = sizes
+    law = Sizes(low, 0.5 * (low + high), high)
+    return replace(SNOW, speed=np.ones_like).flux(law) * fall
 
 
-def rain_of_rate(rate: float) -> dict[str, Any]:
-    """Return the fields of rain of a rate, mm/h."""
+def rain_of_rate(turned: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of rain of a rate, mm/h, that are not given."""
+    rate = real("rate", rate_of(turned, "rain"))
     slope = 4.1 * rate**-0.21
     # In light rain the drops are as much smaller as its whole distribution is.
     part = min((rate / 10.0) ** 0.21, 1.0)
-    low, high = (part * size for size in _DRAWN_DROPS)
+    own = given.get("drop_size", tuple(1e-3 * part * size for size in _DRAWN_DROPS))
+    low, high = (1e3 * size for size in sizes("drop_size", own))
     number = 8000.0 / slope * (math.exp(-slope * low) - math.exp(-slope * high))
     extinction = 1e-6 * math.pi * 8000.0 / slope**3
     look = _between(rate, _RAIN_RATES, _RAIN_RATE)
     return {
         "drop_density": number,
-        "drop_size": (1e-3 * low, 1e-3 * high),
+        "drop_size": own,
         "fall": 9.65 - 10.3 * math.exp(-0.6 * 0.5 * (low + high)),
         "texture": look["texture"] * min(rate / _RAIN_RATES[0], 1.0),
         "mean": look["mean"],
         "haze": 1.0 - math.exp(-extinction * _VEILED),
+        **given,
     }
 
 
@@ -116,8 +98,3 @@ def _between(
     """Return a look between those of some rates, by their logarithms."""
     at = math.log(rate)
     return {name: float(np.interp(at, np.log(rates), values)) for name, values in look.items()}
-
-
-def rate_of(value: object, kind: str) -> float:
-    """Return a rate in mm/h, or refuse it."""
-    return real("rate", value, low=0.001, high=HIGHEST_RATE[kind])

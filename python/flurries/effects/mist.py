@@ -9,27 +9,24 @@ from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from flurries import gas
 from flurries._contract import choice, flag, integer, real, seed_of, vector
 from flurries.effects.bank import Bank
 from flurries.effects.bank_light import SCATTER, Law
-from flurries.effects.checks import Check, length, one_of, optional, part, settle, share
+from flurries.effects.checks import LOOKS, Check, length, one_of, optional, part, settle, share
 from flurries.effects.color import AMBIENT, LOCAL, Color, as_color
-from flurries.effects.described import Described
-from flurries.effects.knobs import knobs, looks
-from flurries.effects.looks import LOOKS
+from flurries.effects.knobs import Described, knobs, looks
 from flurries.effects.presets import MIST, PAPER_MIST, MistLook
-from flurries.effects.severity import visibility_of_severity
+from flurries.effects.severity import visibility_of
+from flurries.effects.strength import BACKDROP, Strength, reach
 from flurries.effects.vapor import MOST, Vapor
 from flurries.gas.splatting import FOOTPRINTS, Footprint
-from flurries.motion.keys import Keys, Number, Vector, as_number, as_vector
+from flurries.motion.keys import Number, Vector, as_number, as_vector, largest
 
 Method: TypeAlias = Literal["slices", "particles"]
 
 # The paper's fog: a radius of .45 in a box of 5.
 RADIUS = 0.09
-
-# The wall where no depth is known, metres.
-BACKDROP = 60.0
 
 # The visibility of mist of which nothing is said, metres.
 VISIBILITY = 200.0
@@ -62,19 +59,12 @@ _CHECKS: dict[str, Check] = {
 }
 
 
-def reach(visibility: float) -> float:
-    """Return how far mist reaches, metres; what is farther is seen through all of it."""
-    return max(2.0 * visibility, 60.0)
-
-
-def _of_severity(value: object, given: Mapping[str, Any]) -> dict[str, Any]:
-    if given.get("visibility") is not None:
-        raise TypeError("severity and visibility say the same: give one of them")
-    return {"visibility": visibility_of_severity(value)}
+def _of_severity(turned: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    return {"visibility": visibility_of({**given, **turned})}
 
 
 @looks
-@knobs(severity=_of_severity)
+@knobs("severity", law=_of_severity)
 @dataclass(frozen=True, kw_only=True)
 class Mist(metaclass=Described):
     """Mist, fog and clouds.
@@ -132,10 +122,8 @@ class Mist(metaclass=Described):
     footprint, near : str, float
         Of particles, see :func:`flurries.gas.splat`; those nearer than four radii are line
         integrals.
-    look : {"v1"}
-        Version of the presets, as in :class:`TentSnow`.
-    seed : int, optional
-        Seed of this effect; the scene's seed if not given.
+    look, seed
+        As in :class:`TentSnow`.
     severity : int, optional
         1 to 5 are visibilities of 1000, 500, 200, 100 and 50 m. Scene files hold those.
 
@@ -200,14 +188,12 @@ class Mist(metaclass=Described):
 
     @cached_property
     def parts(self) -> Vapor | Bank:
-        """The parts of the effect."""
         return Vapor(self) if self.method == "particles" else Bank(self)
 
     @property
     def farthest(self) -> float:
         """The largest visibility at any time, metres."""
-        far: Any = self.visibility
-        return float(max(v for _, v in far.keys) if isinstance(far, Keys) else far)
+        return largest(self.visibility)
 
     def _sides(self, usual: float) -> tuple[float, float, float]:
         box: Any = usual if self.box is None else self.box
@@ -229,6 +215,15 @@ class Mist(metaclass=Described):
     def extinction(self, t: float = 0.0) -> float:
         """Return beta at `t`, per metre; see :func:`flurries.gas.extinction`."""
         return self.parts.extinction(t)
+
+    def strength(self, t: float = 0.0) -> Strength:
+        """Return visibility and cover at a frame, as :meth:`flurries.Snow.strength` does."""
+        extinction = self.extinction(t)
+        seen = gas.visibility(extinction) if extinction > 0.0 else np.inf
+        if self.center is not None or self.top is not None or self.structure > 0.0:
+            return Strength(seen)
+        *_, way = self._sides(0.0)
+        return Strength(seen, 1.0 - float(np.exp(-extinction * min(way, self.backdrop))))
 
 
 def _depths(depths: Any) -> tuple[float, float]:

@@ -20,13 +20,14 @@ from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
+from flurries.effects.strength import OPAQUE
 from flurries.effects.veil import Veil
 from flurries.effects.weather import Weather, times
 from flurries.frame.layer import Layer
 from flurries.frame.needs import Needs
 from flurries.frame.view import Frame
 from flurries.light.phase import FLAKES, Optics
-from flurries.motion.keys import Keys, Number, as_number, value_at
+from flurries.motion.keys import Keys, Number, as_number, largest, value_at
 from flurries.motion.wind import Wind
 from flurries.particles.population import Population
 from flurries.particles.sizes import Sizes
@@ -37,7 +38,7 @@ Shape: TypeAlias = Literal["natural", "round"]
 # What the fields of a population may be.
 POPULATION: dict[str, Any] = {
     "density": partial(as_number, low=0.0, high=1e6),
-    "opacity": lambda name, value: real(name, value, low=0.0, high=0.99),
+    "opacity": lambda name, value: real(name, value, low=0.0, high=OPAQUE),
     "amount": share,
     "emission": share,
     "fall": optional(as_number),
@@ -48,6 +49,7 @@ POPULATION: dict[str, Any] = {
     "sway": pair,
     "near": length,
     "far": length,
+    "backdrop": optional(length),
     "cloud": length,
     "handover": optional(length),
     "method": one_of(get_args(Method)),
@@ -88,9 +90,7 @@ def parts_of(
     sway: tuple[float, float] = (0.0, 0.0), gain: Number = 1.0, optics: Optics = FLAKES,
 ) -> Precipitation[FlakeTexture] | Mixture:  # fmt: skip
     """Return the parts of snow or rain; of keyed sizes, a population for each."""
-    wind, most, density = effect.wind, effect.density, effect.density
-    if isinstance(density, Keys):
-        most = max(value for _, value in density.keys)
+    wind, density, most = effect.wind, effect.density, largest(effect.density)
     if isinstance(wind, Wind) and wind.profile is not None and isinstance(effect.emission, Keys):
         # Flakes are there or not by the heights that they fell through.
         raise ValueError("emission: cannot be keyed in a wind with a profile over depth")
@@ -103,7 +103,7 @@ def parts_of(
         mean = float(speed(np.array([law.mean]))[0])
         motion = Motion(mean if effect.fall is None else effect.fall, wind, effect.shutter)
         weather = part_of(
-            Weather, effect, population=Population(float(most), law, effect.opacity, speed),
+            Weather, effect, population=Population(most, law, effect.opacity, speed),
             motion=motion, sway=sway, simulated=effect.method == "simulated", shape=shape,
             keyed=isinstance(amount, Keys),
         )  # fmt: skip
@@ -145,15 +145,12 @@ class Mixture:
 
     @property
     def motion(self) -> Any:
-        """The motion of the flakes of the first key."""
         return self.parts[0].motion
 
     def _now(self, frame: Frame) -> list[Precipitation[Any]]:
-        """Return the populations that are there."""
         return [part for part in self.parts if value_at(part.amount, frame.t) > 0.0]
 
     def needs(self, frame: Frame) -> Needs:
-        """Return the needs of a frame: the steps of all populations that are there."""
         asked = [part.needs(frame) for part in self._now(frame) or self.parts[:1]]
         return Needs(
             tuple(step for needs in asked for step in needs.steps),
@@ -164,7 +161,6 @@ class Mixture:
         )
 
     def render(self, frame: Frame) -> tuple[Layer, ...]:
-        """Return a layer for each population that is there."""
         layers: list[Layer] = []
         for part in self._now(frame):
             made = part.render(frame)

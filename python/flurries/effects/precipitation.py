@@ -17,25 +17,12 @@ from flurries.effects.flakes import Flakes
 from flurries.effects.lighting import add_light, even_shade, local_shade, veil_layer
 from flurries.effects.motion import Motion
 from flurries.effects.passes import passes_of
+from flurries.effects.veil import Veil
 from flurries.frame.layer import Layer, Shade
 from flurries.frame.needs import LeftOut, Needs, Step
 from flurries.frame.view import Frame
 from flurries.light.phase import FLAKES, Optics
 from flurries.motion.keys import Keys, Number, value_at
-
-
-class Backdrop(Protocol):
-    """The part behind the flakes: a :class:`Texture`, a cone's sheet, or a part of one's own."""
-
-    @property
-    def name(self) -> str:
-        """Of its step."""
-
-    def needs(self, frame: Frame, amount: float) -> Needs:
-        """Return its step, or why there is none, and the largest opacity."""
-
-    def alpha(self, frame: Frame, amount: float) -> Array:
-        """Return its opacity over the window, (h, w) float32."""
 
 
 class Front(Protocol):
@@ -45,21 +32,15 @@ class Front(Protocol):
         """Return its step, or why there is none, and the largest opacity."""
 
     def alpha(self, frame: Frame, amount: float) -> Array:
-        """Return the opacity of the flakes over the window, (h, w) float32."""
+        """Return its opacity over the window, (h, w) float32."""
 
 
-class Cover(Protocol):
-    """The part over all: a :class:`Veil`, or that of a population."""
+class Backdrop(Front, Protocol):
+    """The part behind the flakes: a :class:`Texture`, a cone's sheet, or a part of one's own."""
 
     @property
-    def haze(self) -> Number:
-        """Its opacity before the sky."""
-
-    def needs(self, frame: Frame, amount: float) -> Needs:
-        """Return its step before a scene with a depth; without one it takes nothing."""
-
-    def alpha(self, frame: Frame, amount: float) -> Array:
-        """Return the opacity before the scene's depth over the window, (h, w) float32."""
+    def name(self) -> str:
+        """Of its step."""
 
 
 _Back = TypeVar("_Back", bound=Backdrop | None)
@@ -75,14 +56,13 @@ class Precipitation(Generic[_Back]):
     motion: Motion  # What moves them.
     texture: _Back  # Behind the flakes.
     flakes: Flakes | Front | None = None  # In front of it.
-    veil: Cover  # Over all.
+    veil: Veil  # Over all.
     brightness: Number = 1.0  # Factor of the color's light.
     # What its particles do with the light of a place, where the color is "local".
     optics: Optics = FLAKES
 
     @cached_property
     def front(self) -> Front | None:
-        """The part that draws the flakes."""
         return DrawnFlakes(self.flakes) if isinstance(self.flakes, Flakes) else self.flakes
 
     def air(self, t: float) -> float:
@@ -90,8 +70,12 @@ class Precipitation(Generic[_Back]):
         weather: Any = getattr(self.front, "weather", None)
         if not hasattr(weather, "population"):
             return 0.0
-        shown = float(value_at(self.amount, t)) * float(value_at(weather.emission, t))
-        return shown * float(weather.population.extinction)
+        return self.shown(t) * float(weather.population.extinction)
+
+    def shown(self, t: float) -> float:
+        """Return the share of a population that is there at `t`."""
+        weather: Any = getattr(self.front, "weather", None)
+        return float(value_at(self.amount, t)) * float(value_at(weather.emission, t))
 
     def needs(self, frame: Frame) -> Needs:
         """Return the needs of a frame: the parts' steps, and "join", which makes them one plane."""

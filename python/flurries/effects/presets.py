@@ -4,8 +4,40 @@ from __future__ import annotations
 
 from typing import Any, Literal, TypeAlias
 
+SnowLook: TypeAlias = Literal[
+    "light", "moderate", "heavy", "blizzard", "sleet", "big flakes", "night flurry"
+]
+SNOW_LOOKS: dict[str, dict[str, Any]] = {
+    "light": {"density": 12.0, "flake_size": (0.003, 0.006, 0.018)},
+    "moderate": {},
+    "heavy": {"density": 90.0, "flake_size": (0.003, 0.008, 0.025), "wind": (0.5, 0.0, 0.0)},
+    "blizzard": {
+        "density": 300.0, "flake_size": (0.002, 0.005, 0.016), "wind": (6.0, 0.0, 0.0),
+    },
+    # Half melted: small, fast and glassy.
+    "sleet": {
+        "density": 300.0, "flake_size": (0.001, 0.0035, 0.01), "opacity": 0.7, "fall": 4.0,
+        "wind": (1.5, 0.0, 0.0), "sway": (0.0, 0.0),
+    },
+    "big flakes": {
+        "density": 6.0, "flake_size": (0.008, 0.018, 0.045), "wind": (0.15, 0.0, 0.0),
+        "sway": (0.05, 2.5),
+    },
+    "night flurry": {
+        "density": 16.0, "flake_size": (0.002, 0.006, 0.016),
+        "wind": (0.6, 0.0, 0.0),
+    },
+}  # fmt: skip
+
+RainLook: TypeAlias = Literal["drizzle", "rain", "downpour"]
+RAIN_LOOKS: dict[str, dict[str, Any]] = {
+    "drizzle": {"density": 500.0, "drop_size": (0.0004, 0.0006, 0.003), "wind": (0.3, 0.0, 0.0)},
+    "rain": {},
+    "downpour": {"density": 1500.0, "drop_size": (0.0005, 0.0012, 0.006)},
+}
+
 TentSnowLook: TypeAlias = Literal["light", "moderate", "heavy", "blizzard", "paper"]
-SNOW: dict[str, dict[str, Any]] = {
+TENT_SNOW: dict[str, dict[str, Any]] = {
     "light": {
         "texture": 0.8, "mean": -0.12, "haze": 0.0, "flakes": 2500, "fall": 1.2,
         "wind": (0.31, 0.0, 0.0),
@@ -28,8 +60,7 @@ SNOW: dict[str, dict[str, Any]] = {
     },
 }  # fmt: skip
 
-TentRainLook: TypeAlias = Literal["drizzle", "rain", "downpour"]
-RAIN: dict[str, dict[str, Any]] = {
+TENT_RAIN: dict[str, dict[str, Any]] = {
     "drizzle": {
         "fall": 4.0, "wind": (0.28, 0.0, 0.0), "texture": 0.25, "mean": 0.1, "haze": 0.04,
         "drops": 1500, "gain": 25.0,
@@ -38,7 +69,6 @@ RAIN: dict[str, dict[str, Any]] = {
     "downpour": {"texture": 0.5, "mean": 0.3, "haze": 0.2, "drops": 12000},
 }  # fmt: skip
 
-ConeRainLook: TypeAlias = Literal["drizzle", "rain", "downpour"]
 CONE_RAIN: dict[str, dict[str, Any]] = {
     "drizzle": {
         "fall": 4.0, "wind": (0.28, 0.0, 0.0), "haze": 0.04, "drops": 500, "drop_size": 0.003,

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import InitVar, dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 from flurries.effects.checks import settle
 from flurries.effects.color import Color
-from flurries.effects.described import Described
 from flurries.effects.flake_texture import FlakeTexture
-from flurries.effects.knobs import knobs, looks
+from flurries.effects.knobs import Described, knobs, looks
 from flurries.effects.population import POPULATION, Method, Mixture, Shape, parts_of, size_law
-from flurries.effects.population_looks import SNOW, SnowLook, snow_of_rate, snow_of_severity
 from flurries.effects.precipitation import Precipitation
+from flurries.effects.presets import SNOW_LOOKS, SnowLook
+from flurries.effects.strength import OPACITY, solved, strength_of
 from flurries.motion.keys import Keys, Number, Vector
 from flurries.motion.wind import Wind
-from flurries.particles.sizes import snow_speed
+from flurries.particles.sizes import SNOW, Matter
 
 
 @looks
-@knobs(severity=lambda value, _: snow_of_severity(value), rate=lambda value, _: snow_of_rate(value))
+@knobs("rate", "visibility", "severity", law=partial(solved, "snow", SNOW, "flake_size", size_law))
 @dataclass(frozen=True, kw_only=True)
 class Snow(metaclass=Described):
     """Falling snow, made of flakes.
@@ -67,6 +67,9 @@ class Snow(metaclass=Described):
     near, far : float
         Depths in metres between which there are flakes. All that is farther away is seen through
         all of them, whatever its depth.
+    backdrop : float, optional
+        In a scene without a depth the background is a wall this far away, metres; if not given, it
+        lies beyond `far`.
     cloud : float
         Height above the camera in metres at which flakes begin to fall, for `emission`.
     handover : float, optional
@@ -79,14 +82,22 @@ class Snow(metaclass=Described):
         Shape of a flake whose image has a sigma above some 3 pixels: "natural" is an aggregate of
         crystals that tumbles as it falls, "round" a round dot like farther flakes.
     look : {"v2"}
-        Version of the presets and of `severity` and `rate`.
+        Version of the presets.
     seed : int, optional
         Seed of this effect; the scene's seed if not given.
     severity : int, optional
-        1 to 5. Sets other fields; scene files hold those and not the severity.
+        1 to 5: rates of .5, 1, 2.5, 5 and 10 mm/h, of rain 2.5, 10, 25, 50 and 100.
     rate : float, optional
-        Liquid-equivalent rate of snowfall in mm/h. Sets `density` and `flake_size` so that the
-        flakes carry this rate.
+        Water that falls, mm/h; of snow when melted. Keyed, and then `density` is.
+    visibility : float, optional
+        Metres at which a black object keeps 5 % of its contrast. Keyed, and then `density` is. Also
+        sets `far` to twice as much, 60 at least, and `backdrop` to 60, unless `far` is given.
+
+    Raises
+    ------
+    ValueError
+        When `rate`, `visibility` and `severity` contradict the density, sizes, opacity and fall
+        beside them. All that are given hold, the others follow: ``docs/snow.md``.
 
     Examples
     --------
@@ -99,7 +110,7 @@ class Snow(metaclass=Described):
     preset: InitVar[SnowLook | None] = field(default=None, kw_only=False)
     density: Number = 30.0
     flake_size: tuple[float, float, float] | Keys = (0.003, 0.007, 0.022)
-    opacity: float = 0.9
+    opacity: float = OPACITY
     amount: Number = 1.0
     emission: Number = 1.0
     fall: Number | None = None
@@ -110,6 +121,7 @@ class Snow(metaclass=Described):
     sway: tuple[float, float] = (0.02, 4.0)
     near: float = 0.4
     far: float = 60.0
+    backdrop: float | None = None
     cloud: float = 10.0
     handover: float | None = None
     method: Method = "flakes"
@@ -117,21 +129,24 @@ class Snow(metaclass=Described):
     look: str = "v2"
     seed: int | None = None
     severity: InitVar[int | None] = None
-    rate: InitVar[float | None] = None
+    rate: InitVar[Number | None] = None
+    visibility: InitVar[Number | None] = None
 
     NAME: ClassVar[str] = "snow"
-    PRESETS: ClassVar[dict[str, dict[str, Any]]] = SNOW
+    PRESETS: ClassVar[dict[str, dict[str, Any]]] = SNOW_LOOKS
+    MATTER: ClassVar[Matter] = SNOW
+
+    strength = strength_of
 
     def __post_init__(self, *_: Any) -> None:
         settle(self, {**POPULATION, "flake_size": size_law})
 
     @cached_property
     def parts(self) -> Precipitation[FlakeTexture] | Mixture:
-        """The parts of the effect."""
         return parts_of(
             self,
             sizes=self.flake_size,
-            speed=snow_speed,
+            speed=SNOW.speed,
             shape="aggregate" if self.shape == "natural" else "round",
             sway=self.sway,
         )

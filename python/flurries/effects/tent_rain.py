@@ -1,8 +1,6 @@
-"""Rain: streaks near the camera, and a texture whose waves across the fall are all that is left.
+"""Langer's rain: streaks near the camera, before a texture of the waves that run along the fall.
 
-What falls as fast as rain is too fast for the frame rate: of the texture's waves only those that
-run nearly along the fall stay, and make streaks. They are few, so that a small tile would hold
-none that moves: the tile grows with the speed.
+Others are too fast for the frame rate. A small tile has none that moves: tiles grow with the speed.
 """
 
 from __future__ import annotations
@@ -13,27 +11,15 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from flurries._contract import flag, real
-from flurries.effects.checks import (
-    TENT,
-    DepthMode,
-    gain,
-    length,
-    optional,
-    part_of,
-    population,
-    settle,
-    sizes,
-)
+from flurries.effects import checks
 from flurries.effects.color import Color
-from flurries.effects.described import Described
 from flurries.effects.field import Field
 from flurries.effects.flakes import Flakes
-from flurries.effects.knobs import knobs, looks
-from flurries.effects.looks import rain_of_rate, rate_of
+from flurries.effects.knobs import Described, knobs, looks
+from flurries.effects.looks import rain_of_rate
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
-from flurries.effects.presets import RAIN, TentRainLook
-from flurries.effects.severity import rate_of_severity
+from flurries.effects.presets import TENT_RAIN, RainLook
 from flurries.effects.texture import Texture
 from flurries.effects.veil import Veil
 from flurries.motion.keys import Keys, Number, Vector
@@ -42,42 +28,32 @@ from flurries.spectral.tables import Aliasing
 from flurries.spectral.tiles import Blend
 
 _CHECKS = {
-    **TENT, "drops": population,
-    "drop_density": optional(lambda name, value: real(name, value, low=0.0, high=1e6)),
-    "drop_size": sizes, "drop_depth": length, "gain": gain, "renormalise": flag,
+    **checks.TENT, "drops": checks.population, "drop_size": checks.sizes,
+    "drop_density": checks.optional(lambda name, value: real(name, value, low=0.0, high=1e6)),
+    "drop_depth": checks.length, "gain": checks.gain, "renormalise": flag,
 }  # fmt: skip
 
 
 @looks
-@knobs(
-    severity=lambda value, _: rain_of_rate(rate_of_severity(value, "rain")) | {"drops": None},
-    rate=lambda value, _: rain_of_rate(rate_of(value, "rain")) | {"drops": None},
-)
+@knobs("rate", "severity", law=rain_of_rate, apart=("drops", "drop_density"))
 @dataclass(frozen=True, kw_only=True)
 class TentRain(metaclass=Described):
-    """Rain.
+    """Rain as Langer's texture.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.
 
     Parameters
     ----------
-    preset : str, optional
-        A look by name, of ``PRESETS``; given fields replace its own.
-    amount, wind, color, haze, texture, mean, spread, power, exponent, blend, alias, jitter, \
-depth_mode, look, seed, severity
-        As in :class:`TentSnow`. On a bright picture the veil is most of what shows that it rains.
-    fall : float
-        Fall speed, metres per second: 3 for drizzle, 9 for the largest drops. Keyed.
-    shutter : float
-        Exposure in frames, centred on the frame: how long the streaks are. Keyed.
+    preset, amount, fall, wind, color, shutter, texture, mean, spread, power, exponent, \
+near_depth, overlap, blend, alias, jitter, depth_mode, look, seed, severity
+        As in :class:`TentSnow`.
+    haze : float
+        As in :class:`TentSnow`. On a bright picture it is most of what shows that it rains.
     wavelengths : (shortest, longest), optional
-        The texture's band in pixels. If not given, (2, 12) on a picture 1024 px wide, in proportion
-        on others, not under 2 px.
-    near_depth : float
-        Depth in metres that the longest wave stands for.
-    tile, overlap : int, optional
-        The texture's tiles in pixels. If not given, tiles are large enough for the streaks to move.
-        A smaller tile is used with a warning.
+        If not given, (2, 12) on a picture 1024 px wide, as there.
+    tile : int, optional
+        If not given, tiles are large enough for the streaks to move. A smaller one is used with a
+        warning.
     renormalise : bool
         Give the remaining waves the contrast that all waves had together.
     drops : int
@@ -92,9 +68,9 @@ depth_mode, look, seed, severity
         Light that a drop scatters, divided by the light that an opaque disc of its size hides. With
         1 the streaks are hardly visible, as those of real drops.
     rate : float, optional
-        Rate of rain in mm/h: drizzle 3, rain 10, a downpour 25. Sets `drop_density`, `drop_size`,
-        `fall`, `texture`, `mean` and `haze`, those that are not given: the drops of Marshall and
-        Palmer's law, and a veil with the extinction of all of them over 60 m.
+        Rate of rain in mm/h: drizzle 3, rain 10, a downpour 25. Sets `drop_density`, that of the
+        drops of `drop_size` in Marshall and Palmer's law, and those of `drop_size`, `fall`,
+        `texture`, `mean` and `haze`, the extinction of all drops over 60 m, that are not given.
 
     Warns
     -----
@@ -106,16 +82,9 @@ depth_mode, look, seed, severity
     -----
     Langer 2004, sections 5 and 8. ``docs/internals/deviations.md`` says how the size of the
     tile follows from the speed.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> rain = fl.effects.TentRain("downpour", wind=(2.0, 0.0, 0.0))
-    >>> rain.drops > fl.effects.TentRain("drizzle").drops
-    True
     """
 
-    preset: InitVar[TentRainLook | None] = field(default=None, kw_only=False)
+    preset: InitVar[RainLook | None] = field(default=None, kw_only=False)
     amount: Number = 1.0
     fall: Number = 8.0
     wind: Vector | Wind = (0.56, 0.0, 0.0)
@@ -135,7 +104,7 @@ depth_mode, look, seed, severity
     alias: Aliasing = "cut"
     renormalise: bool = True
     jitter: bool = False
-    depth_mode: DepthMode = "tile"
+    depth_mode: checks.DepthMode = "tile"
     drops: int = 4000
     drop_density: float | None = None
     drop_size: tuple[float, float] = (0.0025, 0.004)
@@ -147,17 +116,16 @@ depth_mode, look, seed, severity
     rate: InitVar[float | None] = None
 
     NAME: ClassVar[str] = "rain"
-    PRESETS: ClassVar[dict[str, dict[str, Any]]] = RAIN
+    PRESETS: ClassVar[dict[str, dict[str, Any]]] = TENT_RAIN
 
     def __post_init__(self, *_: Any) -> None:
-        settle(self, _CHECKS)
+        checks.settle(self, _CHECKS)
 
     @cached_property
     def parts(self) -> Precipitation[Texture]:
-        """The parts of the effect."""
         motion = Motion(self.fall, self.wind, self.shutter)
-        field = part_of(Field, self, motion=motion, tuned=(2.0, 12.0), streaks=True)
-        texture = part_of(Texture, self, field=field, opacity=self.texture)
+        field = checks.part_of(Field, self, motion=motion, tuned=(2.0, 12.0), streaks=True)
+        texture = checks.part_of(Texture, self, field=field, opacity=self.texture)
         # Light goes with the area: a gain is a larger drop, whose streak is as long as ever.
         wider = math.sqrt(self.gain)
         drops = Flakes(
@@ -171,7 +139,7 @@ depth_mode, look, seed, severity
             # Wider streaks look like smears on the lens.
             largest=(1.8, 3.0),
         )
-        return part_of(
+        return checks.part_of(
             Precipitation, self, name=self.NAME, motion=motion, texture=texture, flakes=drops,
             veil=Veil(self.haze, field.far_depth),
         )  # fmt: skip

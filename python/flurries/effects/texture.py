@@ -60,7 +60,6 @@ class Texture:
         return mean, spread, power, most
 
     def alpha(self, frame: Frame, amount: float) -> Array:
-        """Return its opacity over the window, (h, w) float32, as far as a depth leaves it."""
         way = self.field.motion.way(frame)
         # What blur takes of the mean is added again; renormalised, it has lost nothing.
         mapped, keep = self.map(frame, amount, way), not self.renormalise
@@ -69,7 +68,6 @@ class Texture:
         return before_scene(self.field, frame, way, mapped, keep, self.depth_mode)
 
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
-        """Return motions to other frames (h, w, 2) and depth (h, w) of what the window shows."""
         return self.field.passes(frame, others)
 
     def warn_ambiguous(

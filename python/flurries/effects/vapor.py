@@ -81,25 +81,19 @@ def moved_with(layer: Layer, depth: Array, frame: Frame, wind: Vector) -> Layer:
 
 @dataclass(frozen=True, eq=False)
 class Vapor:
-    """The layer of a mist of particles."""
-
     mist: Any  # A `Mist`, settled.
 
     def density(self, t: float) -> float:
-        """Return the opacity of a particle's middle at `t`."""
         return float(value_at(self.mist.amount, t)) * float(value_at(self.mist.density, t))
 
     def extinction(self, t: float) -> float:
-        """Return beta at `t`, per metre."""
         volume = float(np.prod(self.mist.box))
         return gas.extinction(self.mist.count, volume, self.mist.radius, self.density(t))
 
     def air(self, t: float) -> float:
-        """Return the extinction of the air around the camera at `t`, per metre."""
         return self.extinction(t) if self.mist.center is None else 0.0
 
     def needs(self, frame: Frame) -> Needs:
-        """Return the needs of a frame."""
         density = self.density(frame.t)
         out: tuple[LeftOut, ...] = ()
         if not frame.lights:
@@ -109,7 +103,6 @@ class Vapor:
         return needs_of_gas(self.mist, frame, out, shows=shows, most=most, by_rows=True)
 
     def render(self, frame: Frame) -> Layer:
-        """Return the layer of a frame."""
         mist, run, density = self.mist, frame.run or frame.steps_of(self), self.density(frame.t)
         _, color, local = base_of(mist.color, frame)
         step = "lit gas" if lit_by_sun(mist, frame) or frame.lights else "gas"
@@ -124,7 +117,6 @@ class Vapor:
             return moved_with(layer, self._depth(frame, density), frame, mist.wind)
 
     def places(self, frame: Frame, density: float) -> tuple[Float64, Float64]:
-        """Return middles in the eye's axes (n, 3) and the density that each shows (n,)."""
         sides, count = np.array(self.mist.box), self.mist.count
         if self.mist.center is not None:
             middle = np.array(self.mist.center) - frame.path.place(frame.t, fps=frame.fps)

@@ -14,13 +14,10 @@ from flurries.motion.keys import Number, value_at
 
 @dataclass(frozen=True, eq=False)
 class Veil:
-    """An even veil."""
-
     haze: Number  # Its opacity before the sky, 0 to 1.
     far: float  # The depth from which on it is whole, metres.
 
     def needs(self, frame: Frame, amount: float) -> Needs:
-        """Return its step before a scene with a depth; without one it takes nothing."""
         haze = amount * float(value_at(self.haze, frame.t))
         if haze == 0.0:
             return Needs((), (LeftOut("veil", "its opacity is 0"),), most=0.0)
@@ -28,7 +25,6 @@ class Veil:
         return Needs((Step("veil"),) if deep else (), most=haze)
 
     def alpha(self, frame: Frame, amount: float) -> Array:
-        """Return the opacity before the scene's depth over the window, (h, w) float32."""
         depth, haze = frame.depth, amount * float(value_at(self.haze, frame.t))
         assert depth is not None
         return standing(

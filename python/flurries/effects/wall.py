@@ -64,7 +64,6 @@ def wall_maps(
     sky: tuple[float, float, float], least: float, shares: tuple[float, ...],
     left: Callable[[Float64], Float64],
 ) -> WallMaps:  # fmt: skip
-    """Return the maps of a texture."""
     grid = np.linspace(_FIRST**0.25, 1.0, _SHARES) ** 4
     nodes = np.unique(np.concatenate([grid, [s for s in shares if _FIRST < s < 1.0]]))
     return _maps(sky, least, tuple(nodes), tuple(left(nodes)))

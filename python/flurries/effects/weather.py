@@ -7,7 +7,7 @@ size is synthesized in slabs of depth. Both take density, sizes, opacity, fall a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import NamedTuple
 
@@ -21,15 +21,7 @@ from flurries.effects.motion import HALF_OPEN, Motion
 from flurries.frame.needs import has_keys
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, Number, value_at
-from flurries.particles.population import (
-    FADE,
-    Population,
-    SizeClass,
-    Slab,
-    layer_edges,
-    slabs_of,
-    variance_at,
-)
+from flurries.particles import population as laws
 from flurries.particles.sizes import Sizes
 
 # Classes of size: each falls at a speed of its own. Where places move in their own ways the texture
@@ -60,7 +52,7 @@ FAR_FADE = 0.07
 class Share:
     """A class of size, and what is drawn of it."""
 
-    size: SizeClass
+    size: laws.SizeClass
     motion: Motion  # With the fall speed of the class.
     reach: float  # Depth up to which its flakes are drawn, metres.
     # Depths between which drawn ones fade in, and between which they fade out again, metres.
@@ -71,13 +63,11 @@ class Layer(NamedTuple):
     """A slab of the texture with the class that it belongs to."""
 
     share: Share
-    slab: Slab
+    slab: laws.Slab
 
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """The shares of all classes in one film."""
-
     drawn: tuple[Share, ...]
     layers: list[Layer]  # Of the texture, near ones first; none where all flakes are drawn.
     comes: bool  # Whether the air ever comes nearer the camera or recedes, turns or grows.
@@ -86,7 +76,7 @@ class Film:
 
     # Of each layer: its slab, the slab's depth and coverage, how fast its flakes fall, what of the
     # variance it has, and how many flakes each of those in its sheet stands for.
-    slabs: list[Slab]
+    slabs: list[laws.Slab]
     depths: Float64
     covers: Float64
     falls: Float64
@@ -96,9 +86,7 @@ class Film:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Weather:
-    """A population that falls."""
-
-    population: Population
+    population: laws.Population
     motion: Motion  # Of a flake of the mean size.
     emission: Number  # Share of the flakes that begin to fall, 0 to 1.
     cloud: float  # Height above the camera at which they begin, metres.
@@ -110,12 +98,20 @@ class Weather:
     keyed: bool = False  # Whether the amount of flakes changes.
     # Depth up to which they are drawn where sheets lie beyond, metres.
     handover: float | None = None
+    backdrop: float | None = None  # Where they end if the scene has no depth, metres.
 
     def film(self, frame: Frame) -> Film:
         path = frame.path
         rotation = (0.0, 0.0, 0.0) if path.turns else frame.camera.rotation
         focal = frame.camera.focal if not path.zooms else path.longest_focal
-        return _film(self, path, rotation, focal, frame.fps, frame.lens)
+        deep = frame.deep or frame.depth is not None
+        return _film(self if deep else self._open, path, rotation, focal, frame.fps, frame.lens)
+
+    @cached_property
+    def _open(self) -> Weather:
+        """The weather before a background of which no depth is known."""
+        end = self.far if self.backdrop is None else self.backdrop
+        return replace(self, far=end) if end < self.far else self
 
     @property
     def law(self) -> Sizes:
@@ -163,7 +159,7 @@ def _film(
         ends = hand_overs(weather, focal, sizes if rigid else population.classes(1))
         for one, end in zip(sizes, ends if rigid else ends * count, strict=False):
             fall, reach = times(motion.fall, one.fall / weather.mean_speed), far if few else end
-            fade = (1.0 - FAR_FADE, 1.0 + FAR_FADE) if reach >= far else (1.0, 1.0 + FADE)
+            fade = (1.0 - FAR_FADE, 1.0 + FAR_FADE) if reach >= far else (1.0, 1.0 + laws.FADE)
             near = (weather.near / NEAR_FADE, weather.near)
             shown = (*near, reach * fade[0], reach * fade[1])
             found.append(Share(one, Motion(fall, motion.wind, motion.shutter), reach, shown))
@@ -176,8 +172,8 @@ def _film(
         rates = [(share.motion.line(path, fps) or ([], [0.0]))[1] for share in drawn]
         parts = []
         for share, count, rate in zip(drawn, LAYERS[-len(drawn) :], rates, strict=True):
-            varies = partial(variance_at, share.size, focal, HALF_OPEN * math.hypot(*rate))
-            parts.append((share, layer_edges(share.reach, far, count, varies)))
+            varies = partial(laws.variance_at, share.size, focal, HALF_OPEN * math.hypot(*rate))
+            parts.append((share, laws.layer_edges(share.reach, far, count, varies)))
     else:
         # Planes go through their slabs, and are as thick as these are far.
         bent = classes(BENT_CLASSES, False)
@@ -185,7 +181,7 @@ def _film(
     layers = [
         Layer(one, slab)
         for one, edges in parts
-        for slab in slabs_of(
+        for slab in laws.slabs_of(
             population, one.size, focal, reach=one.reach, far=far, edges=edges, flat=comes
         )
     ]
@@ -201,7 +197,7 @@ def _film(
     )  # fmt: skip
 
 
-def hand_overs(weather: Weather, focal: float, classes: list[SizeClass]) -> list[float]:
+def hand_overs(weather: Weather, focal: float, classes: list[laws.SizeClass]) -> list[float]:
     """Return the depths up to which flakes of each class are drawn if sheets lie beyond, metres."""
     if weather.handover is not None:
         return [min(max(weather.handover, weather.near), weather.far)] * len(classes)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -57,6 +59,7 @@ def plan_of(program: Program, numbers: Sequence[int], *, probe: bool = True) -> 
         size=program.shape[::-1],
         frames=(numbers[0], numbers[-1], len(numbers)),
         steps=tuple(steps),
+        strengths=tuple(_strengths(program, (numbers[0], middle, numbers[-1]))),
         left_out=(*program.left_out, *_left_out(looks)),
         probed=probed,
         milliseconds=total,
@@ -95,6 +98,17 @@ def _names(program: Program) -> dict[int, str]:
     for part in program.parts:
         found[part.place] = free_name(part.name, found.values())
     return found
+
+
+def _strengths(program: Program, frames: Sequence[int]) -> Iterator[tuple[str, int, Any]]:
+    names = _names(program)
+    for part in program.parts:
+        before = None
+        for frame in frames if hasattr(part.effect, "strength") else ():
+            strength = part.effect.strength(_time(program, frame))
+            if math.isfinite(strength.visibility) and strength != before:
+                yield names[part.place], frame, strength
+            before = strength
 
 
 def _keyed(program: Program) -> set[int]:

@@ -56,6 +56,8 @@ class Plan:
     rest: float | None  # Milliseconds between the steps.
     bytes: int | None  # Most at one time while a frame is rendered, without what the scene holds.
     threads: int  # What the times are for.
+    # (effect, frame, strength): one an effect, more where it changes; see `fl.Snow.strength`.
+    strengths: tuple[tuple[str, int, Any], ...] = ()
     accuracy: Accuracy | None = None
 
     def to_dict(self) -> dict[str, Any]:
@@ -108,6 +110,9 @@ class Plan:
             title += f", measured in frame{'s' * (len(self.probed) > 1)} "
             title += ", ".join(map(str, self.probed))
         tables: list[tuple[str, list[tuple[str, ...]]]] = [(title, [*rows])]
+        if self.strengths:
+            said = [(name, f"frame {frame}", str(one)) for name, frame, one in self.strengths]
+            tables.append(("strength", [*said]))
         if self.left_out:
             tables.append(("left out", [(one.what, one.why) for one in self.left_out]))
         if self.accuracy is not None:

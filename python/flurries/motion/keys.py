@@ -167,6 +167,11 @@ def value_at(value: Any, t: float) -> Any:
     return value.value(t) if isinstance(value, Keys) else value
 
 
+def largest(value: Any) -> float:
+    """Return a plain number, or the largest of a keyed one."""
+    return float(max(v for _, v in value.keys) if isinstance(value, Keys) else value)
+
+
 def integral_to(value: Any, t: float) -> Any:
     """Return the integral from frame 0 to `t` of a plain or keyed value, as an array."""
     if isinstance(value, Keys):

@@ -136,6 +136,8 @@ class Session:
             if found is not None:
                 head["chart"] = {**vars(found), "side": len(found.rate)}
                 buffers += [head["chart"].pop(plane).tobytes() for plane in ("rate", "power")]
+        strong = [e.strength(now) for e in scene.effects if hasattr(e, "strength")]
+        head["strength"] = " · ".join(map(str, strong))
         head["ms"] = round(1e3 * (time.perf_counter() - began), 2)
         return head, buffers
 

@@ -235,6 +235,7 @@ export function mount(root, about, ask) {
     root.dataset.pace = mean.toFixed(2);
     if (now < heldUntil) return;
     status.textContent = (pace.length > 4 ? `${(1000 / mean).toFixed(0)} pictures/s · ` : "") + `${found.ms.toFixed(0)} ms in Python`;
+    status.title = found.strength;
     status.classList.remove("fl-error");
   }
 
