@@ -12,6 +12,7 @@ from flurries._contract import Array, Float64
 from flurries.io.color import decoding_table, to_linear, to_unit
 from flurries.light.levels import COARSE, FINE, Levels
 from flurries.light.phase import within
+from flurries.light.shot import cells_of
 
 # Cells along the longer side of a picture: light is sampled no finer.
 CELLS = 96
@@ -97,15 +98,3 @@ def plate_light(
     sums, cell = cell_sums(picture, encoding, CELLS if depth is None else FINE)
     levels = None if depth is None else Levels.of(sums, cell, depth)
     return PlateLight(cells_of(sums), cell, sky, ground, levels)
-
-
-def cells_of(sums: Array) -> Float64:
-    """Return the light of cells, (rows, columns, 3); transparent ones count as far as they show."""
-    cover = sums[..., 3:].astype(np.float64)
-    light = np.maximum(sums[..., :3].astype(np.float64), 0.0)
-    if not cover.any() or not light.any():
-        # Black is no picture: what is laid over it is meant for one later.
-        return np.ones_like(light)
-    mean = light.sum(axis=(0, 1)) / max(float(cover.sum()), 1e-12)
-    # A cell of which nothing shows has the light of the rest.
-    return np.where(cover > 0.0, light / np.maximum(cover, 1e-12), mean)

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, Float64, real, suggesting, vector
-from flurries.light.plate import cells_of
+from flurries._contract import LARGEST, Array, Float64, real, suggesting, vector
 from flurries.motion.keys import Keys, value_at
 
 __all__ = ["Light"]
@@ -71,7 +70,11 @@ class Light:
     def at(self, t: float) -> tuple[Float64, Float64, Float64]:
         """Return the light of snow, sky and ground at `t`, each (3,) and linear."""
         snow, sky, ground = (
-            None if part is None else np.broadcast_to(np.asarray(value_at(part, t), float), 3)
+            part
+            if part is None
+            else np.broadcast_to(value_at(part, t) if isinstance(part, Keys) else part, 3).astype(
+                float
+            )
             for part in (self.snow, self.sky, self.ground)
         )
         assert snow is not None
@@ -80,7 +83,10 @@ class Light:
 
 
 def _checked(name: str, value: Any) -> Any:
-    if isinstance(value, Keys):
+    if isinstance(value, tuple) and len(value) == 3:
+        if all(isinstance(part, float) and 0.0 <= part <= LARGEST for part in value):
+            return value
+    elif isinstance(value, Keys):
         for _, part in value.keys:
             _checked(name, part)
         return value
@@ -120,6 +126,18 @@ def light_of(frames: Mapping[int, Array], *, keyed: bool = False) -> Light:
         name: Keys([(number, tuple((share * part).tolist())) for number, share in shares.items()])
         for name, part in sides.items()
     })  # fmt: skip
+
+
+def cells_of(sums: Array) -> Float64:
+    """Return the light of cells, (rows, columns, 3); transparent ones count as far as they show."""
+    cover = sums[..., 3:].astype(np.float64)
+    light = np.maximum(sums[..., :3].astype(np.float64), 0.0)
+    if not cover.any() or not light.any():
+        # Black is no picture: what is laid over it is meant for one later.
+        return np.ones_like(light)
+    mean = light.sum(axis=(0, 1)) / max(float(cover.sum()), 1e-12)
+    # A cell of which nothing shows has the light of the rest.
+    return np.where(cover > 0.0, light / np.maximum(cover, 1e-12), mean)
 
 
 def _white(sums: Array) -> tuple[Float64, Float64]:

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from flurries._contract import _came, integer
-from flurries.frame.bands import Window, whole
+from flurries.frame.bands import Window
 from flurries.frame.effect import Effect
 from flurries.frame.needs import renderer_of
 from flurries.io.sequences import MOST_FRAMES
@@ -57,7 +57,7 @@ def number_or_none(name: str, value: Any, *, low: int) -> int | None:
 def parse_region(region: Any, shape: tuple[int, int]) -> Window:
     """Return the window of two slices, or of the whole frame."""
     if region is None:
-        return whole(shape)
+        return 0, shape[0], 0, shape[1]
     wanted = "region must be two slices, as from np.s_[100:200, 50:80]"
     try:
         (top, bottom, down), (left, right, along) = map(slice.indices, region, shape)

@@ -77,8 +77,10 @@ class Rendering(Sources):
     def _linear(self) -> bool:
         """Whether layers are mixed in linear light."""
         if self.space == "auto":
-            local = any(is_local(getattr(effect, "color", None)) for effect in self.effects)
-            return local or bool(self.lights) or self._backdrop.encoding == "linear"
+            if self.lights or self._backdrop.encoding == "linear":
+                return True
+            words = (getattr(effect, "color", None) for effect in self.effects)
+            return any(is_local(word) for word in words if isinstance(word, str))
         return self.space == "linear"
 
     def _in_frame(self, camera: Camera) -> Camera:
