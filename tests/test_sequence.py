@@ -1,5 +1,6 @@
 """Sequences that cannot be lost: journals, damaged plates."""
 
+import os
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -10,25 +11,22 @@ import pytest
 import flurries as fl
 from flurries.cli import main
 from flurries.io import read_picture, read_video, write_picture
+from flurries.output.contents import Content
 from flurries.output.journal import NAME, Journal
 from flurries.output.store import Store, check
 from flurries.scene.fingerprint import BITS, Settings
 
-W, H = 66, 50
-PLATE = np.random.default_rng(3).integers(0, 220, (H, W, 3)).astype(np.uint8)
+PLATE = np.random.default_rng(3).integers(0, 220, (50, 66, 3)).astype(np.uint8)
 SCENE = fl.Scene("#304050", size=(96, 64), effects=fl.effects.TentSnow("heavy", flakes=100))
 
 
 def test_the_two_modes_are_never_mixed(tmp_path: Path):
     SCENE.write(tmp_path / "%d.png", "1-2")
-    fl.settings(reproducible=True)
-    try:
+    with fl.settings(reproducible=True):
         with pytest.raises(ValueError, match="of another scene"):
             SCENE.write(tmp_path / "%d.png", "1-3")
         assert SCENE.write(tmp_path / "%d.png", "1-3", overwrite=True).written == [1, 2, 3]
         assert SCENE.write(tmp_path / "%d.png", "1-3").kept == [1, 2, 3]
-    finally:
-        fl.settings(reproducible=False)
 
 
 def test_the_journal_has_a_hash_of_each_frame(tmp_path: Path, capsys: Any):
@@ -149,6 +147,31 @@ def test_only_frames_that_a_late_key_changes_are_refused(tmp_path: Path):
         new.write(tmp_path / "%d.png", "1,48,60")
 
 
+def test_a_journal_that_is_joined_while_it_is_listed_is_seen(tmp_path: Path, monkeypatch: Any):
+    SCENE.write(tmp_path / "1.png")
+    scandir, part = os.scandir, tmp_path / f"flurries.{'0' * 24}.jsonl"
+
+    def joining(folder: Path) -> list[Any]:
+        part.touch()
+        listed = list(scandir(folder))
+        part.unlink()
+        return listed
+
+    monkeypatch.setattr(os, "scandir", joining)
+    assert Journal(Store(), tmp_path).names() == ["1.png"]
+
+
+@pytest.mark.parametrize(("name", "pattern"), [("2.png", "%d.png"), ("film.mkv", "film.mkv")])
+def test_what_appears_while_a_frame_is_made_is_refused(
+    name: str, pattern: str, tmp_path: Path, monkeypatch: Any
+):
+    render, theirs = Content.render, tmp_path / name
+    monkeypatch.setattr(Content, "render", lambda *a: theirs.write_bytes(b"mine") and render(*a))
+    with pytest.raises(ValueError, match=f"{name} is there already and no journal"):
+        SCENE.write(tmp_path / pattern, "2-2")
+    assert theirs.read_bytes() == b"mine"
+
+
 @pytest.fixture
 def damaged(tmp_path: Path) -> fl.Scene:
     """Five plates of which the second is missing and the fourth cut short."""
@@ -160,7 +183,7 @@ def damaged(tmp_path: Path) -> fl.Scene:
     return fl.Scene(tmp_path / "plate.%d.png", effects=fl.effects.TentSnow(flakes=50))
 
 
-def test_it_stops_at_a_damaged_frame(damaged: fl.Scene, tmp_path: Path):
+def test_it_stops_at_a_damaged_frame(damaged: fl.Scene, tmp_path: Path, monkeypatch: Any):
     with pytest.raises(FileNotFoundError, match=r"of 0-4 the background lacks 1: .*plate\.%d"):
         damaged.write(tmp_path / "out" / "%d.png")
     # What is missing is known before anything is made; what is damaged, when it is read.
@@ -168,6 +191,10 @@ def test_it_stops_at_a_damaged_frame(damaged: fl.Scene, tmp_path: Path):
     with pytest.raises(OSError, match=r"plate\.3\.png"):
         damaged.write(tmp_path / "out" / "%d.png", "2-4")
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["2.png", NAME]
+    # It is this that is told, whatever becomes of the journal.
+    monkeypatch.setattr(Store, "join", lambda *_: (tmp_path / "none").read_bytes())
+    with pytest.raises(OSError, match=r"plate\.3\.png"):
+        damaged.write(tmp_path / "again" / "%d.png", "2-4")
 
 
 def test_it_skips_damaged_frames(damaged: fl.Scene, tmp_path: Path, capsys: Any):

@@ -23,7 +23,7 @@ from flurries.output.cluster import cluster
 from flurries.output.crew import make, processes
 from flurries.output.folder import Store
 from flurries.output.journal import NAME, Mark
-from flurries.output.sequence import run
+from flurries.output.sequence import Job, run
 from flurries.scene.fingerprint import Hashes
 
 __all__ = ["Corrupted", "corrupt"]
@@ -206,8 +206,8 @@ def _kept(name: str) -> str:
 
 
 @dataclass
-class _Pictures:
-    """A `flurries.output.sequence.Job`: pictures, each in all its weathers after each other."""
+class _Pictures(Job):
+    """Pictures, each in all its weathers after each other."""
 
     source: Path
     folder: Path
@@ -271,10 +271,6 @@ class _Pictures:
         weather = getattr(augment, WEATHERS[kind])
         drawn = weather(severity=level, seed=self.seed, profile=self.profile)
         return dict(drawn.record(index=_index(name, kind, level)))
-
-    def stands_in(self, index: int) -> bool:
-        """Never."""
-        return False
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_last": ("", "", None)}

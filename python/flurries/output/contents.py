@@ -23,6 +23,7 @@ from flurries.io.pictures.writer import Format, format_of
 from flurries.output.deep import deep_of
 from flurries.output.folder import Store
 from flurries.output.journal import Mark
+from flurries.output.sequence import Job
 from flurries.scene.fingerprint import Inputs, Settings
 from flurries.scene.output import MOTION
 from flurries.scene.scene import Scene, find_light
@@ -219,8 +220,8 @@ def display_levels(image: Array, bits: int) -> Array:
 
 
 @dataclass
-class Frames:
-    """A `Job` of one scene's frames."""
+class Frames(Job):
+    """One scene's frames."""
 
     scene: Scene  # What to render. Its files are read again, whatever it has kept of them.
     content: Content  # What a file holds.
@@ -265,9 +266,6 @@ class Frames:
 
     def save(self, path: Path, made: Any, header: dict[str, Any]) -> None:
         self.content.save(self.scene, path, made, {**header, "seed": self.scene.seed})
-
-    def notes(self, index: int) -> dict[str, Any]:
-        return {}
 
     def stands_in(self, index: int) -> bool:
         return index in self.scene._held

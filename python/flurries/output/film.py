@@ -76,6 +76,8 @@ def write_film(
             done = groups.make(progress, dask, patience)
             if _mark(job, frames, way) != mark:
                 raise OSError(f"{path}: what it is made of changed meanwhile; run again")
+            if not job.overwrite:
+                journal.settled(path, mark)  # Or refused: a stranger may have put it there.
             try:
                 with journal.recording(path, {**mark.facts, "skipped": done.skipped}):
                     groups.join()

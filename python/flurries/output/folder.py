@@ -63,12 +63,15 @@ class Store:
 
     def journals(self, folder: Path) -> dict[str, Any]:
         """Return the files of a folder's journal, and what changes where they do."""
-        try:
-            found = [entry for entry in os.scandir(folder) if is_journal(entry.name)]
-            stats = {entry.name: entry.stat() for entry in found}
-        except FileNotFoundError:
-            return {}
-        return {name: (s.st_size, s.st_mtime_ns, s.st_ino) for name, s in stats.items()}
+        found: dict[str, Any] = {}
+        with suppress(FileNotFoundError):
+            for entry in os.scandir(folder):
+                if is_journal(entry.name):
+                    found[entry.name] = None  # It may be joined by now.
+                    with suppress(FileNotFoundError):
+                        now = entry.stat()
+                        found[entry.name] = now.st_size, now.st_mtime_ns, now.st_ino
+        return found
 
     def read(self, path: Path, most: int) -> bytes | None:
         try:

@@ -74,6 +74,8 @@ def write_points(
             f"{path}: points are flakes of Snow and Rain; the scene has none that are drawn one by "
             "one"
         )
+    if not overwrite:
+        journal.settled(path, mark)
     with journal.recording(path, mark.facts), replacing(path) as temporary:
         try:
             stage.GetRootLayer().Export(str(temporary))

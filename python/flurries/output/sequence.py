@@ -41,9 +41,11 @@ class Job(Protocol):
 
     def notes(self, index: int) -> dict[str, Any]:
         """Return the journal's further notes of a file."""
+        return {}
 
     def stands_in(self, index: int) -> bool:
         """Whether what a file was made of is that of an earlier one."""
+        return False
 
 
 @dataclass
@@ -90,8 +92,9 @@ def run(job: Job, indices: list[int], progress: Progress, spread: Spread | None 
         (spread or make)(job, indices, journal, progress, done)
         journal.join(all_of_run=True)
     except BaseException:
-        # Others of this run may still be writing.
-        journal.join()
+        # Others of this run may still be writing. What hinders this has been told.
+        with suppress(OSError):
+            journal.join()
         raise
     finally:
         done.sort(indices)
@@ -188,6 +191,9 @@ class _Work:
         path = self.job.path_of(index)
         header = {**mark.facts, "version": __version__}
         with self._excused(index):
+            if self._is_kept(index, mark):
+                # Made by another meanwhile; what a stranger has put there is refused.
+                return
             self._sent[self.journal.name_of(path)] = index
             save = partial(self.job.save, made=made, header=header)
             facts = {**mark.facts, **self.job.notes(index)}

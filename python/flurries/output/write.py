@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -88,9 +88,9 @@ def write(
     asked = scene.output.given(output)
     store, text = store_of(os.fspath(pattern))
     text = with_percent(text)
+    bar: Progress = iter if progress is None else progress
     if Path(text).suffix.lower() in USD:
         wanted = _points_of(scene, frames, store, text, {**output, "eyes": eyes, "dask": dask})
-        bar = progress if progress is not None else _silent
         done = write_points(scene, Path(text), wanted, bar, overwrite=overwrite)
         return Summary(done.written, done.kept, [Path(text)], seconds=time.monotonic() - started)
     still = Path(text).suffix.lower() not in VIDEO_EXTENSIONS and "%" not in Path(text).name
@@ -131,7 +131,6 @@ def write(
     space = None if own is None else ColorSpace.of("colorspace", own)
     content = Content(kind, asked.bits, codec, asked.motion, _views(eyes), packed, space)
     _require_room(text, content, is_video=target.is_video)
-    bar = progress if progress is not None else _silent
     job = Frames(
         scene._holding() if asked.damaged == "hold" else scene, content,
         # Workers stand in folders of their own.
@@ -227,7 +226,3 @@ def _token_for(text: str, token: str = "%d") -> str:
     if not path.suffix:
         raise ValueError(f"pattern {text!r} needs an extension such as .png, .exr or .mp4")
     return str(path.with_name(f"{path.stem}{token}{path.suffix}"))
-
-
-def _silent(frames: Iterable[int]) -> Iterable[int]:
-    return frames

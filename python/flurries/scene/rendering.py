@@ -77,10 +77,9 @@ class Rendering(Sources):
     def _linear(self) -> bool:
         """Whether layers are mixed in linear light."""
         if self.space == "auto":
-            if self.lights or self._backdrop.encoding == "linear":
-                return True
             words = (getattr(effect, "color", None) for effect in self.effects)
-            return any(is_local(word) for word in words if isinstance(word, str))
+            local = any(is_local(word) for word in words if isinstance(word, str))
+            return local or bool(self.lights) or self._backdrop.encoding == "linear"
         return self.space == "linear"
 
     def _in_frame(self, camera: Camera) -> Camera:
