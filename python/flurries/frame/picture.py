@@ -11,7 +11,7 @@ import numpy as np
 from flurries._contract import Array
 from flurries._trace import current
 from flurries.camera.lens import Camera
-from flurries.frame.bands import Window, bands_of, common, crop, within
+from flurries.frame.bands import Window, bands_of, common, crop, shape_of, within
 from flurries.frame.layer import Layer, layers_of
 from flurries.frame.matte import Front
 from flurries.frame.mixing import Mix, behind
@@ -25,8 +25,7 @@ def images(
     """Return the picture of a window for each eye; None is the path's own camera."""
     # The eyes' bands are made in turn, so that the second finds what the first has made.
     with current.get().stage("background"):
-        top, bottom, left, right = window
-        plate = program.backdrop.frame(t)[top:bottom, left:right]
+        plate = crop(program.backdrop.frame(t), window)
     dtype = shown_type(plate)
     cameras = tuple([program.camera(eye, t) for eye in eyes])
     # Where none of the weather can be seen, none is made.
@@ -201,8 +200,7 @@ def draw(effect: Any, frame: Frame) -> tuple[Layer, ...]:
 
 def _drawn(effect: Any, frame: Frame) -> tuple[Layer, ...]:
     """Return the layers of an effect."""
-    top, bottom, left, right = frame.window
-    shape = bottom - top, right - left
+    shape = shape_of(frame.window)
     if hasattr(effect, "needs"):
         return layers_of(effect.render(frame), effect, shape)
     # One that does not say what it needs is a step by itself.

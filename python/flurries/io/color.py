@@ -159,7 +159,7 @@ def encode_bytes(light: Array) -> Array:
 
 
 def _floats(name: str, values: npt.ArrayLike) -> Array:
-    array = rectangular(name, values)
+    array = values if type(values) is np.ndarray else rectangular(name, values)
     if array.dtype.kind != "f":
         raise TypeError(f"{name} must be floats, got dtype {array.dtype}")
     return array.astype(np.float32) if array.dtype.itemsize == 2 else array

@@ -55,9 +55,7 @@ def number_or_none(name: str, value: Any, *, low: int) -> int | None:
 
 
 def parse_region(region: Any, shape: tuple[int, int]) -> Window:
-    """Return the window of two slices, or of the whole frame."""
-    if region is None:
-        return 0, shape[0], 0, shape[1]
+    """Return the window of two slices."""
     wanted = "region must be two slices, as from np.s_[100:200, 50:80]"
     try:
         (top, bottom, down), (left, right, along) = map(slice.indices, region, shape)

@@ -15,6 +15,7 @@ from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.effects.color import is_local
 from flurries.effects.texture import Texture
+from flurries.frame.bands import whole
 from flurries.frame.needs import renderer_of
 from flurries.frame.picture import images
 from flurries.frame.program import Program
@@ -77,8 +78,7 @@ class Rendering(Sources):
     def _linear(self) -> bool:
         """Whether layers are mixed in linear light."""
         if self.space == "auto":
-            words = (getattr(effect, "color", None) for effect in self.effects)
-            local = any(is_local(word) for word in words if isinstance(word, str))
+            local = any(is_local(getattr(effect, "color", None)) for effect in self.effects)
             return local or bool(self.lights) or self._backdrop.encoding == "linear"
         return self.space == "linear"
 
@@ -210,7 +210,8 @@ class Rendering(Sources):
         for eye in views:
             if eye is not None and not isinstance(eye, Camera):
                 raise TypeError(f"eye must be a Camera, got {eye!r}")
-        time, window = self._time_of(t), parse_region(region, self.shape)
+        window = whole(self.shape) if region is None else parse_region(region, self.shape)
+        time = self._time_of(t)
         if self.camera.extend == "stop":
             self._require([math.floor(time)], gaps=False)
         return time, window, [None if eye is None else self._in_frame(eye) for eye in views]
