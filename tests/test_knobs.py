@@ -12,7 +12,7 @@ import pytest
 from scipy import integrate
 
 import flurries as fl
-from flurries.effects.resolution import map_at, power_share
+from flurries.effects.maps import map_at, power_share
 from measure import cover
 
 KINDS = [fl.effects.TentSnow, fl.effects.TentRain, fl.Mist]

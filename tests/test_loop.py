@@ -8,8 +8,8 @@ import pytest
 
 import flurries as fl
 from flurries.cli.main import main
-from flurries.effects.loop import closed
 from flurries.frame.view import Lap
+from flurries.scene.loop import closed
 from measure import cover
 
 FRAMES = 24

@@ -39,9 +39,8 @@ class Everything:
         return Needs(tuple(map(Step, names)), reads=frozenset({"depth"}))
 
     def render(self, frame: fl.effects.Frame) -> Any:
-        assert frame.run is not None
-        run = replace(frame.run, kept=None, visible=None)
-        return renderer_of(self.effect).render(replace(frame, run=run))
+        assert frame.steps is not None
+        return renderer_of(self.effect).render(replace(frame, kept=None, visible=None))
 
 
 def both(effect: Any, picture: Any = BYTES, **more: Any) -> tuple[fl.Scene, fl.Scene]:
@@ -194,7 +193,7 @@ class Priced(Own):
         return Needs((Step("paint"),))
 
     def render(self, frame: fl.effects.Frame) -> fl.effects.Layer:
-        layer = frame.steps_of(self)("paint", lambda: Own.render(self, frame))
+        layer = frame.run(self, "paint", lambda: Own.render(self, frame))
         assert layer is not None
         return layer
 
@@ -273,7 +272,7 @@ class Large(Own):
             assert np.ones(50_000_000, np.uint8)[-1] == 1
             return Own.render(self, frame)
 
-        layer = frame.steps_of(self)("work", work)
+        layer = frame.run(self, "work", work)
         assert layer is not None
         return layer
 

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 
 import flurries as fl
 import measure
-from flurries.effects.layout import streaks_tile
+from flurries.effects.field import streaks_tile
 from flurries.spectral.contrast import kept_power, mean_opacity
 
 Rain, Scene, Camera = fl.effects.TentRain, fl.Scene, fl.camera.Camera

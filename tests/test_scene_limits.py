@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.effects.wall import wall_maps
+from flurries.effects.maps import wall_maps
 from flurries.io import linear_to_srgb, srgb_to_linear
 from measure import cover
 

@@ -9,8 +9,7 @@ from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
 from flurries.effects.rain import Rain
 from flurries.effects.snow import Snow
-from flurries.effects.tent_rain import TentRain
-from flurries.effects.tent_snow import TentSnow
+from flurries.effects.tent import TentRain, TentSnow
 from flurries.effects.texture import Texture
 from flurries.effects.veil import Veil
 from flurries.frame.layer import Layer

@@ -7,6 +7,7 @@ all of it. With one it is a bank or a cloud that stands in the world.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -55,22 +56,20 @@ class Bank:
         return needs_of_gas(mist, frame, out, shows=shows, most=1.0, by_rows=False)
 
     def render(self, frame: Frame) -> Layer:
-        mist, run = self.mist, frame.run or frame.steps_of(self)
+        mist = self.mist
         base, color, local = base_of(mist.color, frame)
         # Under the plate's sky gas with a top is dimmer below its own.
         lit = lit_by_sun(mist, frame) or (local and self._topped)
         step = "lit gas" if lit_by_sun(mist, frame) or frame.lights else "gas"
 
         def whole() -> Drawn:
-            return frame.once_before(self, "bank", lambda: self._drawn(frame, base, lit=lit))
+            make = partial(self._drawn, frame, base, lit=lit)
+            return frame.once(self, "bank", make, eye=True, depth=True)
 
-        made = run(step, whole)
+        made = frame.run(self, step, whole)
         if made is None:
-            top, bottom, left, right = frame.window
-            return Layer(mist.NAME, np.zeros((bottom - top, right - left), np.float32), color)
-        alpha, light, depth = (
-            None if plane is None else np.ascontiguousarray(frame.crop(plane)) for plane in made
-        )
+            return Layer(mist.NAME, np.zeros(frame.size, np.float32), color)
+        alpha, light, depth = (None if plane is None else frame.crop(plane) for plane in made)
         assert alpha is not None
         shade: Shade | None = None
         if lit:
@@ -91,7 +90,7 @@ class Bank:
             density = Density(mist, frame, extinction, gas.visibility(mist.farthest))
             return density, list(density.slices())
 
-        density, parts = frame.once_each(self, "density", dense)
+        density, parts = frame.once(self, "density", dense, eye=True)
         alpha = np.zeros(frame.shape, np.float32)
         for part in parts:
             _core.gas_slices(alpha, (part.dense, part.edges, frame.depth, slopes), part.detail)

@@ -76,11 +76,10 @@ class Plane(NamedTuple):
 
 def read_bent(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
     """Return the opacity of the far flakes over the window, (h, w) float32."""
-    groups = frame.once_each(weather, "bent", lambda: _groups(weather, frame, film, amount))
-    top, bottom, left, right = frame.window
-    result = plane((bottom - top, right - left))
-    depth = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
-    _core.sheet_bent(result, (top, left), groups, depth)
+    groups = frame.once(weather, "bent", lambda: _groups(weather, frame, film, amount), eye=True)
+    result = plane(frame.size)
+    depth = None if frame.depth is None else frame.crop(frame.depth)
+    _core.sheet_bent(result, (frame.window[0], frame.window[2]), groups, depth)
     SHEETS.trim(sum(len(sheets) for sheets, *_ in groups))
     return result
 

@@ -16,7 +16,7 @@ from flurries.camera.path import CameraPath
 from flurries.cone.sheet import wrapped
 from flurries.effects.motion import Motion, air_course
 from flurries.effects.passes import plane_motion, rays
-from flurries.frame.needs import LeftOut, Needs, Step
+from flurries.frame.needs import Needs, Step
 from flurries.frame.view import Frame, Lap
 from flurries.motion.keys import Keys
 
@@ -49,7 +49,7 @@ class DoubleCone:
     def needs(self, frame: Frame, amount: float) -> Needs:
         if self.gain == 0.0 or self.make is None:
             why = "its gain is 0" if self.gain == 0.0 else "it has no flakes"
-            return Needs((), (LeftOut("cone", why),), most=0.0)
+            return Needs.none("cone", why)
         return Needs((Step("cone"),), most=1.0)
 
     def state(self, frame: Frame) -> cone.State:
@@ -65,8 +65,7 @@ class DoubleCone:
         return _beyond(_path(self, path, fps), fps, lap)
 
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
-        top, bottom, left, right = frame.window
-        shape = (bottom - top, right - left)
+        shape = frame.size
         way_of = rays(frame)
         along = way_of @ frame.camera.matrix().T @ np.array(self.state(frame).axis)
         aside = np.sqrt(np.maximum((way_of**2).sum(axis=-1) - along**2, 1e-12))

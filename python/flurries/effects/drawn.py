@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from flurries.effects.flakes import Flakes
 from flurries.effects.passes import STEPS
 from flurries.effects.weather import Weather
 from flurries.frame.layer import Shade
-from flurries.frame.needs import LeftOut, Needs, Step, has_keys
+from flurries.frame.needs import Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
 from flurries.motion.keys import value_at
@@ -44,7 +45,7 @@ class DrawnFlakes:
         weather = self.weather
         opacity, shares = weather.opacity_at(frame.t), weather.shares(frame)
         if opacity == 0.0 or not any(one.size.density * one.reach for one in shares):
-            return Needs((), (LeftOut("flakes", "there are none"),), most=0.0)
+            return Needs.none("flakes", "there are none")
         still = frame.settled and weather.motion.still and 0.0 in weather.sway
         # Shapes tumble.
         still = still and weather.shape == "round" and not has_keys(weather)
@@ -54,7 +55,7 @@ class DrawnFlakes:
     def alpha(self, frame: Frame, amount: float) -> Array:
         if frame.whole:
             return self.seen(frame, amount)[0]
-        result = np.empty(_size(frame), np.float32)
+        result = np.empty(frame.size, np.float32)
         flakes = self._sorted(frame, amount)
         _core.particle_draw(result, flakes, frame.window, frame.depth, None)
         return result
@@ -66,7 +67,7 @@ class DrawnFlakes:
 
         The light of what lies behind them, an opacity and its colors, is added to theirs.
         """
-        near, glow = (np.empty((*_size(frame), *more), np.float32) for more in ((), (3,)))
+        near, glow = (np.empty((*frame.size, *more), np.float32) for more in ((), (3,)))
         under = None if behind is None else (behind[0], behind[1].given())
         _core.particle_draw_lit(
             near, glow, self._sorted(frame, amount), frame.window, frame.lamps(), optics,
@@ -77,24 +78,27 @@ class DrawnFlakes:
     def _sorted(self, frame: Frame, amount: float) -> SortedFlakes:
         """Return the flakes, to be drawn in any band of the frame."""
         steps = STEPS if frame.whole else ()
-        return frame.once_each(
-            self, "flakes", lambda: _core.fall(air_of(self.weather, frame, amount, steps=steps))
-        )
+
+        def fall() -> SortedFlakes:
+            return _core.fall(air_of(self.weather, frame, amount, steps=steps))
+
+        return frame.once(self, "flakes", fall, eye=True)
 
     def seen(self, frame: Frame, amount: float) -> tuple[Array, npt.NDArray[np.int32], Rows]:
         """Return the window's opacity, and the row of the flake that shows most or -1."""
 
         def make() -> tuple[Array, npt.NDArray[np.int32], Rows]:
-            flakes, size = self._sorted(frame, amount), _size(frame)
+            flakes, size = self._sorted(frame, amount), frame.size
             alpha, nearest = np.empty(size, np.float32), np.empty(size, np.int32)
             _core.particle_draw(alpha, flakes, frame.window, frame.depth, nearest)
             return alpha, nearest, _core.flake_rows(flakes)
 
-        return frame.once_before(self, "seen", make)
+        return frame.once(self, "seen", make, eye=True, depth=True)
 
     def rows(self, frame: Frame, amount: float) -> Rows:
         """Return the flakes that the frame's window may show."""
-        return frame.once_each(self, "rows", lambda: _core.flake_rows(self._sorted(frame, amount)))
+        rows = partial(_core.flake_rows, self._sorted(frame, amount))
+        return frame.once(self, "rows", rows, eye=True)
 
     def passes(self, rows: Rows, numbers: npt.NDArray[np.int32]) -> tuple[list[Array], Array]:
         """Return motions to `STEPS` (n, 2) and depth (n,) of flakes by their rows."""
@@ -107,11 +111,6 @@ class DrawnFlakes:
             motion[:, one] = np.where(gone, -motion[:, other], motion[:, one])
         ways = np.nan_to_num(motion).astype(np.float32).swapaxes(0, 1)
         return list(np.ascontiguousarray(ways)), known[:, 5].astype(np.float32)
-
-
-def _size(frame: Frame) -> tuple[int, int]:
-    top, bottom, left, right = frame.window
-    return bottom - top, right - left
 
 
 def drawn_of(effect: Any, frame: Frame) -> npt.NDArray[Any] | None:

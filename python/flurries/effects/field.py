@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,9 +17,8 @@ from flurries._trace import current
 from flurries.camera.path import CameraPath
 from flurries.camera.tiles import drift_at, shift_at, tile_middles
 from flurries.effects.gusts import wind_at
-from flurries.effects.layout import LARGEST_TILE, Layout, Tiling, streaks_tile
+from flurries.effects.maps import TUNED
 from flurries.effects.motion import Motion, Way
-from flurries.effects.resolution import TUNED
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.spectral.frame import Map
@@ -25,7 +26,7 @@ from flurries.spectral.motion import tile_motions
 from flurries.spectral.request import Request, request_of
 from flurries.spectral.tables import FAR, Aliasing, warn_far, warn_long, wave_depth
 from flurries.spectral.texture import Texture
-from flurries.spectral.tiles import Blend, power_shares
+from flurries.spectral.tiles import Blend, power_shares, starts
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -78,8 +79,7 @@ class Field:
         takes is added again; `shortest` (rows, cols) are the wavelengths in pixels up to which
         waves of tiles are left out.
         """
-        top, bottom, left, right = frame.window
-        result = plane((bottom - top, right - left))
+        result = plane(frame.size)
         made = _core.field(result, self.request(frame, way, shortest), mapped, keep)
         current.get().count("tiles", made)
         return result
@@ -135,7 +135,7 @@ class Field:
 
     def _limits(self, frame: Frame, layout: Layout, shortest: Float64 | None) -> Float64 | None:
         """Return the shortest waves of the tiles; none are left where nothing can be seen."""
-        visible = None if frame.run is None else frame.run.visible
+        visible = frame.visible
         if visible is None:
             return shortest
         shown = visible.tiles(*layout.tiling)
@@ -247,3 +247,56 @@ def _layout(
         edges = np.asarray(band[0] * (band[1] / band[0]) ** (np.arange(rings + 1) / rings))
     small = field.tile is not None and field.tile < needed
     return Layout(tiling, shape, band, edges, needed if small else 0.0)
+
+
+# The share of what is left of rain's texture that stands still is 13.5 c / M for wavelengths of 4
+# to 32 px, c the cycles of the longest wave in a frame: M = 144 c is a tenth, with some to spare.
+PIXELS_PER_CYCLE = 144.0 / (28.0 / math.log(8.0))
+
+# A larger tile costs memory that a picture does not; from here on `jitter` would do.
+LARGEST_TILE = 2048
+
+
+class Tiling(NamedTuple):
+    """Tiles of (rows, cols) pixels that share `overlap`."""
+
+    tile: tuple[int, int]
+    overlap: int
+
+
+class Layout(NamedTuple):
+    tiling: Tiling
+    shape: tuple[int, int]  # (H, W) of the picture.
+    band: tuple[float, float]  # Wavelengths in pixels.
+    edges: Float64 | None  # Wavelengths between rings, for a wind of places.
+    needed: float  # The tile that the motion needs, where a smaller one was asked for; else 0.
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """The numbers of tiles, down and across."""
+        (height, width), ((tall, wide), overlap) = self.shape, self.tiling
+        return len(starts(height, tall, overlap)), len(starts(width, wide, overlap))
+
+    def farthest(self, depth: Array) -> Array:
+        """Return the farthest depth of each tile, (rows, cols)."""
+        (height, width), ((tall, wide), overlap) = self.shape, self.tiling
+        # The farthest of each run of columns first: a pixel is not read for every tile.
+        cols, rows = starts(width, wide, overlap), starts(height, tall, overlap)
+        bands = np.stack([depth[:, x : x + wide].max(axis=1) for x in cols], axis=1)
+        return np.stack([bands[y : y + tall].max(axis=0) for y in rows])
+
+    def warn_small(self) -> None:
+        warnings.warn(
+            f"rain: with tiles of {self.tiling.tile[0]} px a tenth of the streaks or more stands "
+            f"still; take tile={math.ceil(self.needed)}, or leave it out, or jitter=True",
+            UserWarning,
+            stacklevel=7,
+        )
+
+
+def streaks_tile(cycles: float, band: tuple[float, float]) -> float:
+    """Return the tile in pixels from which on less than a tenth of the streaks stands still."""
+    shortest, longest = band
+    if cycles <= 0.5:
+        return 0.0
+    return PIXELS_PER_CYCLE * cycles * (longest - shortest) / math.log(longest / shortest)

@@ -26,7 +26,7 @@ from flurries.effects.passes import plane_motion
 from flurries.effects.sheets import SHEETS, areas_of, circles_of, key_of, sheets_of
 from flurries.effects.weather import Film, Weather, times
 from flurries.frame.layer import Shade
-from flurries.frame.needs import LeftOut, Needs, Step, has_keys
+from flurries.frame.needs import Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
 
@@ -49,8 +49,7 @@ class FlakeTexture:
     def needs(self, frame: Frame, amount: float) -> Needs:
         weather = self.weather
         if not weather.film(frame).layers:
-            why = "all flakes are drawn one by one"
-            return Needs((), (LeftOut("texture", why),), most=0.0)
+            return Needs.none("texture", "all flakes are drawn one by one")
         still = frame.settled and weather.motion.still and not has_keys(weather.emission)
         return Needs((Step("texture", once=still),), most=1.0 - 1e-6)
 
@@ -68,8 +67,7 @@ class FlakeTexture:
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
         film, motion = self.weather.film(frame), self.weather.motion
         weights, nearness = film.covers, film.covers / film.depths
-        top, bottom, left, right = frame.window
-        depth = np.full((bottom - top, right - left), weights.sum() / nearness.sum(), np.float32)
+        depth = np.full(frame.size, weights.sum() / nearness.sum(), np.float32)
         speed = float(nearness @ film.falls / nearness.sum() / self.weather.mean_speed)
         mean = Motion(times(motion.fall, speed), motion.wind)
         here, *places = mean.places(frame.path, frame.fps, [at.t for at in (frame, *others)])
@@ -86,8 +84,8 @@ class FlakeTexture:
 
 def _read(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
     """Return the opacity of layers that move as they do in all frames, (h, w) float32."""
-    top, bottom, left, right = frame.window
-    result = np.empty((bottom - top, right - left), np.float32)
+    top, _, left, _ = frame.window
+    result = np.empty(frame.size, np.float32)
     camera, blur = frame.camera, None if frame.lens is None else frame.blur
     shown, focals = amount * float(weather.emission), camera.focals  # type: ignore[arg-type]
     keys, start, rate, places = _standing(
@@ -109,7 +107,7 @@ def _read(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
     for sheet, way, many, slab in zip(sheets, moved.tolist(), film.many, film.slabs, strict=True):
         gain = (many**0.5, (many - many**0.5) * sheet.mean)
         layers.append((sheet, way, gain, slab.near, slab.far))
-    depth = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
+    depth = None if frame.depth is None else frame.crop(frame.depth)
     _core.sheet_read(result, (row, column), layers, depth, True)
     SHEETS.trim(len(layers))
     return result

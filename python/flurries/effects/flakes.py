@@ -9,8 +9,8 @@ from typing import ClassVar
 
 from flurries._kept import kept
 from flurries.camera.path import CameraPath
+from flurries.effects.maps import TUNED
 from flurries.effects.motion import Motion
-from flurries.effects.resolution import TUNED
 from flurries.effects.weather import Share
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at

@@ -13,8 +13,7 @@ from flurries.effects.knobs import METHODS
 from flurries.effects.mist import Mist
 from flurries.effects.rain import Rain
 from flurries.effects.snow import Snow
-from flurries.effects.tent_rain import TentRain
-from flurries.effects.tent_snow import TentSnow
+from flurries.effects.tent import TentRain, TentSnow
 
 # Packages name their effects here: ``[project.entry-points."flurries.effects"]``.
 GROUP = "flurries.effects"

@@ -29,9 +29,7 @@ def veil_layer(
     name: str, frame: Frame, alpha: Array | float, color: tuple[float, float, float] | None
 ) -> Layer:
     """Return fog of a color, or without one as bright as what it hides, or brighter."""
-    top, bottom, left, right = frame.window
-    cover = np.broadcast_to(np.asarray(alpha, np.float32), (bottom - top, right - left))
-    cover = np.ascontiguousarray(cover)
+    cover = np.ascontiguousarray(np.broadcast_to(np.asarray(alpha, np.float32), frame.size))
     if color is not None:
         return Layer(name, cover, color)
     return Layer(name, cover, shade=local_shade(frame, None))

@@ -35,7 +35,7 @@ def passes_of(
             motion, backward = (np.zeros((*alpha.shape, 2), np.float32) for _ in others)
             depth = np.full(alpha.shape, np.inf, np.float32)
         # What shows lies before the scene, wherever its layer's mean is.
-        scene = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
+        scene = None if frame.depth is None else frame.crop(frame.depth)
         coverage, ids = np.zeros_like(alpha), np.full(alpha.shape, -1, np.int64)
         seen = None
         if front is not None:

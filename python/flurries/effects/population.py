@@ -6,7 +6,7 @@ Numbers may change over time: by what is there, never by what a flake is.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 from functools import partial
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -15,19 +15,20 @@ import numpy as np
 from flurries._contract import Float64, real, seed_of, vector
 from flurries._warnings import warn
 from flurries.effects.checks import length, one_of, optional, pair, part_of, share, wind
-from flurries.effects.color import AMBIENT, LOCAL, as_color
+from flurries.effects.color import AMBIENT, LOCAL, Color, as_color
 from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flake_texture import FlakeTexture
+from flurries.effects.knobs import Described
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
-from flurries.effects.strength import OPAQUE
+from flurries.effects.strength import OPACITY, OPAQUE, strength_of
 from flurries.effects.veil import Veil
 from flurries.effects.weather import Weather, times
 from flurries.frame.layer import Layer
 from flurries.frame.needs import Needs
 from flurries.frame.view import Frame
 from flurries.light.phase import FLAKES, Optics
-from flurries.motion.keys import Keys, Number, as_number, largest, value_at
+from flurries.motion.keys import Keys, Number, Vector, as_number, largest, value_at
 from flurries.motion.wind import Wind
 from flurries.particles.population import Population
 from flurries.particles.sizes import Sizes
@@ -83,6 +84,35 @@ def size_law(name: str, value: object) -> Any:
     if mean > _LARGEST_MEAN:
         warn(f"{name} is taken as metres: {low:g}, {mean:g} and {high:g} m are no flakes or drops")
     return low, mean, high
+
+
+@dataclass(frozen=True, kw_only=True)
+class Falling(metaclass=Described):
+    """The fields of snow and of rain."""
+
+    density: Number
+    opacity: float = OPACITY
+    amount: Number = 1.0
+    emission: Number = 1.0
+    fall: Number | None = None
+    wind: Vector | Wind
+    color: Color = "ambient"
+    haze: Number = 0.0
+    shutter: Number | None = None
+    near: float = 0.4
+    far: float = 60.0
+    backdrop: float | None = None
+    cloud: float = 10.0
+    handover: float | None = None
+    method: Method = "flakes"
+    shape: Shape = "natural"
+    look: str = "v2"
+    seed: int | None = None
+    severity: InitVar[int | None] = None
+    rate: InitVar[Number | None] = None
+    visibility: InitVar[Number | None] = None
+
+    strength = strength_of
 
 
 def parts_of(

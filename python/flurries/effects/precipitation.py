@@ -82,30 +82,23 @@ class Precipitation(Generic[_Back]):
         parts = [part for part in (self.texture, self.front, self.veil) if part is not None]
         amount = value_at(self.amount, frame.t)
         if amount == 0.0:
-            return Needs((), (LeftOut(self.name, "its amount is 0"),), most=0.0)
+            return Needs.none(self.name, "its amount is 0")
         asked = [part.needs(frame, amount) for part in parts]
         clear = float(np.prod([1.0 - needs.most for needs in asked]))
         if clear == 1.0:
-            why = "nothing of it has any opacity"
-            return Needs((), (LeftOut(self.name, why),), most=0.0)
+            return Needs.none(self.name, "nothing of it has any opacity")
         varies = isinstance(self.amount, Keys)
-        steps = [
-            replace(step, once=step.once and not varies) for needs in asked for step in needs.steps
-        ]
-        behind = any(step.name == "texture" for step in steps)
-        if frame.lights and hasattr(self.front, "lit") and hasattr(self.texture, "lamp_shade"):
-            steps += [Step("lamps")] if behind else []
+        steps = [replace(s, once=s.once and not varies) for needs in asked for s in needs.steps]
+        lamps = frame.lights and hasattr(self.front, "lit") and hasattr(self.texture, "lamp_shade")
+        if lamps and any(step.name == "texture" for step in steps):
+            steps.append(Step("lamps"))
         steps.append(Step("join"))
-        local, reads = self._local, reads_of(self.color)
-        steps += [Step("local light")] if local else []
+        steps += [Step("local light")] if self._local else []
+        out = [one for needs in asked for one in needs.left_out]
         return Needs(
             tuple(steps),
-            tuple(
-                LeftOut(f"{self.name}: {one.what}", one.why)
-                for needs in asked
-                for one in needs.left_out
-            ),
-            reads,
+            tuple(LeftOut(f"{self.name}: {one.what}", one.why) for one in out),
+            reads_of(self.color),
             most=1.0 - clear,
             by_rows=True,
         )
@@ -116,54 +109,49 @@ class Precipitation(Generic[_Back]):
 
     def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
         """Return the layer of a frame; of local light the veil is one of its own, behind."""
-        amount, haze, run = self._now(frame)
-        texture, flakes, veil = self.texture, self.front, self.veil
+        back: Any = self.texture
+        front: Any = self.front
+        amount = value_at(self.amount, frame.t)
         brightness = float(value_at(self.brightness, frame.t))
-        # A veil does not shine as drops do.
-        apart = self._local or brightness != 1.0
-        behind = front = None
-        if texture is not None:
-            behind = run(texture.name, texture.alpha, frame, amount)
-        glow: Array | None = None
-        lit: Any = flakes if frame.lights and hasattr(flakes, "lit") else None
-        if lit is not None:
+        behind = near = glow = None
+        if back is not None:
+            behind = frame.run(self, back.name, lambda: back.alpha(frame, amount))
+        if frame.lights and hasattr(front, "lit"):
             under = self._under(frame, behind)
-            both = run("flakes", lit.lit, frame, amount, self.optics, under)
-            front, glow = (None, None) if both is None else both
-            if glow is None and under is not None:
-                glow = np.zeros((*under[0].shape, 3), np.float32)
+            lit = frame.run(self, "flakes", lambda: front.lit(frame, amount, self.optics, under))
+            if lit is not None:
+                near, glow = lit
+            elif under is not None:
+                glow = np.zeros((*frame.size, 3), np.float32)
                 add_light(glow, *under)
-        elif flakes is not None:
-            front = run("flakes", flakes.alpha, frame, amount)
-        planes = [np.ascontiguousarray(one) for one in (behind, front) if one is not None]
-        before: Array | None = None
+        elif front is not None:
+            near = frame.run(self, "flakes", lambda: front.alpha(frame, amount))
+        planes = [np.ascontiguousarray(one) for one in (behind, near) if one is not None]
+        haze: Any = amount * value_at(self.veil.haze, frame.t)
         if frame.depth is not None:
-            before = run("veil", veil.alpha, frame, amount)
-            haze = 0.0
-            planes += [] if before is None or apart else [before]
-        far: list[Layer] = []
-        if apart and (before is not None or haze > 0.0):
+            haze = frame.run(self, "veil", lambda: self.veil.alpha(frame, amount))
+        shown = haze is not None and (frame.depth is not None or haze > 0.0)
+        far: tuple[Layer, ...] = ()
+        # A veil does not shine as drops do.
+        if shown and (self._local or brightness != 1.0):
             light = None if self._local else color_at(self.color, frame)
-            cover = haze if before is None else before
-            far = [veil_layer(f"{self.name}.veil", frame, cover, light)]
-            haze = 0.0
-        top, bottom, left, right = frame.window
-        alpha = np.zeros((bottom - top, right - left), np.float32)
+            far, shown = (veil_layer(f"{self.name}.veil", frame, haze, light),), False
+        elif shown and frame.depth is not None:
+            planes.append(haze)
+        even = haze if shown and frame.depth is None else 0.0
+        alpha = np.zeros(frame.size, np.float32)
         with current.get().stage("join"):
-            _core.join(alpha, planes or [np.zeros_like(alpha)], haze)
+            _core.join(alpha, planes or [np.zeros_like(alpha)], even)
         if self._local:
-            shade = run("local light", local_shade, frame, self.optics)
+            shade = frame.run(self, "local light", lambda: local_shade(frame, self.optics))
             layer = Layer(self.name, alpha, shade=shade, glow=glow)
         else:
             color = bright(color_at(self.color, frame), brightness)
             shade = None if glow is None else even_shade(frame, color)
             layer = Layer(self.name, alpha, color, shade=shade, glow=glow)
-        back: Any = texture
         known = back is None or hasattr(back, "passes")
-        if not frame.whole or (flakes is None and back is None) or not known:
-            return (*far, layer) if far else layer
-        passes = passes_of(back, flakes, frame, amount, (behind, front), alpha)
-        layer = replace(layer, **passes)
+        if frame.whole and known and (front is not None or back is not None):
+            layer = replace(layer, **passes_of(back, front, frame, amount, (behind, near), alpha))
         return (*far, layer) if far else layer
 
     def _under(self, frame: Frame, behind: Array | None) -> tuple[Array, Shade] | None:
@@ -173,9 +161,3 @@ class Precipitation(Generic[_Back]):
             return None
         with current.get().stage("lamps"):
             return np.ascontiguousarray(behind), back.lamp_shade(frame, self.optics)
-
-    def _now(self, frame: Frame) -> tuple[float, float, Any]:
-        """Return amount, haze and what runs the steps of a frame."""
-        amount = value_at(self.amount, frame.t)
-        haze = amount * value_at(self.veil.haze, frame.t)
-        return amount, haze, frame.run or frame.steps_of(self)

@@ -7,13 +7,12 @@ from functools import cached_property, partial
 from typing import Any, ClassVar
 
 from flurries.effects.checks import settle
-from flurries.effects.color import Color
 from flurries.effects.flake_texture import FlakeTexture
-from flurries.effects.knobs import Described, knobs, looks
-from flurries.effects.population import POPULATION, Method, Mixture, Shape, parts_of, size_law
+from flurries.effects.knobs import knobs, looks
+from flurries.effects.population import POPULATION, Falling, Mixture, parts_of, size_law
 from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import RAIN_LOOKS, RainLook
-from flurries.effects.strength import OPACITY, solved, strength_of
+from flurries.effects.strength import solved
 from flurries.light.phase import DROPS
 from flurries.motion.keys import Keys, Number, Vector, as_number
 from flurries.motion.wind import Wind
@@ -23,7 +22,7 @@ from flurries.particles.sizes import RAIN, Matter
 @looks
 @knobs("rate", "visibility", "severity", law=partial(solved, "rain", RAIN, "drop_size", size_law))
 @dataclass(frozen=True, kw_only=True)
-class Rain(metaclass=Described):
+class Rain(Falling):
     """Rain, made of drops.
 
     One population fills the air: near drops are drawn as streaks, far ones are a texture of drops.
@@ -49,33 +48,12 @@ cloud, handover, method, look, seed, severity, rate, visibility
     preset: InitVar[RainLook | None] = field(default=None, kw_only=False)
     density: Number = 700.0
     drop_size: tuple[float, float, float] | Keys = (0.0005, 0.0009, 0.006)
-    opacity: float = OPACITY
-    gain: Number = 2.0
-    amount: Number = 1.0
-    emission: Number = 1.0
-    fall: Number | None = None
     wind: Vector | Wind = (0.6, 0.0, 0.0)
-    color: Color = "ambient"
-    haze: Number = 0.0
-    shutter: Number | None = None
-    near: float = 0.4
-    far: float = 60.0
-    backdrop: float | None = None
-    cloud: float = 10.0
-    handover: float | None = None
-    method: Method = "flakes"
-    shape: Shape = "natural"
-    look: str = "v2"
-    seed: int | None = None
-    severity: InitVar[int | None] = None
-    rate: InitVar[Number | None] = None
-    visibility: InitVar[Number | None] = None
+    gain: Number = 2.0
 
     NAME: ClassVar[str] = "rain"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = RAIN_LOOKS
     MATTER: ClassVar[Matter] = RAIN
-
-    strength = strength_of
 
     def __post_init__(self, *_: Any) -> None:
         checks = {name: check for name, check in POPULATION.items() if name != "sway"}

@@ -7,13 +7,12 @@ from functools import cached_property, partial
 from typing import Any, ClassVar
 
 from flurries.effects.checks import settle
-from flurries.effects.color import Color
 from flurries.effects.flake_texture import FlakeTexture
-from flurries.effects.knobs import Described, knobs, looks
-from flurries.effects.population import POPULATION, Method, Mixture, Shape, parts_of, size_law
+from flurries.effects.knobs import knobs, looks
+from flurries.effects.population import POPULATION, Falling, Mixture, parts_of, size_law
 from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import SNOW_LOOKS, SnowLook
-from flurries.effects.strength import OPACITY, solved, strength_of
+from flurries.effects.strength import solved
 from flurries.motion.keys import Keys, Number, Vector
 from flurries.motion.wind import Wind
 from flurries.particles.sizes import SNOW, Matter
@@ -22,7 +21,7 @@ from flurries.particles.sizes import SNOW, Matter
 @looks
 @knobs("rate", "visibility", "severity", law=partial(solved, "snow", SNOW, "flake_size", size_law))
 @dataclass(frozen=True, kw_only=True)
-class Snow(metaclass=Described):
+class Snow(Falling):
     """Falling snow, made of flakes.
 
     One population fills the air: near flakes are drawn, far ones are a texture with the phases of
@@ -110,33 +109,12 @@ class Snow(metaclass=Described):
     preset: InitVar[SnowLook | None] = field(default=None, kw_only=False)
     density: Number = 30.0
     flake_size: tuple[float, float, float] | Keys = (0.003, 0.007, 0.022)
-    opacity: float = OPACITY
-    amount: Number = 1.0
-    emission: Number = 1.0
-    fall: Number | None = None
     wind: Vector | Wind = (0.3, 0.0, 0.0)
-    color: Color = "ambient"
-    haze: Number = 0.0
-    shutter: Number | None = None
     sway: tuple[float, float] = (0.02, 4.0)
-    near: float = 0.4
-    far: float = 60.0
-    backdrop: float | None = None
-    cloud: float = 10.0
-    handover: float | None = None
-    method: Method = "flakes"
-    shape: Shape = "natural"
-    look: str = "v2"
-    seed: int | None = None
-    severity: InitVar[int | None] = None
-    rate: InitVar[Number | None] = None
-    visibility: InitVar[Number | None] = None
 
     NAME: ClassVar[str] = "snow"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = SNOW_LOOKS
     MATTER: ClassVar[Matter] = SNOW
-
-    strength = strength_of
 
     def __post_init__(self, *_: Any) -> None:
         settle(self, {**POPULATION, "flake_size": size_law})

@@ -52,14 +52,14 @@ def needs_of_gas(
 ) -> Needs:
     """Return the needs of a frame: one step, "gas", or "lit gas" with its colors and a sort."""
     if not shows:
-        return Needs((), (LeftOut(mist.NAME, "it has no density"),), most=0.0)
+        return Needs.none(mist.NAME, "it has no density")
     sunny = lit_by_sun(mist, frame)
     lit = sunny or bool(frame.lights)
     # The background's light may change from frame to frame; without a sun or lamps it is no more
     # than the color of what is kept.
-    moves = has_keys(mist) or np.any(value_at(mist.wind, 0.0))
-    lit_by_places = lit or mist.top is not None or mist.center is not None
-    still = not (moves or frame.lights or (lit_by_places and isinstance(mist.color, str)))
+    moves = frame.lights or has_keys(mist) or np.any(value_at(mist.wind, 0.0))
+    by_places = lit or mist.top is not None or mist.center is not None
+    still = frame.settled and not (moves or (by_places and isinstance(mist.color, str)))
     bright = max(LAMPS if frame.lights else 1.0, brightest(mist) if sunny else 1.0)
     step = Step("lit gas" if lit else "gas", once=still)
     reads = reads_of(mist.color)
@@ -103,12 +103,11 @@ class Vapor:
         return needs_of_gas(self.mist, frame, out, shows=shows, most=most, by_rows=True)
 
     def render(self, frame: Frame) -> Layer:
-        mist, run, density = self.mist, frame.run or frame.steps_of(self), self.density(frame.t)
+        mist, density = self.mist, self.density(frame.t)
         _, color, local = base_of(mist.color, frame)
         step = "lit gas" if lit_by_sun(mist, frame) or frame.lights else "gas"
-        top, bottom, left, right = frame.window
-        drawn = run(step, self._draw, frame, density)
-        alpha, light = drawn or (np.zeros((bottom - top, right - left), np.float32), None)
+        drawn = frame.run(self, step, lambda: self._draw(frame, density))
+        alpha, light = drawn or (np.zeros(frame.size, np.float32), None)
         shade = even_shade(frame, color) if local or light is not None else None
         layer = Layer(mist.NAME, alpha, color, shade=shade, glow=light)
         if not frame.whole:
@@ -153,8 +152,6 @@ class Vapor:
 
     def _draw(self, frame: Frame, density: float) -> tuple[Array, Array | None]:
         """Return opacity (h, w) of the window, and what lamps add to its light (h, w, 3)."""
-        top, bottom, left, right = frame.window
-        shape = (bottom - top, right - left)
 
         def sort() -> tuple[_core.SortedGas, bool]:
             points, shown = frame.once(self, "particles", lambda: self.places(frame, density))
@@ -164,8 +161,8 @@ class Vapor:
                 colors = radiance(points, frame.lamps(), optics_of(self.mist), eye)
             return self._sorted(frame, points, shown, colors), colored
 
-        found, colored = frame.once_each(self, "gas", sort)
-        layer = np.empty((*shape, 4) if colored else shape, np.float32)
+        found, colored = frame.once(self, "gas", sort, eye=True)
+        layer = np.empty((*frame.size, 4) if colored else frame.size, np.float32)
         _core.gas_draw(layer, found, frame.window, frame.depth)
         return (layer[..., 3], layer[..., :3]) if colored else (layer, None)
 
@@ -179,8 +176,7 @@ class Vapor:
     def _depth(self, frame: Frame, density: float) -> Array:
         """Return the depth (h, w) of a window: a mean of the particles that show."""
         points, shown = frame.once(self, "particles", lambda: self.places(frame, density))
-        top, bottom, left, right = frame.window
-        layer = np.zeros((bottom - top, right - left, 4), np.float32)
+        layer = np.zeros((*frame.size, 4), np.float32)
         if len(points) > 0:
             far = np.maximum(points[:, 2] - frame.camera.offset[2], NEAREST)
             found = self._sorted(frame, points, shown, far)

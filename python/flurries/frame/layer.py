@@ -12,8 +12,11 @@ from flurries import _core
 from flurries._contract import Array
 from flurries.frame.planes import plane
 
-# From a display color to the light that layers are mixed in, one number per channel.
-Light = Callable[[tuple[float, float, float]], list[float]]
+# The planes that a layer may have beside its opacity, and the numbers that each has for a pixel.
+_NUMBERS: dict[str, tuple[int, ...]] = {
+    "rgb": (3,), "glow": (3,), "depth": (), "motion": (2,), "backward": (2,), "coverage": (),
+    "ids": (),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +76,20 @@ class Layer:
     shade: Shade | None = None
     glow: Array | None = None
 
+    def planes(self) -> dict[str, Array]:
+        """Return the planes that are given, by their names."""
+        found = {name: getattr(self, name) for name in ("alpha", *_NUMBERS)}
+        return {name: plane for name, plane in found.items() if plane is not None}
+
+    def turned(self, turn: Callable[[Array], Array], *names: str) -> Layer:
+        """Return the layer with some of its planes changed, those that are given."""
+        changes: dict[str, Any] = {
+            name: np.ascontiguousarray(turn(plane))
+            for name, plane in self.planes().items()
+            if name in names
+        }
+        return replace(self, **changes)
+
     def rgba(self, color: Any) -> Array:
         """Return (h, w, 4) float32, premultiplied with `color` (3,)."""
         result = plane((*self.alpha.shape, 4))
@@ -89,26 +106,18 @@ def layers_of(answer: object, effect: object, shape: tuple[int, int]) -> tuple[L
                 f"effects: {type(effect).__name__}.render must return a Layer or a tuple of them, "
                 f"got {type(layer).__name__}"
             )
-        planes: dict[str, tuple[Any, tuple[int, ...]]] = {
-            "alpha": (layer.alpha, shape), "rgb": (layer.rgb, (*shape, 3)),
-            "glow": (layer.glow, (*shape, 3)), "depth": (layer.depth, shape),
-            "motion": (layer.motion, (*shape, 2)), "backward": (layer.backward, (*shape, 2)),
-            "coverage": (layer.coverage, shape), "ids": (layer.ids, shape),
-        }  # fmt: skip
-        for name, (given, wanted) in planes.items():
-            if given is None and name != "alpha":
-                continue
+        planes: dict[str, Any] = {"alpha": layer.alpha, **layer.planes()}
+        for name, given in planes.items():
             kind = getattr(given, "dtype", type(given).__name__)
             own = np.dtype(np.int64 if name == "ids" else np.float32)
+            wanted = (*shape, *_NUMBERS.get(name, ()))
             if not isinstance(given, np.ndarray) or kind != own or given.shape != wanted:
                 raise TypeError(
                     f"effects: {name} of the layer {layer.name!r} must be {own} of shape "
                     f"{wanted}, got {kind} of shape {np.shape(given)}"
                 )
-        parts = {name: given for name, (given, _) in planes.items() if given is not None}
-        if not all(part.flags.c_contiguous for part in parts.values()):
+        if not all(part.flags.c_contiguous for part in planes.values()):
             # Windows cut out of a whole frame; kernels read rows that follow each other.
-            parts = {name: np.ascontiguousarray(part) for name, part in parts.items()}
-            layer = replace(layer, **parts)
+            layer = layer.turned(np.asarray, *planes)
         layers.append(layer)
     return tuple(layers)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -107,31 +108,20 @@ class Deep:
         at = rows - window[0], columns - window[2]
         there = rows - part[0], columns - part[2]
 
-        def mixed(a: Array | None, b: Array | None, *, chosen: bool = False) -> Array | None:
-            if a is None or b is None:
-                return None
-            result: Array = a.copy()
-            far, close = a[at], b[there]
-            own = share[:, None] if a.ndim == 3 else share
-            if chosen:
-                result[at] = np.where(own >= 0.5, close, far)
-            else:
-                result[at] = (1.0 - own) * far + own * close
-            return result
-
-        alpha = mixed(whole.alpha, near.alpha)
-        assert alpha is not None
-        return replace(
-            whole,
-            alpha=alpha,
-            rgb=mixed(whole.rgb, near.rgb),
-            glow=mixed(whole.glow, near.glow),
-            coverage=mixed(whole.coverage, near.coverage),
-            depth=mixed(whole.depth, near.depth, chosen=True),
-            motion=mixed(whole.motion, near.motion, chosen=True),
-            backward=mixed(whole.backward, near.backward, chosen=True),
-            ids=mixed(whole.ids, near.ids, chosen=True),
-        )
+        found: dict[str, Any] = {}
+        others = near.planes()
+        for name, plane in whole.planes().items():
+            found[name] = None
+            if name in others:
+                far, close = plane[at], others[name][there]
+                own = share[:, None] if plane.ndim == 3 else share
+                if name in ("alpha", "rgb", "glow", "coverage"):
+                    joined = (1.0 - own) * far + own * close
+                else:
+                    joined = np.where(own >= 0.5, close, far)
+                found[name] = plane.copy()
+                found[name][at] = joined
+        return replace(whole, **found)
 
 
 @dataclass(frozen=True, eq=False)

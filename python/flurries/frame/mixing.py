@@ -198,11 +198,11 @@ def _by_parts(turn: Callable[[Array], Array], values: Array, result: Array) -> A
 def behind(layer: Layer, cover: Array) -> Layer:
     """Return a layer as far as a matte in front of it leaves it."""
     left = 1.0 - cover
-    alpha = np.ascontiguousarray(layer.alpha * left)
-    rgb = None if layer.rgb is None else layer.rgb * left[..., None]
-    glow = None if layer.glow is None else np.ascontiguousarray(layer.glow * left[..., None])
-    coverage = None if layer.coverage is None else layer.coverage * left
-    return replace(layer, alpha=alpha, rgb=rgb, glow=glow, coverage=coverage)
+
+    def less(plane: Array) -> Array:
+        return np.asarray(plane * (left if plane.ndim == 2 else left[..., None]))
+
+    return layer.turned(less, "alpha", "rgb", "glow", "coverage")
 
 
 def lit(layer: Layer) -> Layer:

@@ -1,4 +1,4 @@
-"""What an effect says about a frame before it is made, and what the plan then lets it do.
+"""What an effect says about a frame before it is made.
 
 An effect has one method for it, ``needs(frame) -> Needs``: its steps, what it leaves out by itself
 and why, and which parts of the scene it reads. An effect without the method is rendered whenever it
@@ -7,28 +7,40 @@ is in the scene, and given everything.
 
 from __future__ import annotations
 
-import weakref
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
-import numpy as np
-
-from flurries._contract import Array
-from flurries._kept import Kept
-from flurries._threads import reproducible
-from flurries._trace import current
-from flurries.frame.bands import Visible
 from flurries.motion.keys import Keys
 
 if TYPE_CHECKING:
+    from flurries.frame.layer import Layer
     from flurries.frame.view import Frame
-
-_Made = TypeVar("_Made")
-_P = ParamSpec("_P")
 
 # What an effect can read of a scene beside its own arguments; each costs something to make.
 PARTS = frozenset({"depth", "ambient"})
+
+
+class Renders(Protocol):
+    """Anything that shows something in a frame."""
+
+    def render(self, frame: Frame, /) -> Layer | Sequence[Layer]:
+        """Return the layer or layers of the effect in a frame."""
+        ...
+
+
+class Composed(Protocol):
+    """Anything that says what it is made of."""
+
+    # `Renders` in truth: pyright does not look into the cached property that effects have.
+    @property
+    def parts(self) -> object:
+        """The parts that render the effect."""
+        ...
+
+
+# One of flurries' effects, or one of your own.
+Effect: TypeAlias = Renders | Composed
 
 
 @dataclass(frozen=True)
@@ -64,6 +76,11 @@ class Needs:
     varies: bool = False
     brightest: float = 1.0  # The largest of the colors' values, at least 1.
 
+    @staticmethod
+    def none(what: str, why: str) -> Needs:
+        """Return the needs of what shows nothing."""
+        return Needs((), (LeftOut(what, why),), most=0.0)
+
 
 def renderer_of(effect: Any) -> Any:
     """Return what renders an effect: itself, or its parts; None for what is no effect."""
@@ -74,88 +91,21 @@ def renderer_of(effect: Any) -> Any:
 
 def needs_of(effect: Any, frame: Frame) -> Needs:
     """Return the needs that an effect states, or all there is if it states none."""
-    own = getattr(renderer_of(effect), "needs", None)
+    own, kind = getattr(renderer_of(effect), "needs", None), type(effect).__name__
     if own is None:
         ambient = getattr(effect, "color", None) == "ambient"
-        return Needs(
-            (Step(type(effect).__name__.lower()),), reads=PARTS if ambient else PARTS - {"ambient"}
-        )
+        return Needs((Step(kind.lower()),), reads=PARTS if ambient else PARTS - {"ambient"})
     said = own(frame)
     if not isinstance(said, Needs):
-        kind = type(effect).__name__
         raise TypeError(f"effects: {kind}.needs must return Needs, got {type(said).__name__}")
     return said
 
 
 def has_keys(value: Any, depth: int = 3) -> bool:
     """Whether something varies over time: holds keys, or cannot be looked into."""
-    if isinstance(value, Keys):
-        return True
-    if depth == 0:
-        return False
+    if isinstance(value, Keys) or depth == 0:
+        return isinstance(value, Keys)
     if is_dataclass(value):
         return any(has_keys(getattr(value, f.name, None), depth - 1) for f in fields(value))
-    if isinstance(value, (tuple, list)) and len(value) <= 16:
-        return any(has_keys(one, depth - 1) for one in value)
-    return False
-
-
-def _read_only(found: _Made) -> _Made:
-    """Return what all frames share, so that none writes to it."""
-    for part in (found, getattr(found, "alpha", None), getattr(found, "rgb", None)):
-        if isinstance(part, np.ndarray):
-            part.flags.writeable = False
-    return found
-
-
-@dataclass(frozen=True)
-class Run:
-    """The plan's hand in a frame: calling it runs a step, if the step is planned."""
-
-    steps: Mapping[str, Step]
-    # Where results that are the same in every frame are found, and under which key.
-    kept: Kept | None = None
-    key: Any = None
-    visible: Visible | None = None  # Where anything of the effect can be seen; None is everywhere.
-
-    def keeps(self, name: str) -> bool:
-        """Whether the step is made once for all frames."""
-        step = self.steps.get(name)
-        return step is not None and step.once and self.kept is not None
-
-    def __call__(
-        self, name: str, make: Callable[_P, _Made], *args: _P.args, **kwargs: _P.kwargs
-    ) -> _Made | None:
-        """Return the product of the step, or None where it is left out."""
-        if name not in self.steps:
-            return None
-
-        def run() -> _Made:
-            with current.get().stage(name):
-                return make(*args, **kwargs)
-
-        kept = self.kept if self.keeps(name) else None
-        return run() if kept is None else kept.once((self.key, name), lambda: _read_only(run()))
-
-
-# Results that are kept of one depth: planes of a picture, most of them.
-_MOST = 8
-
-_KEPT: dict[int, tuple[weakref.ref[Array], Kept]] = {}
-
-
-def standing(
-    frame: Frame, owner: object, name: str, key: Hashable, make: Callable[[], _Made]
-) -> _Made:
-    """Return what `make` makes of the frame's depth over its window; if that stays, once."""
-    # Made of the depth, the window, `owner` and `key`. Nothing may be written to it afterwards. A
-    # frame in bands finds it anew: it would be as large as many of its bands.
-    depth = frame.depth
-    assert depth is not None
-    if frame.banded or depth.flags.writeable:
-        return frame.here(owner, f"{name}, side {frame.side}", make)
-    number = id(depth)
-    there = _KEPT.get(number)
-    if there is None or there[0]() is not depth:
-        there = _KEPT[number] = weakref.ref(depth, lambda _: _KEPT.pop(number, None)), Kept(_MOST)
-    return there[1].once((owner, name, key, frame.window, reproducible()), make)
+    several = isinstance(value, (tuple, list)) and len(value) <= 16
+    return several and any(has_keys(one, depth - 1) for one in value)

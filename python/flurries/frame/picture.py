@@ -42,7 +42,7 @@ def images(
         shared = Shared(cameras, inner, len(bands))
         for picture in pictures:
             picture.asks = [
-                ask._replace(frame=replace(ask.frame, shared=shared)) for ask in picture.asks
+                ask._replace(frame=ask.frame.derive(shared=shared)) for ask in picture.asks
             ]
     if len(bands) == 1:
         return [picture.compose(window, None) for picture in pictures]
@@ -157,8 +157,7 @@ def _narrow(ask: Ask, part: Window) -> Frame:
     frame = ask.frame
     if part == frame.window or not ask.needs.by_rows:
         return frame
-    run = None if frame.run is None else replace(frame.run, key=(frame.run.key, part))
-    return frame.derive(window=part, run=run)
+    return frame.derive(window=part)
 
 
 def _by_places(ask: Ask) -> bool:
@@ -168,13 +167,11 @@ def _by_places(ask: Ask) -> bool:
 
 def _cut(layer: Layer, place: Window) -> Layer:
     """Return the part of a layer, counted from its own first pixel."""
-    rgb = None if layer.rgb is None else np.ascontiguousarray(crop(layer.rgb, place))
-    glow = None if layer.glow is None else np.ascontiguousarray(crop(layer.glow, place))
-    shade = layer.shade
-    if shade is not None:
-        shade = replace(shade, first=(shade.first[0] + place[0], shade.first[1] + place[2]))
-    alpha = np.ascontiguousarray(crop(layer.alpha, place))
-    return Layer(layer.name, alpha, layer.color, rgb, shade=shade, glow=glow)
+    layer = layer.turned(lambda plane: crop(plane, place), "alpha", "rgb", "glow")
+    if layer.shade is None:
+        return layer
+    first = layer.shade.first[0] + place[0], layer.shade.first[1] + place[2]
+    return replace(layer, shade=replace(layer.shade, first=first))
 
 
 def draw(effect: Any, frame: Frame) -> tuple[Layer, ...]:
@@ -190,9 +187,8 @@ def draw(effect: Any, frame: Frame) -> tuple[Layer, ...]:
     for side, (deep, part) in enumerate(zip(frame.nearer, parts, strict=True), 1):
         if frame.depth is None or part is None:
             continue
-        run = None if frame.run is None else replace(frame.run, key=(side, part, frame.run.key))
         own = {"depth": deep.before(frame.depth), "side": side}
-        close = _drawn(effect, whole.derive(window=part, run=run, **own))
+        close = _drawn(effect, whole.derive(window=part, **own))
         pairs = zip(layers, close, strict=True)
         layers = tuple(deep.join(layer, near, frame.window, part) for layer, near in pairs)
     return layers

@@ -25,7 +25,7 @@ from flurries.frame.bands import Window, bands_of, whole
 from flurries.frame.edges import Edges
 from flurries.frame.matte import Front
 from flurries.frame.mixing import Mix
-from flurries.frame.needs import LeftOut, Needs, Run, has_keys, needs_of, renderer_of
+from flurries.frame.needs import LeftOut, Needs, has_keys, needs_of, renderer_of
 from flurries.frame.view import Frame, Lap
 from flurries.io.color import linear_to_srgb
 from flurries.light.lamp import Lamp, Sun
@@ -92,12 +92,12 @@ class Program:
     def __post_init__(self) -> None:
         self.parts: list[Part] = []
         self.left_out: list[LeftOut] = []
-        fixed = all(part is None or part.still for part in (self.distance, self.mattes))
-        self.settled = self.path.still and fixed
+        self.fixed = all(part is None or part.still for part in (self.distance, self.mattes))
+        self.settled = self.path.still and self.fixed
         self.deep = self.distance is not None or (self.mattes is not None and self.mattes.deep)
         self.settled = self.settled and not (has_keys(self.lens) or has_keys(self.lights))
         self._window = whole(self.shape)
-        self._kept = Kept(4 * len(bands_of(self._window)) + 4)
+        self._kept = Kept(4 * len(bands_of(self._window)) + 8)
         for index, effect in enumerate(self.effects):
             self._add(index, effect)
 
@@ -162,13 +162,12 @@ class Program:
         plate = self._plate(t, depth) if "plate" in reads else None
         found, airs = [], [air_of(part.renderer, t) if self.lights else 0.0 for part, _ in runs]
         for number, (part, needs) in enumerate(runs):
-            key = (part.place, camera, window, dtype is None, _core.reproducible())
-            kept = self._kept if self.settled else None
-            run = Run({step.name: step for step in needs.steps}, kept, key, visible)
             frame = base.derive(
                 seed=part.seed,
                 air=(sum(airs), sum(airs[:number])),
-                run=run,
+                steps={step.name: step for step in needs.steps},
+                kept=self._kept if self.fixed else None,
+                visible=visible,
                 whole=dtype is None,
                 depth=depth if "depth" in needs.reads else None,
                 ambient=ambient if "ambient" in needs.reads else None,

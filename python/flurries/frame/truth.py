@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -141,7 +141,7 @@ def _truth(
     parts = [
         layer
         for ask in program.asks(t, camera, window, None)
-        for layer in draw(ask.part.renderer, replace(ask.frame, shared=shared, whole=known))
+        for layer in draw(ask.part.renderer, ask.frame.derive(shared=shared, whole=known))
     ]
     whole_front = program.front(t)
     front = None if whole_front is None else whole_front.window(window)

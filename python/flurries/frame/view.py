@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from flurries._contract import Array, Float64
+from flurries._kept import Kept
+from flurries._threads import reproducible
+from flurries._trace import current
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur, Lens
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_vector
+from flurries.frame.bands import Visible, crop, shape_of
 from flurries.frame.matte import Deep
-from flurries.frame.needs import Run, needs_of
+from flurries.frame.needs import Step
 from flurries.light.lamp import ROW, Lamp, Sun
 from flurries.light.plate import PlateLight
 from flurries.motion.keys import Number, Vector
 
 _Made = TypeVar("_Made")
-_Key = tuple[int, int, str]
 
 
 class Shared:
@@ -35,28 +38,13 @@ class Shared:
     ) -> None:
         self.cameras, self.window, self.bands = cameras, window, bands
         # With the owner, which must not go while its id is known.
-        self._known: dict[_Key, tuple[object, Any]] = {}
-        self._here: dict[_Key, tuple[object, Any]] = {}
-        self._at = window
+        self._known: dict[Any, tuple[object, Any]] = {}
 
-    def once(self, key: _Key, owner: object, make: Callable[[], _Made]) -> _Made:
+    def once(self, key: Any, owner: object, make: Callable[[], _Made]) -> _Made:
         """Return the object of this effect, seed and name, made by `make` the first time."""
         if key not in self._known:
             self._known[key] = owner, make()
         made: _Made = self._known[key][1]
-        return made
-
-    def here(
-        self, key: _Key, owner: object, window: tuple[int, int, int, int], make: Callable[[], _Made]
-    ) -> _Made:
-        """Return the same for a window; it is kept for the other eye, until the next window."""
-        if len(self.cameras) == 1:
-            return make()
-        if window != self._at:
-            self._here, self._at = {}, window
-        if key not in self._here:
-            self._here[key] = owner, make()
-        made: _Made = self._here[key][1]
         return made
 
 
@@ -121,8 +109,12 @@ class Frame:
     air : (float, float)
         Extinction of the scene's effects, per metre: of them all, which the light of a lamp goes
         through, and of those that lie behind this one and so do not cover it.
-    run : Run or None
-        What the plan lets the effect do; None where a frame was made without a plan.
+    steps : mapping of str to Step, or None
+        The effect's steps that are planned; None where a frame was made without a plan: all.
+    visible : Visible or None
+        Where anything of the effect can be seen; None is everywhere.
+    kept : Kept or None
+        Where results that other frames have as well are found, if the depth never changes.
     settled : bool
         Whether neither the camera nor the depth ever changes.
     deep : bool
@@ -154,7 +146,9 @@ class Frame:
     lap: Lap | None = None
     still: bool = False
     air: tuple[float, float] = (0.0, 0.0)
-    run: Run | None = None
+    steps: Mapping[str, Step] | None = None
+    visible: Visible | None = None
+    kept: Kept | None = field(default=None, compare=False, repr=False)
     settled: bool = False
     deep: bool = False
     whole: bool = False
@@ -165,35 +159,42 @@ class Frame:
     def derive(self, **changes: Any) -> Frame:
         """Return this view with other values, which `replace` does at ten times the cost."""
         made = object.__new__(Frame)
-        made.__dict__.update(self.__dict__)
-        made.__dict__.update(changes)
+        made.__dict__.update(self.__dict__, **changes)
+        made.__dict__.pop("blur", None)
         return made
 
-    def steps_of(self, effect: Any) -> Run:
-        """Return the runner of an effect's steps: the plan's, or all that the effect needs."""
-        if self.run is not None:
-            return self.run
-        return Run({step.name: step for step in needs_of(effect, self).steps})
+    def run(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made | None:
+        """Return the product of a step; None where it is left out, and one for all frames once."""
+        if self.steps is not None and name not in self.steps:
+            return None
 
-    def once(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made:
+        def made() -> _Made:
+            with current.get().stage(name):
+                return make()
+
+        if self.kept is None or self.steps is None or not self.steps[name].once:
+            return made()
+        key = id(owner), name, self.camera, self.window, self.whole, self.side, reproducible()
+        return self.kept.once(key, lambda: _read_only(made()))
+
+    def standing(self, owner: object, key: Hashable, make: Callable[[], _Made]) -> _Made:
+        """Return what is made of the depth over the window and a key; of one that stays, once."""
+        # A frame in bands makes it anew: it would be as large as many of its bands.
+        if self.kept is None or self.banded:
+            return make()
+        key = id(owner), key, self.window, self.side, reproducible()
+        return self.kept.once(key, make)
+
+    def once(
+        self, owner: object, name: str, make: Callable[[], _Made], *, eye: bool = False,
+        depth: bool = False,
+    ) -> _Made:  # fmt: skip
         """Return what `make` returns; for a second eye or band what it returned for the first."""
+        # Not so where it depends on the `eye`, or on which `depth` stands behind the weather.
         if self.shared is None:
             return make()
-        return self.shared.once((id(owner), self.seed, name), owner, make)
-
-    def once_before(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made:
-        """Return the same for what depends on the eye and the depth, but not on the window."""
-        return self.once_each(owner, f"{name}, side {self.side}", make)
-
-    def once_each(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made:
-        """Return the same for what depends on the eye, but not on the window."""
-        return self.once(owner, f"{name}, eye {self.eye}", make)
-
-    def here(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made:
-        """Return the same for what depends on the window, but not on the eye."""
-        if self.shared is None:
-            return make()
-        return self.shared.here((id(owner), self.seed, name), owner, self.window, make)
+        key = id(owner), self.seed, name, eye and self.eye, depth and self.side
+        return self.shared.once(key, owner, make)
 
     @cached_property
     def blur(self) -> Blur | None:
@@ -220,10 +221,14 @@ class Frame:
         """Whether the window is one of several bands of rows, which come from the top down."""
         return self.shared is not None and self.shared.bands > 1
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """(h, w) of the window."""
+        return shape_of(self.window)
+
     def crop(self, plane: Array) -> Array:
-        """Return the window of a plane of the whole frame."""
-        top, bottom, left, right = self.window
-        return plane[top:bottom, left:right]
+        """Return the window of a plane of the whole frame, C-contiguous."""
+        return np.ascontiguousarray(crop(plane, self.window))
 
     def later(self, step: float = 1.0) -> Frame:
         """Return what the same eye is asked `step` frames later, without depth and light."""
@@ -235,10 +240,8 @@ class Frame:
             ratio = math.exp(self.path.zoom(after)[0] - self.path.zoom(self.t)[0])
             shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
             camera = camera.derive(focal=ratio * camera.focal, center_shift=shift)
-        return replace(
-            self, t=after, camera=camera, depth=None, ambient=None, nearer=(), plate=None,
-            shared=None,
-        )  # fmt: skip
+        less = {"depth": None, "ambient": None, "nearer": (), "plate": None, "shared": None}
+        return self.derive(t=after, camera=camera, **less)
 
     def displacement(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
         """Return camera minus air since frame 0, house axes, (3,) world units.
@@ -271,3 +274,11 @@ class Frame:
     def to_camera(self, vectors: Float64) -> Float64:
         """Return house axes turned into the camera's."""
         return np.ascontiguousarray(vectors @ self.camera.matrix())
+
+
+def _read_only(found: _Made) -> _Made:
+    """Return what all frames share, so that none writes to it."""
+    for part in (found, getattr(found, "alpha", None), getattr(found, "rgb", None)):
+        if isinstance(part, np.ndarray):
+            part.flags.writeable = False
+    return found

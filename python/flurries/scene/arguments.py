@@ -10,8 +10,7 @@ import numpy as np
 
 from flurries._contract import _came, integer
 from flurries.frame.bands import Window
-from flurries.frame.effect import Effect
-from flurries.frame.needs import renderer_of
+from flurries.frame.needs import Effect, renderer_of
 from flurries.io.sequences import MOST_FRAMES
 from flurries.light.lamp import Lamp
 

@@ -17,7 +17,7 @@ from flurries.camera.extent import holding
 from flurries.camera.lens import Camera
 from flurries.camera.optics import USUAL, Lens
 from flurries.camera.path import CameraPath, as_path
-from flurries.frame.effect import Effect
+from flurries.frame.needs import Effect
 from flurries.frame.truth import Rendered
 from flurries.io import open_background
 from flurries.io.sequences import EXTEND, MOST_FRAMES
