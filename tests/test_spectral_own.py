@@ -84,3 +84,51 @@ def test_an_alpha_is_the_opacity_of_its_field():
     assert np.array_equal(alpha, fl.spectral.opacity(field, mean=0.3, power=1.5, amount=0.8))
     out = np.empty(SHAPE)
     assert textured.field(SHAPE, out=out, **own) is out and np.array_equal(out, field)
+
+
+CLOUD: dict[str, Any] = {
+    "frequency": 0.12, "frequency_bandwidth": 0.3, "orientation": 0.7,
+    "orientation_bandwidth": 0.25, "speed_bandwidth": 0.4,
+}  # fmt: skip
+
+
+def test_the_bandwidths_of_a_cloud_are_those_of_its_films_spectrum():
+    size, frames, (vx, vy) = 128, 64, (1.0, -0.5)
+    cloud = fl.spectral.cloud(size, (vx, vy), seed=3, loop=frames, **CLOUD)
+    film = fl.spectral.movie(frames, (size, size), seed=4, texture=cloud, dtype=np.float64)
+    power = np.abs(np.fft.fftn(film)) ** 2
+    ft, fy, fx = np.meshgrid(*map(np.fft.fftfreq, film.shape), indexing="ij")
+    f = np.maximum(np.hypot(fx, fy), 1e-9)
+    power /= power.sum()
+
+    def deviation(off: np.ndarray) -> tuple[float, float]:
+        middle = float((power * off).sum())
+        return middle, float(np.sqrt((power * (off - middle) ** 2).sum()))
+
+    assert deviation(np.log2(f / 0.12)) == pytest.approx((0.0, 0.3), abs=0.01)
+    # From -90 to 90 degrees, since a wave and its opposite are one.
+    angle = np.arctan(np.tan(np.arctan2(fy, fx) - 0.7))
+    assert deviation(angle) == pytest.approx((0.0, 0.25), abs=0.01)
+    # Of some 800 waves' speeds; rates are rounded by up to half a bin.
+    away = ft + fx * vx + fy * vy
+    found = deviation((away - np.round(away)) / f)
+    assert found == pytest.approx((0.0, 0.4), abs=0.03)
+
+
+def test_a_movie_is_its_fields_with_the_contrast_that_is_asked_for():
+    cloud = fl.spectral.cloud((32, 48), (1.5, 0.5), seed=3, loop=8, **CLOUD)
+    film = fl.spectral.movie(9, (32, 48), seed=4, texture=cloud, contrast=0.2, mean=0.4)
+    for t, frame in enumerate(film):
+        field = fl.spectral.field((32, 48), seed=4, texture=cloud, time=float(t))
+        assert np.abs(frame - 0.4 * (1.0 + 0.2 * field)).max() < 1e-6
+        assert frame.std() / frame.mean() == pytest.approx(0.2, abs=1e-5)
+    assert np.abs(film[8] - film[0]).max() < 1e-5
+    # Any texture: here the paper's snow.
+    snow = fl.spectral.movie(3, (40, 50), seed=1, velocity=(1.0, 3.0))
+    want = fl.spectral.field((40, 50), seed=1, drift=(2.0, 6.0))
+    assert np.array_equal(snow[2], want)
+
+
+def test_a_cloud_without_a_wave_is_refused():
+    with pytest.raises(ValueError, match="frequency_bandwidth must reach a wave of the tile"):
+        fl.spectral.cloud(16, (1.0, 0.0), seed=1, frequency=0.1, frequency_bandwidth=0.001)

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation, Slerp
 import flurries as fl
 import measure
 from every import every
+from flurries.camera.importers import load
 from flurries.camera.rotation import rotation_vector
 from measure import FOCAL, SIZE, TEXTURE, picture, scene
 
@@ -165,22 +166,24 @@ CSV = "frame, x,y,z, rx,ry,rz\n0,0,0,0,0,0,0\n10, 1,0,2, 0,0.5,0\n\n25,1,0,3,0.1
 def test_a_csv_is_a_path(tmp_path: Path):
     file = tmp_path / "way.csv"
     file.write_text(CSV)
-    path = fl.CameraPath.load(file, LENS)
+    path = load(file, (40, 50), camera=LENS)
     assert path.place(10.0, fps=1.0).tolist() == [1.0, 0.0, 2.0]
     assert np.allclose(path.turn(5.0), Rotation.from_rotvec((0, 0.25, 0)).as_matrix(), atol=1e-15)
     rows = "\n".join(",".join(map(str, row)) for row in np.hstack([quaternions(TURNS), PLACES]))
     file.write_text("\ufeffqw,qx,qy,qz,x,y,z\r\n" + rows.replace("\n", "\r\n"))
-    path = fl.CameraPath.load(file, LENS)
+    path = load(file, (40, 50), camera=LENS)
     assert np.array_equal(path.position, PLACES)
     assert np.abs(path.turn(3.5) - twin_turn(3.5)).max() < 1e-13
     file.write_text("x,y,z\n0,0,0\n0,0,1\n")
-    assert fl.CameraPath.load(file, LENS).orientation is None
+    assert load(file, (40, 50), camera=LENS).orientation is None
     file.write_text(CSV)
     (tmp_path / "scene.toml").write_text(
         "format = 3\nsize = [50, 40]\n[camera]\nfocal = 60\npath = 'way.csv'\n"
     )
     shown = fl.open(tmp_path / "scene.toml")
-    assert np.abs(shown.camera.turn(10.0) - fl.CameraPath.load(file, LENS).turn(10.0)).max() == 0.0
+    assert (
+        np.abs(shown.camera.turn(10.0) - load(file, (40, 50), camera=LENS).turn(10.0)).max() == 0.0
+    )
 
 
 BAD_CSV = {
@@ -198,7 +201,7 @@ def test_bad_files_are_told(tmp_path: Path):
     for text, words in BAD_CSV.values():
         (tmp_path / "way.csv").write_bytes(text.encode("latin-1"))
         with pytest.raises(ValueError, match=rf"way\.csv.*{words}"):
-            fl.CameraPath.load(tmp_path / "way.csv", LENS)
+            load(tmp_path / "way.csv", (40, 50), camera=LENS)
 
 
 def test_a_closed_path_returns_the_frame():

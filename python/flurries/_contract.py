@@ -10,7 +10,7 @@ import functools
 import inspect
 import math
 import operator
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any, TypeAlias, TypeVar
 
@@ -367,3 +367,12 @@ def output(
     if any(np.may_share_memory(out, given) for given in inputs):
         raise ValueError("out must not overlap an input array")
     return out
+
+
+def filled(result: Array, working: np.dtype[Any], fill: Callable[[Array], None]) -> Array:
+    """Let `fill` write, in its own precision where the result has another."""
+    wide = result if result.dtype == working else np.empty(result.shape, working)
+    fill(wide)
+    if wide is not result:
+        result[...] = wide
+    return result

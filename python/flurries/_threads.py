@@ -7,6 +7,8 @@ from contextlib import contextmanager
 
 from flurries import _core
 from flurries._contract import flag, integer
+from flurries._core import reproducible as reproducible
+from flurries._core import threads as threads
 
 MOST_THREADS = 256
 
@@ -22,11 +24,6 @@ def set_threads(n: int) -> None:
         1 to 256.
     """
     _core.set_threads(integer("n", n, low=1, high=MOST_THREADS))
-
-
-def threads() -> int:
-    """Return the number of threads that the kernels use."""
-    return _core.threads()
 
 
 class Settings:
@@ -87,11 +84,6 @@ def settings(*, threads: int | None = None, reproducible: bool | None = None) ->
     if mode is not None:
         _core.set_reproducible(mode)
     return Settings(before)
-
-
-def reproducible() -> bool:
-    """Return whether the kernels give the same bits with all vector instructions."""
-    return _core.reproducible()
 
 
 @contextmanager

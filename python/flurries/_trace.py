@@ -6,12 +6,12 @@ import time
 import tracemalloc
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-__all__ = ["Trace", "stage", "tracing"]
+__all__ = ["Trace", "current", "tracing"]
 
 
 @dataclass
@@ -134,8 +134,3 @@ def tracing(*, memory: bool = False) -> Iterator[Trace]:
         trace._look()
         if starts:
             tracemalloc.stop()
-
-
-def stage(name: str) -> AbstractContextManager[None]:
-    """Mark a stage of the work."""
-    return current.get().stage(name)

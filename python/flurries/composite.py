@@ -8,27 +8,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _contract as check
 from flurries import _core
-from flurries._contract import Array, _came, aligned, finite, output, pixels, real, shares, vector
+from flurries._contract import Array
 from flurries._warnings import warn_of_levels
 
 __all__ = ["join", "over", "snow"]
 
 PAPER_WHITE = 250 / 255
 
-# What kernels read, by the dtype that came.
-_WORKING: dict[np.dtype[Any], np.dtype[Any]] = {
-    np.dtype(np.uint8): np.dtype(np.uint8),
-    np.dtype(np.uint16): np.dtype(np.uint16),
-    np.dtype(np.float16): np.dtype(np.float32),
-    np.dtype(np.float32): np.dtype(np.float32),
-    np.dtype(np.float64): np.dtype(np.float64),
-}
-
-
-def _native(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    """Return the dtype with the machine's order of bytes."""
-    return dtype if dtype.isnative else dtype.newbyteorder("=")
+# What may come; kernels read all but float16, which they mix in float32.
+_DTYPES = ("uint8", "uint16", "float16", "float32", "float64")
 
 
 def _background(background: object, channels: Sequence[int]) -> tuple[Array, Array]:
@@ -37,8 +27,8 @@ def _background(background: object, channels: Sequence[int]) -> tuple[Array, Arr
         given = np.asarray(background)
     except ValueError:
         raise ValueError("background must be a rectangular array, got a ragged one") from None
-    working = _WORKING.get(_native(given.dtype))
-    if working is None:
+    kept = given.dtype.newbyteorder("=")
+    if kept.name not in _DTYPES:
         raise TypeError(
             f"background must be uint8, uint16, float16, float32 or float64, got {given.dtype}"
         )
@@ -52,15 +42,7 @@ def _background(background: object, channels: Sequence[int]) -> tuple[Array, Arr
     if 0 in planes.shape:
         raise ValueError(f"background must not be empty, got shape {given.shape}")
     warn_of_levels("background", planes, "divide it by 255")
-    return aligned(planes, working), given
-
-
-def _result(given: Array, planes: Array, out: Array | None, *inputs: Array) -> tuple[Array, Array]:
-    """Return the array to give back, and the (H, W, C) array that the kernel writes."""
-    kept = _native(given.dtype)
-    result = output(out, given.shape, kept, given, *inputs)
-    wide = result if kept == planes.dtype else np.empty(given.shape, planes.dtype)
-    return result, wide
+    return check.aligned(planes, np.float32 if kept == np.float16 else kept), given
 
 
 def snow(
@@ -101,22 +83,23 @@ def snow(
     ('uint8', True)
     """
     planes, given = _background(background, (1, 3))
-    cover, _ = pixels("alpha", alpha, ndim=2)
+    cover, _ = check.pixels("alpha", alpha, ndim=2)
     if cover.shape != planes.shape[:2]:
         raise ValueError(f"alpha must have shape {planes.shape[:2]}, got {cover.shape}")
-    shares("alpha", cover)
+    check.shares("alpha", cover)
     color = _intensity(intensity, planes.shape[2])
-    result, wide = _result(given, planes, out, cover)
-    _core.snow(wide.reshape(planes.shape), planes, cover, color)
-    if wide is not result:
-        result[...] = wide
-    return result
+    result = check.output(out, given.shape, given.dtype.newbyteorder("="), given, cover)
+
+    def fill(view: Array) -> None:
+        _core.snow(view.reshape(planes.shape), planes, cover, color)
+
+    return check.filled(result, planes.dtype, fill)
 
 
 def _intensity(intensity: Any, channels: int) -> list[float]:
     if isinstance(intensity, (float, int, complex, np.number, str)) or intensity is None:
-        return [real("intensity", intensity, low=0.0)] * channels
-    color: list[float] = vector("intensity", intensity, channels).tolist()
+        return [check.real("intensity", intensity, low=0.0)] * channels
+    color: list[float] = check.vector("intensity", intensity, channels).tolist()
     if min(color) < 0.0:
         raise ValueError(f"intensity must not be negative, got {color}")
     return color
@@ -141,16 +124,13 @@ def over(background: npt.ArrayLike, layer: npt.ArrayLike, *, out: Array | None =
         ``layer + (1 - layer alpha) * background``, integers rounded.
     """
     planes, given = _background(background, (3, 4))
-    front, _ = pixels("layer", layer, ndim=3)
+    front, _ = check.pixels("layer", layer, ndim=3)
     if front.shape != (*planes.shape[:2], 4):
         raise ValueError(f"layer must have shape {(*planes.shape[:2], 4)}, got {front.shape}")
-    shares("layer: alpha", front[..., 3])
-    finite("layer", front)
-    result, wide = _result(given, planes, out, front)
-    _core.over(wide, planes, front)
-    if wide is not result:
-        result[...] = wide
-    return result
+    check.shares("layer: alpha", front[..., 3])
+    check.finite("layer", front)
+    result = check.output(out, given.shape, given.dtype.newbyteorder("="), given, front)
+    return check.filled(result, planes.dtype, lambda view: _core.over(view, planes, front))
 
 
 def join(
@@ -175,13 +155,13 @@ def join(
     """
     single = isinstance(layers, np.ndarray) and layers.ndim == 0
     if single or not isinstance(layers, (list, tuple, np.ndarray)):
-        raise TypeError(f"layers must be a sequence of opacities, got {_came(layers)}")
+        raise TypeError(f"layers must be a sequence of opacities, got {check._came(layers)}")
     if len(layers) == 0:
         raise ValueError("layers must hold at least one opacity, got none")
-    first, kept = pixels("layers[0]", layers[0], ndim=2)
+    first, kept = check.pixels("layers[0]", layers[0], ndim=2)
     planes = [first]
     for index, layer in enumerate(layers[1:], 1):
-        plane, _ = pixels(f"layers[{index}]", layer, ndim=2)
+        plane, _ = check.pixels(f"layers[{index}]", layer, ndim=2)
         if plane.dtype != first.dtype or plane.shape != first.shape:
             raise ValueError(
                 f"layers must agree: layers[0] is {first.dtype} {first.shape}, "
@@ -189,17 +169,13 @@ def join(
             )
         planes.append(plane)
     for index, plane in enumerate(planes):
-        shares(f"layers[{index}]", plane)
-    veil = real("haze", haze, low=0.0, high=1.0)
+        check.shares(f"layers[{index}]", plane)
+    veil = check.real("haze", haze, low=0.0, high=1.0)
     front = None
     if matte is not None:
-        front = aligned(pixels("matte", matte, ndim=2)[0], first.dtype)
+        front = check.aligned(check.pixels("matte", matte, ndim=2)[0], first.dtype)
         if front.shape != first.shape:
             raise ValueError(f"matte must have shape {first.shape}, got {front.shape}")
-        shares("matte", front)
-    result = output(out, first.shape, kept, *planes, *([] if front is None else [front]))
-    wide = result if kept == first.dtype else np.empty(first.shape, first.dtype)
-    _core.join(wide, planes, veil, front)
-    if wide is not result:
-        result[...] = wide
-    return result
+        check.shares("matte", front)
+    result = check.output(out, first.shape, kept, *planes, *([] if front is None else [front]))
+    return check.filled(result, first.dtype, lambda view: _core.join(view, planes, veil, front))

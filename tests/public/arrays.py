@@ -144,6 +144,17 @@ CALLS: dict[str, Call] = {
         refused={"frames": (0, 2**31 - 1), "size": ((64, 64),), "velocity": (3.0,),
                  "cells": ("all",)},
     ),
+    "spectral.cloud": Call(
+        {"tile": (16, 20), "velocity": ASIDE[:2], "seed": 1, "orientation_bandwidth": 0.5,
+         "speed_bandwidth": 0.2, "loop": 16},
+        then=lambda made: fl.spectral.movie(3, (16, 20), seed=2, texture=made),
+        refused={"frequency": (0.0, 0.6), "frequency_bandwidth": (0.0,), "loop": (0,)},
+    ),
+    "spectral.movie": Call(
+        {"frames": 3, "shape": SHAPE, "seed": 1, "velocity": np.array([1.0, 4.0]),
+         "contrast": 0.3},
+        refused={"velocity": NOT_MOTIONS, "contrast": (-0.1,), "frames": (0, 2**31 - 1)},
+    ),
     "spectral.loop": Call(
         {"frames": 16, "shape": SHAPE, "velocity": np.array([1.0, 4.0]), "seed": 1,
          "time": np.array([0.0, 1.5, 7.0]), "wavelengths": (4.0, 12.0)},
@@ -172,7 +183,6 @@ CALLS: dict[str, Call] = {
                  "overlap": (-1, 0.5, 16)},
     ),
     "camera.tile_shift": Call({**SIGHT, "rotation": DOWN, "tile": 16}),
-    "camera.tile_zoom": Call({**SIGHT, "growth": 0.1, "tile": 16}),
     "particles.positions": Call(
         {"count": COUNT, "box": np.array([4.0, 3.0, 6.0]), "seed": 1, "velocity": ASIDE,
          "time": 3.5, "center": 3.0 * DOWN, "sway": (0.1, 2.0)},

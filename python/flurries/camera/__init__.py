@@ -2,6 +2,6 @@
 
 from flurries.camera.lens import Camera, image_velocity, project
 from flurries.camera.optics import Lens
-from flurries.camera.tiles import tile_drift, tile_shift, tile_zoom
+from flurries.camera.tiles import tile_drift, tile_shift
 
-__all__ = ["Camera", "Lens", "image_velocity", "project", "tile_drift", "tile_shift", "tile_zoom"]
+__all__ = ["Camera", "Lens", "image_velocity", "project", "tile_drift", "tile_shift"]

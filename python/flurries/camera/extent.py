@@ -14,7 +14,7 @@ def extent(path: CameraPath) -> tuple[int, int] | None:
     """Return the first and last whole frame of a camera that must not go on by itself, or None."""
     if path.extend != "stop":
         return None
-    keyed = [path._places, None if path._zoom is None else path._zoom.keys]
+    keyed = [path._places, path._lengths]
     frames = [keys.columns[0] for keys in keyed if keys is not None]
     frames += [] if path._turning is None else [path._turning.frames]
     # One pose stands for all frames.

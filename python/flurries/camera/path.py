@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -13,11 +12,10 @@ import numpy as np
 
 from flurries._contract import Float64, choice, suggesting, table
 from flurries._kept import kept
-from flurries.camera.csv import read_path
 from flurries.camera.lens import Camera
 from flurries.camera.rotation import rotation_vector
 from flurries.camera.turning import Turning, turning_of
-from flurries.camera.zoom import Zoom, integral_of, zoom_of
+from flurries.camera.zoom import lengths_of, weigh
 from flurries.motion.keys import (
     Course,
     Integral,
@@ -27,6 +25,7 @@ from flurries.motion.keys import (
     air_courses,
     as_vector,
     course_of,
+    integral_of,
     integral_to,
     sum_of,
     value_at,
@@ -87,7 +86,8 @@ class CameraPath:
     extend: str = "on"
     _places: Keys | None = field(init=False, repr=False)
     _turning: Turning | None = field(init=False, repr=False)
-    _zoom: Zoom | None = field(init=False, repr=False)
+    # Of the lens over time, pixels.
+    _lengths: Keys = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         settle = partial(object.__setattr__, self)
@@ -111,21 +111,17 @@ class CameraPath:
         settle("_turning", turning)
         if turning is not None and not isinstance(self.orientation, Keys):
             settle("orientation", _frozen(table("orientation", self.orientation, ndim=None)))
-        zoom = None if self.focal is None else zoom_of(self.focal)
-        settle("_zoom", zoom)
-        if zoom is not None:
-            settle("camera", replace(self.camera, focal=zoom.at(0.0)))
+        lengths = Keys([(0.0, self.camera.focal)])
+        if self.focal is not None:
+            lengths = lengths_of(self.focal)
+            settle("camera", replace(self.camera, focal=lengths.value(0.0)))
             if not isinstance(self.focal, Keys):
                 settle("focal", _frozen(table("focal", self.focal, ndim=1)))
+        settle("_lengths", lengths)
 
     def __reduce__(self) -> tuple[Any, ...]:
         given = (self.camera, self.position, self.velocity, self.orientation, self.focal)
         return CameraPath, (*given, self.extend)
-
-    @staticmethod
-    def load(path: str | os.PathLike[str], camera: Camera) -> CameraPath:
-        """Return the path of a CSV file; see :func:`flurries.camera.importers.load`."""
-        return CameraPath(camera, **read_path(path), extend="stop")
 
     @property
     def still(self) -> bool:
@@ -141,23 +137,22 @@ class CameraPath:
     @cached_property
     def zooms(self) -> bool:
         """Whether the focal length ever changes."""
-        return self._zoom is not None and self._zoom.moves
+        return bool(np.ptp(self._lengths.columns[1]) > 0.0)
 
     @property
     def widest(self) -> Camera:
         """The camera with the shortest focal length of the film."""
-        if self._zoom is None:
-            return self.camera
-        return self.camera.derive(focal=self._zoom.widest)
+        return self.camera.derive(focal=float(self._lengths.columns[1].min()))
 
     @property
     def longest_focal(self) -> float:
         """The longest focal length of the film, pixels."""
-        return self.camera.focal if self._zoom is None else self._zoom.longest
+        return float(self._lengths.columns[1].max())
 
     def zoom(self, t: float) -> tuple[float, float]:
         """Return the logarithm of the focal length over that of frame 0, and its change."""
-        return (0.0, 0.0) if self._zoom is None else (self._zoom.grown(t), self._zoom.rate(t))
+        now = self._lengths.value(t)
+        return math.log(now / self._lengths.value(0.0)), self._lengths.slope(t) / now
 
     def turn(self, t: float) -> Float64:
         """Return the matrix (3, 3) at frame `t` from the camera's axes to the house's."""
@@ -175,8 +170,8 @@ class CameraPath:
 
     def pose(self, camera: Camera, t: float) -> Camera:
         """Return a camera that sits on the path as it looks at `t`: its rotation is the whole."""
-        if self._zoom is not None:
-            ratio = math.exp(self._zoom.grown(t))
+        if self.zooms:
+            ratio = math.exp(self.zoom(t)[0])
             shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
             camera = camera.derive(focal=ratio * camera.focal, center_shift=shift)
         if self._turning is None:
@@ -196,11 +191,10 @@ class CameraPath:
             way = self.place(t, fps=fps) - air_moved(t, fps=fps, fall=fall, wind=wind)
         else:
             way = self.rig(t) @ _kept(_relative_way, self, fps, fall, wind).to(t)
-        if self._zoom is None or not self.zooms:
+        if not self.zooms:
             return np.asarray(way)
-        weighted = (
-            self.rig(t) @ _kept(_weighted_way, self, fps, fall, wind).to(t) / self._zoom.at(t)
-        )
+        weighted = self.rig(t) @ _kept(_weighted_way, self, fps, fall, wind).to(t)
+        weighted = weighted / self._lengths.value(t)
         axis = self.turn(t)[:, 2]
         return np.asarray(weighted + axis * (axis @ (way - weighted)))
 
@@ -213,9 +207,9 @@ class CameraPath:
         if self._turning is None:
             return np.zeros(3)
         angle = self._turning.at(t) @ self._turning.angle(t)
-        if self._zoom is None or not (self.zooms and self.turns):
+        if not (self.zooms and self.turns):
             return np.asarray(angle)
-        weighted = self._turning.at(t) @ _kept(_weighted_turn, self).to(t) / self._zoom.at(t)
+        weighted = self._turning.at(t) @ _kept(_weighted_turn, self).to(t) / self._lengths.value(t)
         axis = self.turn(t)[:, 2]
         return np.asarray(weighted + axis * (axis @ (angle - weighted)))
 
@@ -301,8 +295,8 @@ def _relative_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> I
 
 def _weighted_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Integral:
     """Return the integral of f R^T v, in the rig's axes."""
-    assert path._zoom is not None
-    course = path._zoom.weigh(sum_of([path.course(fps), *air_courses(wind, fall, -1.0 / fps)]))
+    way = sum_of([path.course(fps), *air_courses(wind, fall, -1.0 / fps)])
+    course = weigh(path._lengths, way)
     if path._turning is not None and path.turns:
         return path._turning.integral(course)
     # The rig stands still: house axes, turned back into its own.
@@ -313,9 +307,9 @@ def _weighted_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> I
 
 def _weighted_turn(path: CameraPath) -> Integral:
     """Return the integral of f w, in the rig's axes."""
-    assert path._turning is not None and path._zoom is not None
+    assert path._turning is not None
     turning = path._turning
-    return integral_of(path._zoom.weigh(Course(turning.frames[1:-1], turning.rates)))
+    return integral_of(weigh(path._lengths, Course(turning.frames[1:-1], turning.rates)))
 
 
 def as_path(camera: object, default_focal: float) -> CameraPath:

@@ -27,36 +27,26 @@ def rotation_matrix(rotation: Iterable[float]) -> Float64:
 def rotation_vector(matrix: Float64) -> Float64:
     """Return axis times angle, (3,), of a rotation matrix; the angle is from 0 to pi."""
     w, *xyz = quaternions_of(matrix[None])[0]
-    return _vector(w, np.array(xyz))
-
-
-def _vector(w: float, xyz: Float64) -> Float64:
+    axis = np.array(xyz)
     if w < 0.0:
-        w, xyz = -w, -xyz
-    length = float(np.linalg.norm(xyz))
+        w, axis = -w, -axis
+    length = float(np.linalg.norm(axis))
     # The limit of 2 atan2(s, c) / s.
     factor = 2.0 / w if length < 1e-150 else 2.0 * float(np.arctan2(length, w)) / length
-    return np.asarray(factor * xyz)
+    return np.asarray(factor * axis)
 
 
 def quaternions_of(matrices: Float64) -> Float64:
     """Return (n, 4), (w, x, y, z), of rotation matrices; each from its largest part."""
-    m = matrices
-    trace = np.trace(m, axis1=1, axis2=2)
-    squares = 1.0 + np.stack([trace, *(2.0 * m[:, i, i] - trace for i in range(3))], axis=1)
-    result = np.empty((len(m), 4))
-    for k, largest in enumerate(squares.argmax(axis=1)):
-        a = m[k]
-        root = 2.0 * np.sqrt(squares[k, largest])
-        if largest == 0:
-            parts = [root * root / 4.0, a[2, 1] - a[1, 2], a[0, 2] - a[2, 0], a[1, 0] - a[0, 1]]
-        elif largest == 1:
-            parts = [a[2, 1] - a[1, 2], root * root / 4.0, a[0, 1] + a[1, 0], a[0, 2] + a[2, 0]]
-        elif largest == 2:
-            parts = [a[0, 2] - a[2, 0], a[0, 1] + a[1, 0], root * root / 4.0, a[1, 2] + a[2, 1]]
-        else:
-            parts = [a[1, 0] - a[0, 1], a[0, 2] + a[2, 0], a[1, 2] + a[2, 1], root * root / 4.0]
-        result[k] = np.array(parts) / root
+    result = np.empty((len(matrices), 4))
+    for k, m in enumerate(matrices):
+        turn, (x, y, z) = m - m.T, np.diag(m)
+        # 4 q q^T: each row is the quaternion times one of its parts.
+        products = np.zeros((4, 4))
+        products[1:, 1:] = m + m.T
+        products[0, 1:] = products[1:, 0] = turn[2, 1], turn[0, 2], turn[1, 0]
+        np.fill_diagonal(products, (1 + x + y + z, 1 + x - y - z, 1 - x + y - z, 1 - x - y + z))
+        result[k] = products[np.diag(products).argmax()]
     return np.asarray(result / np.linalg.norm(result, axis=1, keepdims=True))
 
 

@@ -12,7 +12,7 @@ from flurries._contract import OVERLAP, SMALLEST, TILE, Float64
 from flurries.camera.lens import Camera, expect_camera, rotational
 from flurries.spectral.tiles import starts
 
-__all__ = ["tile_drift", "tile_shift", "tile_zoom"]
+__all__ = ["tile_drift", "tile_shift"]
 
 
 def tile_drift(
@@ -71,31 +71,6 @@ def tile_shift(
     """
     view, x, y, result = _asked(shape, camera, tile, overlap, out)
     return shift_at(x, y, check.vector("rotation", rotation, 3), view, result)
-
-
-def tile_zoom(
-    shape: tuple[int, int], growth: float, camera: Camera, *, tile: int | tuple[int, int] = TILE,
-    overlap: int = OVERLAP, out: Float64 | None = None,
-) -> Float64:  # fmt: skip
-    """Shift of every tile of :func:`flurries.spectral.field` for a lens that zooms.
-
-    Parameters
-    ----------
-    shape, camera, tile, overlap
-        See :func:`tile_drift`.
-    growth : float
-        Logarithm of the ratio of the focal lengths: of a frame, or of several.
-
-    Returns
-    -------
-    (rows, cols, 2) float64
-        ``growth * (x, y)`` pixels, (x, y) the tile's centre from the principal point: how far its
-        content moves, whatever its depth.
-    """
-    _, x, y, result = _asked(shape, camera, tile, overlap, out)
-    part = check.real("growth", growth)
-    result[..., 0], result[..., 1] = part * x[None, :], part * y[:, None]
-    return result
 
 
 def _asked(

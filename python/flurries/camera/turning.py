@@ -10,6 +10,7 @@ from __future__ import annotations
 import bisect
 from dataclasses import dataclass, field
 from functools import partial
+from math import factorial as f
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,6 @@ class Turning:
 
     @property
     def moves(self) -> bool:
-        """Whether it ever turns."""
         return bool((self.rates != 0.0).any())
 
     def at(self, t: float) -> Float64:
@@ -115,21 +115,13 @@ def _terms(x: Float64) -> Float64:
         (s - y * c) / y**3,
         (0.5 * y**2 - y * s - c + 1.0) / y**4,
     )
-    squares = -(x[small] ** 2)
-    sums = np.zeros((4, len(squares)))
-    power = np.ones_like(squares)
-    factorial = 1.0  # (2 n)!
-    for n in range(_TERMS):
-        after = factorial * (2 * n + 1)
-        # Term n of sin x / x is power / (2n+1)!, that of cos x is power / (2n)!; shifted by one or
-        # two they give these four.
-        sums[0] += power / (factorial * (2 * n + 1) * (2 * n + 2))
-        sums[1] += power / (after * (2 * n + 2) * (2 * n + 3))
-        sums[2] += power * (2 * n + 2) / (after * (2 * n + 2) * (2 * n + 3))
-        sums[3] += power * (2 * n + 3) / (after * (2 * n + 2) * (2 * n + 3) * (2 * n + 4))
-        power = power * squares
-        factorial = after * (2 * n + 2)
-    result[:, small] = sums
+    # Term n of each over (-x^2)^n.
+    terms = [
+        (1 / f(2 * n + 2), 1 / f(2 * n + 3), (2 * n + 2) / f(2 * n + 3), (2 * n + 3) / f(2 * n + 4))
+        for n in range(_TERMS)
+    ]
+    powers = (-(x[small] ** 2)) ** np.arange(_TERMS)[:, None]
+    result[:, small] = np.einsum("nk,nm->km", terms, powers)
     return result
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 from flurries.augment import corrupt as sets
-from flurries.augment.calibration import Profile
 from flurries.cli.options import FILE, OVERWRITE, OneOf, command, dask, option, voice
 from flurries.cli.words import Words, count, say
 
@@ -30,19 +31,14 @@ FAILED = 2
 @dask("processes of this machine")
 @OVERWRITE
 @voice
-def corrupt(
-    words: Words, source: str, target: str, weather: str, severity: str, profile: Profile,
-    seed: int, workers: int | None, dask: str | None, overwrite: bool,
-) -> int:  # fmt: skip
+def corrupt(words: Words, source: str, target: str, weather: str, **given: Any) -> int:
     """Write every picture of IN_DIR, and of folders in it, to OUT_DIR/WEATHER/SEVERITY/NAME.
 
     Prints the file that lists them. Run again, it makes only what is missing.
     """
     made = sets.corrupt(
-        source, target, weather=weather.split(","), severity=severity, profile=profile,
-        seed=seed, workers=workers, dask=dask, overwrite=overwrite,
-        progress=words.progress("picture"),
-    )  # fmt: skip
+        source, target, weather=weather.split(","), progress=words.progress("picture"), **given
+    )
     kept = len(made.kept)
     there = f", {kept} {'was' if kept == 1 else 'were'} there already" if kept else ""
     words.say(f"{count(len(made.written), 'picture')} written{there}")

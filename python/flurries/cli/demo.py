@@ -8,7 +8,7 @@ import numpy as np
 
 from flurries import io
 from flurries._contract import Array, integer
-from flurries._trace import stage, tracing
+from flurries._trace import current, tracing
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.cli.options import FILE, THREADS, command, option, voice
@@ -81,7 +81,7 @@ def _film(film: Path, scenes: list[Scene], frames: int, words: Words) -> list[Pa
     with VideoWriter(film, size, FPS) as video, tracing() as trace:
         for number in words.progress("frame")(range(1, frames + 1)):
             image = np.hstack([scene.render(number) for scene in scenes])
-            with stage("encode"):
+            with current.get().stage("encode"):
                 video.write(image)
             if number == (frames + 1) // 2:
                 write_picture(still, image)

@@ -44,9 +44,8 @@ from flurries.spectral import export_loop
 @THREADS
 @voice
 def texture(
-    words: Words, output: str, frames: int, size: str, velocity: tuple[float, float], band: Any,
-    look: str, shutter: float, seed: int, bits: str | None, half: bool, overwrite: bool,
-) -> None:  # fmt: skip
+    words: Words, output: str, size: str, band: Any, look: str, bits: str | None, **given: Any
+) -> None:
     """Write a loop of snow as textures that repeat in x, y and time, and a JSON that describes it.
 
     Prints the files.
@@ -55,10 +54,9 @@ def texture(
     # The presets' numbers are plain ones.
     opacity: Any = TentSnow(look)  # type: ignore[arg-type]
     made = export_loop(
-        output, frames, (height, width), velocity, seed=seed, wavelengths=band,
-        exponent=opacity.exponent, shutter=shutter, mean=opacity.mean, spread=opacity.spread,
-        power=opacity.power, amount=opacity.texture, bits=None if bits is None else int(bits),
-        half=half, overwrite=overwrite, progress=words.progress("group"),
+        output, shape=(height, width), wavelengths=band, bits=None if bits is None else int(bits),
+        exponent=opacity.exponent, mean=opacity.mean, spread=opacity.spread, power=opacity.power,
+        amount=opacity.texture, progress=words.progress("group"), **given,
     )  # fmt: skip
     for file in made:
         print(file)

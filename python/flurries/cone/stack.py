@@ -151,7 +151,6 @@ class _View:
 
     @cached_property
     def _charts(self) -> list[Chart]:
-        """One for all layers, or one for each."""
         blocks, charts = -(-self.shape[1] // BLOCK), []
         wide = self.shape[0], blocks * BLOCK
         for given in self.poses[: 1 if self.together else None]:
@@ -212,7 +211,6 @@ def _footprints(given: Pose, course: Course, shape: tuple[int, ...]) -> Array:
 
 
 def _rows_of(rows: Any, height: int) -> tuple[int, int]:
-    """Return the rows that are asked for."""
     if rows is None:
         return 0, height
     if not check.is_pair(rows):

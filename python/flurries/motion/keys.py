@@ -131,7 +131,6 @@ def prefix_sums(areas: Float64, shape: tuple[int, ...]) -> Float64:
 
 
 def _plain(value: Any) -> Any:
-    """Return a float or a tuple of floats."""
     return float(value) if np.ndim(value) == 0 else tuple(float(v) for v in value)
 
 
@@ -187,12 +186,6 @@ class Course:
     values: Float64  # (n + 1, width), of the pieces at their `times`.
     slopes: Float64 | None = None  # (n + 1, width) per frame; none if left out.
     times: Float64 | None = None  # (n + 1,) where the values hold; needed with slopes.
-
-    @property
-    def constant(self) -> bool:
-        """Whether it has one value at all times."""
-        sloped = self.slopes is not None and bool(self.slopes.any())
-        return not sloped and bool((self.values == self.values[0]).all())
 
     def line(self, at: Float64, inside: Float64) -> tuple[Float64, Float64]:
         """Return values at times (m,) and slopes, of the pieces that other times lie in."""
@@ -272,3 +265,14 @@ class Integral:
         start = self.knots[last]
         inside = np.where(times < start, times, 0.5 * (start + times))
         return np.asarray(self.sums[last] + self.pieces(start, times, inside))
+
+
+def integral_of(course: Course) -> Integral:
+    """Return the integral of a course from frame 0."""
+
+    def areas(start: Float64, end: Float64, inside: Float64) -> Float64:
+        # The middle's value is the mean of a straight piece.
+        middle, _ = course.line(0.5 * (start + end), inside)
+        return np.asarray(middle * (end - start)[:, None])
+
+    return Integral.of(areas, course.knots)

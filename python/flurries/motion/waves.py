@@ -17,7 +17,7 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import Float64
 from flurries._kept import kept
-from flurries.motion.keys import Course, Integral
+from flurries.motion.keys import Course, Integral, integral_of
 
 # Waves of the gusts and of the swirls, each.
 WAVES = 24
@@ -43,11 +43,6 @@ class Waves:
         cycles = self.k / (2.0 * np.pi)
         _core.wind_waves(result, np.ascontiguousarray(points), cycles, parts)
         return result
-
-    def spread(self) -> float:
-        """Return the way that flakes are carried to and fro, root mean square, metres."""
-        power = 0.5 * np.sum(np.abs(self.a) ** 2, axis=1)
-        return float(np.sqrt(np.sum(power[self.own > 0.0] / self.own[self.own > 0.0] ** 2)))
 
 
 def eddies(
@@ -110,12 +105,7 @@ def _mirror(count: tuple[int, ...]) -> npt.NDArray[np.intp]:
 @kept(32)
 def carry(waves: Waves, course: Course, fps: float) -> tuple[Integral, Integral]:
     """Return the way q of a course (m per frame), and the integral of exp(i (k . q - w t))."""
-
-    def ways(start: Float64, end: Float64, inside: Float64) -> Float64:
-        values, _ = course.line(0.5 * (start + end), inside)
-        return np.asarray(values * (end - start)[:, None])
-
-    way = Integral.of(ways, course.knots)
+    way = integral_of(course)
     rate = waves.omega / fps
 
     def turns(start: Float64, end: Float64, inside: Float64) -> Float64:

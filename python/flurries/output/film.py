@@ -20,7 +20,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._threads import reproducible, threads
-from flurries._trace import stage
+from flurries._trace import current
 from flurries.io import VideoWriter, replacing
 from flurries.io.atomic import flush_folder
 from flurries.io.films.codecs import bits_for, frame_rate
@@ -162,11 +162,11 @@ class _Groups:
         ):
 
             def encode(image: Any) -> None:
-                with stage("encode"):
+                with current.get().stage("encode"):
                     film.call("encode", content.levels(scene, image, self._levels, path))
 
             def save(part: Path, skipped: list[int]) -> None:
-                with stage("encode"):
+                with current.get().stage("encode"):
                     times, data = film.call("end_group")
                 facts = {**self._mark(part).facts, "skipped": skipped}
                 with self._journal.recording(part, facts), replacing(part) as place:

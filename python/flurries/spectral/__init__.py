@@ -12,9 +12,10 @@ all waves alike (a turning camera).
 
 from __future__ import annotations
 
+from flurries.spectral.cloud import cloud
 from flurries.spectral.export import export_loop
 from flurries.spectral.flakes import flake_patterns, optical_depth
-from flurries.spectral.frame import alpha, field
+from flurries.spectral.frame import alpha, field, movie
 from flurries.spectral.tables import (
     BANDS,
     advance_phase,
@@ -29,7 +30,8 @@ from flurries.spectral.tiles import blend_tiles, inverse_transform, opacity, til
 from flurries.spectral.volume import loop, volume
 
 __all__ = [
-    "BANDS", "Texture", "advance_phase", "alpha", "band_amplitude", "blend_tiles", "export_loop",
-    "field", "flake_patterns", "inverse_transform", "loop", "opacity", "optical_depth",
-    "random_phase", "temporal_filter", "tent_rate", "tile_starts", "velocity_from_paper", "volume",
+    "BANDS", "Texture", "advance_phase", "alpha", "band_amplitude", "blend_tiles", "cloud",
+    "export_loop", "field", "flake_patterns", "inverse_transform", "loop", "movie", "opacity",
+    "optical_depth", "random_phase", "temporal_filter", "tent_rate", "tile_starts",
+    "velocity_from_paper", "volume",
 ]  # fmt: skip

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _contract as check
 from flurries import _core
-from flurries._contract import Array, flag, float_dtype, output
+from flurries._contract import Array
 from flurries.spectral.own import own_field, own_of
 from flurries.spectral.request import NOWHERE, Request, request
 from flurries.spectral.texture import Texture
@@ -109,7 +112,56 @@ def alpha(
         shift_rate=shift_rate, shortest=shortest,
     )  # fmt: skip
     mapped = opacity_map(mean, spread, power, amount)
-    return _made(asked, texture, time, mapped, flag("preserve_mean", preserve_mean), dtype, out)
+    return _made(
+        asked, texture, time, mapped, check.flag("preserve_mean", preserve_mean), dtype, out
+    )
+
+
+def movie(
+    frames: int, shape: tuple[int, int], *, seed: int, texture: Texture = PLAIN,
+    velocity: npt.ArrayLike = NOWHERE, contrast: float | None = None, mean: float = 0.5,
+    dtype: npt.DTypeLike = np.float32, out: Array | None = None,
+) -> Array:  # fmt: skip
+    """Frames 0 to T - 1 of a texture, as one array.
+
+    Parameters
+    ----------
+    frames : int
+        T, how many.
+    shape, seed, texture, dtype
+        See :func:`field`; a Motion Cloud is a texture of :func:`cloud`.
+    velocity : (vx, vy)
+        Pixels per frame of the longest wave.
+    contrast : float, optional
+        RMS contrast: the standard deviation of the luminance over its mean, 0 or more. If not given
+        the film is the field itself.
+    mean : float
+        Mean luminance of a film with a contrast.
+    out : (T, H, W), optional
+        Array to write into and return.
+
+    Returns
+    -------
+    (T, H, W) float32 or float64
+        ``mean (1 + contrast field)``, not clipped; or the field, of mean 0 and variance 1.
+    """
+    count = check.integer("frames", frames, low=1, high=2**31 - 1)
+    speed = check.vector("velocity", velocity, 2)
+    asked = request(shape, texture, seed=seed, velocity=speed)
+    whole = (count, *asked.shape)
+    if math.prod(whole) > check.MOST_ELEMENTS:
+        raise ValueError(f"frames must hold at most {check.MOST_ELEMENTS} pixels, got {whole}")
+    level = check.real("mean", mean)
+    strength = None if contrast is None else level * check.real("contrast", contrast, low=0.0)
+    result = check.output(out, whole, check.float_dtype(dtype), speed)
+    for t, picture in enumerate(result):
+        moved = asked._replace(drift=t * asked.velocity)
+        time = 0.0 if texture.rate is None else float(t)
+        _made(moved, texture, time, None, False, dtype, picture)
+        if strength is not None:
+            picture *= strength
+            picture += level
+    return result
 
 
 def _made(
@@ -117,7 +169,7 @@ def _made(
     dtype: npt.DTypeLike, out: Array | None,
 ) -> Array:  # fmt: skip
     own = own_of(asked, texture, time)
-    result = output(out, asked.shape, float_dtype(dtype), *asked.arrays())
+    result = check.output(out, asked.shape, check.float_dtype(dtype), *asked.arrays())
     if own is None:
         _core.field(result, asked, mapped, keep)
     elif keep:

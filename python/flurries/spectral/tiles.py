@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -138,22 +137,9 @@ def blend_tiles(
     _, shared = check.tile_of((given.shape[2], given.shape[3]), overlap)
     law = check.choice("blend", blend, BLEND)
     result = check.output(out, size, kept, given)
-    return _in_working_dtype(
+    return check.filled(
         result, given.dtype, lambda view: _core.blend_tiles(view, given, shared, law)
     )
-
-
-def _in_working_dtype(
-    result: Array, working: np.dtype[Any], fill: Callable[[Array], None]
-) -> Array:
-    """Let `fill` write, in its own precision where the result's is float16."""
-    if result.dtype == working:
-        fill(result)
-    else:
-        wide = np.empty(result.shape, working)
-        fill(wide)
-        result[...] = wide
-    return result
 
 
 def opacity(
@@ -197,7 +183,7 @@ def opacity(
     def fill(view: Array) -> None:
         _core.opacity(view.reshape(-1, width), given.reshape(-1, width), mapped)
 
-    return _in_working_dtype(result, given.dtype, fill)
+    return check.filled(result, given.dtype, fill)
 
 
 def opacity_map(
