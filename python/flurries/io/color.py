@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import rectangular
+from flurries._contract import choice, rectangular
 from flurries._kept import kept
 
 Array: TypeAlias = npt.NDArray[Any]
@@ -24,6 +24,24 @@ Encoding: TypeAlias = Literal["display", "linear"]
 LARGEST_HALF = 65504.0
 
 _HEX = re.compile(r"#([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})")
+
+
+# The types of pixels that come and go.
+_PIXELS = ("uint8", "uint16", "float16", "float32", "float64")
+
+
+def numbers(name: str, values: npt.ArrayLike) -> Array:
+    """Return pixels as an array in the processor's order of bytes."""
+    array = rectangular(name, values)
+    if array.dtype.name not in _PIXELS:
+        raise TypeError(f"{name} must be uint8, uint16 or float, got {array.dtype}")
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
+def encoding_of(encoding: str | None, pixels: Array) -> str:
+    """Return what pixels are; by default integers are display values and floats linear light."""
+    usual = "display" if pixels.dtype.kind == "u" else "linear"
+    return usual if encoding is None else choice("encoding", encoding, ("display", "linear"))
 
 
 def parse_hex(name: str, text: str) -> tuple[int, int, int]:

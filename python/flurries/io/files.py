@@ -9,8 +9,6 @@ from __future__ import annotations
 import errno
 import os
 import stat
-import struct
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -154,14 +152,10 @@ def read_text(path: str | os.PathLike[str], most: int, kind: str) -> str:
 def require_whole_png(path: Path, what: str) -> None:
     """Refuse a PNG that broke off or was changed: libpng tells the terminal, too."""
     with path.open("rb") as stream:
-        name = b"" if stream.read(8) == b"\x89PNG\r\n\x1a\n" else b"IEND"
-        while name != b"IEND":
-            head = stream.read(8)
-            if len(head) < 8:
-                raise OSError(f"{what}: it lacks its end")
-            left, name = struct.unpack(">I4s", head)
-            found = zlib.crc32(name)
-            while left and (block := stream.read(min(left, _BLOCK))):
-                found, left = zlib.crc32(block, found), left - len(block)
-            if found.to_bytes(4, "big") != stream.read(4):
-                raise OSError(f"{what}: a sum of it is wrong")
+        if stream.read(8) == b"\x89PNG\r\n\x1a\n":
+            from PIL.PngImagePlugin import ChunkStream
+
+            try:
+                ChunkStream(stream).verify()
+            except (OSError, SyntaxError, ValueError) as error:
+                raise OSError(f"{what}: {error}") from error

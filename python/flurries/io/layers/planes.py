@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +15,7 @@ from flurries.io.files import Budget
 from flurries.io.oiio import openimageio
 from flurries.io.pictures import metadata as header
 from flurries.io.pictures.header import Opened, opened_picture
-from flurries.io.pictures.rows import UINT, Band, integers_of, write_parts
+from flurries.io.pictures.rows import Part, write_parts
 from flurries.io.pictures.slate import Slate
 from flurries.io.pictures.writer import format_of, packing
 
@@ -97,13 +96,12 @@ def _write(
     strings, said = header.checked(metadata), Slate.of(slate)
     parts = []
     for name, layers in views.items():
-        specification, band = part_of(layers, half)
+        parts.append(part := _part_of(layers, half))
         if name:
-            specification.attribute("view", name)
-            specification.attribute("oiio:subimagename", name)
-        header.put(specification, strings, "openexr")
-        said.put(specification, "openexr", "linear")
-        parts.append((specification, band))
+            part.specification.attribute("view", name)
+            part.specification.attribute("oiio:subimagename", name)
+        header.put(part.specification, strings, "openexr")
+        said.put(part.specification, "openexr", "linear")
     write_parts(path, parts)
 
 
@@ -116,21 +114,20 @@ def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -
     """
     with opened_picture(path, budget) as opened:
         spec = opened.specification
-        found: dict[str, Array] = _integers(opened)
-        numbers = integers_of(spec)
+        found: dict[str, Array] = {}
         places: dict[str, list[int]] = {}
         for place, name in enumerate(spec.channelnames):
-            if name not in numbers:
+            if str(spec.channelformat(place)) == "uint":
+                found[name] = opened.read([place], "uint")[..., 0].astype(np.int64)
+            else:
                 places.setdefault(name.rpartition(".")[0] or MAIN, []).append(place)
+        for name in [name.removesuffix(_LOWER) for name in found if name.endswith(_LOWER)]:
+            if name + _UPPER in found:
+                found[name] = found.pop(name + _LOWER) | found.pop(name + _UPPER) << 32
         for group in places.values():
             group.sort(key=lambda place: _ORDER.find(spec.channelnames[place][-1:]))
-        planes: dict[str, Array] = {}
-        for rows, band in opened.bands(range(spec.nchannels), "float") if places else ():
-            for name, group in places.items():
-                if name not in planes:
-                    planes[name] = np.empty((spec.height, spec.width, len(group)), np.float32)
-                planes[name][rows] = band[..., group]
-    for name, plane in planes.items():
+        planes = opened.read_groups([*places.values()], "float") if places else []
+    for name, plane in zip(places, planes, strict=True):
         found[name] = plane[..., 0] if plane.shape[2] == 1 else plane
     return found
 
@@ -158,16 +155,16 @@ def require_exr(path: str | os.PathLike[str], content: str) -> None:
         raise ValueError(f"{os.fspath(path)}: only .exr holds {content}")
 
 
-def part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> tuple[Any, Band]:
-    """Return layers as `write_layers` takes them as a part of a file, see `write_parts`."""
+def _part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> Part:
     planes: dict[str, tuple[Array, str]] = {}
-    sizes = set()
+    sizes, integers = set(), list[str]()
     for name, values in mapping("layers", layers).items():
         array = _checked_layer(name, values)
         sizes.add(array.shape[:2])
         if array.dtype.kind in "iu":
-            lower, upper = _halves(name, array)
-            planes[name + _LOWER], planes[name + _UPPER] = (lower, UINT), (upper, UINT)
+            for ending, bits in zip((_LOWER, _UPPER), _halves(name, array), strict=True):
+                planes[name + ending] = bits.view(np.float32), "float"
+                integers.append(name + ending)
             continue
         last = name.rpartition(".")[2]
         precise = not half or last in _PRECISE or array.shape[2] == 2
@@ -181,9 +178,7 @@ def part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> tuple[Any, Band]
     def band(first: int, last: int) -> Array:
         # One type for all: halves are rounded here, so that the check compares what is stored.
         rows = [
-            plane[first:last].view(np.float32)
-            if kind == UINT
-            else to_single(to_half(plane[first:last]) if kind == "half" else plane[first:last])
+            to_single(to_half(plane[first:last]) if kind == "half" else plane[first:last])
             for plane, kind in planes.values()
         ]
         return np.stack(rows, axis=-1)
@@ -198,21 +193,7 @@ def part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> tuple[Any, Band]
         specification.channelformats = tuple(map(library.TypeDesc, kinds))
     specification.alpha_channel = specification.channelindex("A")
     specification.attribute("compression", packing("zip"))
-    return specification, band
-
-
-def _integers(opened: Opened) -> dict[str, Array]:
-    """Return the whole numbers of a picture, (H, W) int64, lower and upper halves as one."""
-    numbers = integers_of(opened.specification)
-    found: dict[str, Array] = {}
-    for name, place in numbers.items():
-        whole = name.removesuffix(_LOWER).removesuffix(_UPPER)
-        own = opened.read([place], UINT)[..., 0].astype(np.int64)
-        if {whole + _LOWER, whole + _UPPER} <= numbers.keys():
-            own = found.get(whole, 0) | own << (32 if name.endswith(_UPPER) else 0)
-            name = whole
-        found[name] = own
-    return found
+    return Part(specification, band, integers)
 
 
 def _halves(name: str, numbers: Array) -> tuple[Array, Array]:

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Sequence
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import choice, rectangular
-from flurries.io.color import Array, linear_to_srgb, to_integer, to_linear, to_unit
+from flurries._contract import choice, integer, is_pair, rectangular
+from flurries.io.color import (
+    Array,
+    encoding_of,
+    linear_to_srgb,
+    numbers,
+    to_integer,
+    to_linear,
+    to_unit,
+)
 from flurries.io.oiio import last_error, openimageio
 
 _FILTER = "lanczos3"
@@ -43,31 +50,22 @@ def fit(
     encoding : {"display", "linear"}, optional
         What the numbers are; by default integers are display values and floats linear light.
     """
-    array = rectangular("pixels", pixels)
-    if array.dtype.name not in ("uint8", "uint16", "float16", "float32", "float64"):
-        raise TypeError(f"pixels must be uint8, uint16 or float, got {array.dtype}")
-    if (
-        array.ndim not in (2, 3)
-        or 0 in array.shape
-        or array.shape[2:] not in ((), (1,), (3,), (4,))
-    ):
+    array = numbers("pixels", pixels)
+    if array.ndim < 2 or 0 in array.shape or array.shape[2:] not in ((), (1,), (3,), (4,)):
         raise ValueError(f"pixels must be (H, W) or (H, W, 1, 3 or 4), got {array.shape}")
     width, height = checked_size(size)
     choice("how", how, get_args(Fit))
     integers = array.dtype.kind == "u"
-    if encoding is None:
-        encoding = "display" if integers else "linear"
-    if encoding not in ("display", "linear"):
-        raise ValueError(f"encoding must be 'display' or 'linear', got {encoding!r}")
+    encoding = encoding_of(encoding, array)
     if array.shape[:2] == (height, width):
-        return array.astype(array.dtype.newbyteorder("="))
+        return np.array(array)
     planes = array[..., np.newaxis] if array.ndim == 2 else array
-    resized = _resize(_Light(planes, encoding, straight=integers), width, height, how)
+    resized = _resize(*_lit(planes, encoding, straight=integers), width, height, how)
     values = _from_light(resized, encoding, straight=integers)
     if integers:
         result = to_integer(values, 8 * array.dtype.itemsize)
     else:
-        result = values.astype(array.dtype.newbyteorder("="))
+        result = values.astype(array.dtype)
     return result[..., 0] if array.ndim == 2 else result
 
 
@@ -101,40 +99,28 @@ def fit_nearest(plane: npt.ArrayLike, size: Sequence[int]) -> Array:
 
 
 def checked_size(size: Sequence[int], most: int = 2**16) -> tuple[int, int]:
-    if not isinstance(size, (Sequence, np.ndarray)) or isinstance(size, (str, bytes)):
-        raise TypeError(f"size must be (width, height), got {size!r:.60}")
-    if len(size) != 2:
-        raise ValueError(f"size must be (width, height), got {size!r}")
-    try:
-        width, height = operator.index(size[0]), operator.index(size[1])
-    except TypeError:
-        raise TypeError(f"size must be two integers, got {size!r}") from None
-    if not (1 <= width <= most and 1 <= height <= most):
-        raise ValueError(f"size must be from 1 to {most} px each way, got {width} x {height}")
+    if not is_pair(size):
+        raise ValueError(f"size must be (width, height), got {size!r:.60}")
+    width, height = (integer("size", side, low=1, high=most) for side in size)
     return width, height
 
 
-class _Light:
-    """A picture in linear light multiplied by alpha, made some rows at a time; see `fit`."""
-
-    def __init__(self, planes: Array, encoding: str, *, straight: bool) -> None:
-        library = openimageio()
-        self.shape = rows, columns, channels = planes.shape
-        self.buffer = library.ImageBuf(library.ImageSpec(columns, rows, channels, "float"))
-        low = np.full(columns * channels, np.nan, np.float32)
-        high = low.copy()
-        step = max(_CHUNK // columns, 1)
-        for top in range(0, rows, step):
-            light = _to_light(planes[top : top + step], encoding, straight=straight)
-            light = np.ascontiguousarray(light, np.float32)
-            region = library.ROI(0, columns, top, top + len(light), 0, 1, 0, channels)
-            self.buffer.set_pixels(region, light)
-            # Of whole rows first: three numbers at a time would take as long as the rest.
-            flat = light.reshape(len(light), -1)
-            np.fmin(low, np.fmin.reduce(flat), out=low)
-            np.fmax(high, np.fmax.reduce(flat), out=high)
-        self.low = np.fmin.reduce(low.reshape(columns, channels))
-        self.high = np.fmax.reduce(high.reshape(columns, channels))
+def _lit(planes: Array, encoding: str, *, straight: bool) -> tuple[Any, Array, Array]:
+    """Return a picture in linear light multiplied by alpha, its least and its largest values."""
+    library = openimageio()
+    rows, columns, channels = planes.shape
+    buffer = library.ImageBuf(library.ImageSpec(columns, rows, channels, "float"))
+    low, high = np.full((2, channels), np.nan, np.float32)
+    step = max(_CHUNK // columns, 1)
+    for top in range(0, rows, step):
+        light = _to_light(planes[top : top + step], encoding, straight=straight)
+        light = np.ascontiguousarray(light, np.float32)
+        buffer.set_pixels(library.ROI(0, columns, top, top + len(light), 0, 1, 0, channels), light)
+        # One channel after the other: three numbers at a time take ten times as long.
+        each = [light[..., channel].reshape(-1) for channel in range(channels)]
+        low = np.fmin(low, [np.fmin.reduce(values) for values in each])
+        high = np.fmax(high, [np.fmax.reduce(values) for values in each])
+    return buffer, low, high
 
 
 def _to_light(planes: Array, encoding: str, *, straight: bool) -> Array:
@@ -156,36 +142,33 @@ def _from_light(light: Array, encoding: str, *, straight: bool) -> Array:
     return np.concatenate([color, alpha], axis=-1)
 
 
-def _resize(light: _Light, width: int, height: int, how: str) -> Array:
+def _resize(buffer: Any, low: Array, high: Array, width: int, height: int, how: str) -> Array:
     """Scale the picture and take the central part, or put it in the middle of a black frame."""
-    library = openimageio()
-    rows, columns, channels = light.shape
-    across, down = width / columns, height / rows
+    library, stored = openimageio(), buffer.spec()
+    across, down = width / stored.width, height / stored.height
     if how != "stretch":
         across = down = max(across, down) if how == "cover" else min(across, down)
-    scaled_width = _scaled(columns * across, width)
-    scaled_height = _scaled(rows * down, height)
-    left, top = (scaled_width - width) // 2, (scaled_height - height) // 2
-    across, down = min(scaled_width, width), min(scaled_height, height)
-    spec = library.ImageSpec(across, down, channels, "float")
-    spec.x, spec.y = max(left, 0), max(top, 0)
+    scaled_width = _scaled(stored.width * across, width)
+    scaled_height = _scaled(stored.height * down, height)
+    spec = library.ImageSpec(width, height, stored.nchannels, "float")
+    # What the frame cuts off of the scaled picture; less than 0 where there are bars.
+    spec.x, spec.y = (scaled_width - width) // 2, (scaled_height - height) // 2
     spec.full_x, spec.full_y = 0, 0
     spec.full_width, spec.full_height = scaled_width, scaled_height
-    target = library.ImageBuf(spec)
-    region = library.ROI(spec.x, spec.x + across, spec.y, spec.y + down, 0, 1, 0, channels)
-    if not library.ImageBufAlgo.resize(target, light.buffer, _FILTER, 0.0, region):
-        words = last_error(target, light.buffer)
+    target, region = library.ImageBuf(spec), spec.roi
+    library.ImageBufAlgo.zero(target)
+    region.xbegin, region.xend = max(spec.x, 0), min(spec.x + width, scaled_width)
+    region.ybegin, region.yend = max(spec.y, 0), min(spec.y + height, scaled_height)
+    if not library.ImageBufAlgo.resize(target, buffer, _FILTER, 0.0, region):
+        words = last_error(target, buffer)
         if "allocate" in words:
-            raise MemoryError(f"size {across} x {down}: {words}")
+            raise MemoryError(f"size {width} x {height}: {words}")
         raise RuntimeError(f"the picture could not be resized: {words}")
-    pixels = np.asarray(target.get_pixels("float"), np.float32).reshape(down, across, channels)
-    resized = np.clip(pixels, light.low, light.high)
-    if (down, across) == (height, width):
-        return resized
-    framed = np.zeros((height, width, channels), np.float32)
-    y, x = max(-top, 0), max(-left, 0)
-    framed[y : y + down, x : x + across] = resized
-    return framed
+    pixels = np.asarray(target.get_pixels("float"), np.float32).reshape(height, width, -1)
+    rows = slice(region.ybegin - spec.y, region.yend - spec.y)
+    shown = pixels[rows, region.xbegin - spec.x : region.xend - spec.x]
+    np.clip(shown, low, high, out=shown)
+    return pixels
 
 
 def _scaled(exact: float, wanted: int) -> int:

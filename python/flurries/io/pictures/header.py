@@ -141,24 +141,30 @@ class Opened:
 
     def read(self, channels: Sequence[int], kind: str, *, part: int | None = None) -> Array:
         """Return channels of a part as stored, (h, w, c); see `bands`."""
+        return self.read_groups([channels], kind, part=part)[0]
+
+    def read_groups(
+        self, groups: Sequence[Sequence[int]], kind: str, *, part: int | None = None
+    ) -> list[Array]:
+        """Return groups of channels of a part, each as `read` does; the file is decoded once."""
+        channels = [channel for group in groups for channel in group]
+        ends = np.cumsum([len(group) for group in groups])[:-1]
         spec = self.specification if part is None else self.reader.spec(part)
-        values: Array | None = None
+        made: list[Array] = []
         for rows, band in self.bands(channels, kind, part=part):
-            if values is None:
-                values = np.empty((spec.height, spec.width, len(channels)), band.dtype)
-            values[rows] = band
-        assert values is not None  # A picture without rows is refused when it is opened.
-        return values
+            parts = np.split(band, ends, axis=2)
+            made = made or [np.empty((spec.height, *one.shape[1:]), band.dtype) for one in parts]
+            for plane, values in zip(made, parts, strict=True):
+                plane[rows] = values
+        return made
 
     def bands(
-        self, channels: Sequence[int], kind: str, *, part: int | None = None,
-        pixel_bytes: int | None = None,
-    ) -> Iterator[tuple[slice, Array]]:  # fmt: skip
+        self, channels: Sequence[int], kind: str, *, part: int | None = None
+    ) -> Iterator[tuple[slice, Array]]:
         """Yield channels of a part as stored, some rows at a time: where, and (rows, w, c)."""
         number = self.part if part is None else part
         spec = self.reader.spec(number)
         size = np.dtype(_DTYPES.get(kind, kind)).itemsize * len(channels)
-        size = size if pixel_bytes is None else pixel_bytes
         # What is shown is another array where it is not what is stored.
         whole = self.frame_window == (0, 0, spec.width, spec.height) and self.orientation == 1
         for shown in ((spec.width, spec.height), self.size):
@@ -171,25 +177,18 @@ class Opened:
             step = -(-step // spec.tile_height) * spec.tile_height
         for top in range(0, spec.height, step):
             bottom = min(top + step, spec.height)
-            band = self._rows(number, spec, (top, bottom), (first, last), kind)
+            rows = spec.y + top, spec.y + bottom
+            if spec.tile_width:
+                box = (spec.x, spec.x + spec.width, *rows, 0, 1)
+                band = self.reader.read_tiles(number, 0, *box, first, last, kind)
+            else:
+                band = self.reader.read_scanlines(number, 0, *rows, 0, first, last, kind)
             # libjpeg fills what is missing with grey, returns it as a success, leaves a message.
             if band is None or self.reader.has_error:
                 reason = last_error(self.reader) or "no reason given"
                 raise OSError(f"{self.path}: the picture is damaged or cut short: {reason}")
             band = band.reshape(bottom - top, spec.width, last - first)
             yield slice(top, bottom), band if in_order else band[..., wanted]
-
-    def _rows(
-        self, part: int, spec: Any, rows: tuple[int, int], channels: tuple[int, int], kind: str
-    ) -> Array | None:
-        top, bottom = spec.y + rows[0], spec.y + rows[1]
-        found: Array | None
-        if spec.tile_width:
-            across = (spec.x, spec.x + spec.width)
-            found = self.reader.read_tiles(part, 0, *across, top, bottom, 0, 1, *channels, kind)
-        else:
-            found = self.reader.read_scanlines(part, 0, top, bottom, 0, *channels, kind)
-        return found
 
     def shown(self, values: Array, outside: float = 0.0) -> Array:
         """Return the shown part of stored values (h, w, c): the display window, upright."""

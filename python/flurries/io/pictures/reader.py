@@ -114,26 +114,15 @@ def luminance(picture: Picture) -> Array:
 
 def _decode(opened: Opened) -> tuple[Array, Array | None]:
     """Return the colors (H, W, 3) and the alpha, window and orientation applied."""
-    stored_type = opened.stored_type
-    kind = stored_type if stored_type in ("uint8", "uint16") else "float"
-    dtype = np.dtype("float32" if kind == "float" else kind)
-    colors = len(opened.color)
-    channels = [*opened.color, *([] if opened.alpha is None else [opened.alpha])]
-    shape = (opened.specification.height, opened.specification.width)
-    pixels: Array | None = None
-    alpha: Array | None = None
-    pixel_bytes = 3 * dtype.itemsize + (0 if opened.alpha is None else 4)
-    for rows, band in opened.bands(channels, kind, pixel_bytes=pixel_bytes):
-        if pixels is None:
-            pixels = np.empty((*shape, 3), dtype)
-            alpha = None if opened.alpha is None else np.empty((*shape, 1), np.float32)
-        # A grey picture gets its one channel three times.
-        pixels[rows] = band[..., :colors]
-        if alpha is not None:
-            alpha[rows] = to_unit(band[..., colors:])
-    assert pixels is not None  # A picture without rows is refused when it is opened.
-    seen = np.ascontiguousarray(opened.shown(pixels))
-    return seen, None if alpha is None else np.ascontiguousarray(opened.shown(alpha)[..., 0])
+    stored = opened.stored_type
+    # A grey picture gets its one channel three times.
+    groups = [opened.color if len(opened.color) == 3 else opened.color * 3]
+    if opened.alpha is not None:
+        groups.append((opened.alpha,))
+    kind = stored if stored in ("uint8", "uint16") else "float"
+    pixels, *alpha = map(opened.shown, opened.read_groups(groups, kind))
+    cover = np.ascontiguousarray(to_unit(alpha[0][..., 0])) if alpha else None
+    return np.ascontiguousarray(pixels), cover
 
 
 # What programs call the channel, alone or at the end of a layer's name.

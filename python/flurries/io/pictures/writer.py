@@ -12,11 +12,21 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import choice
-from flurries.io.color import Array, to_display, to_half, to_integer, to_linear, to_single, to_unit
+from flurries._contract import choice, integer
+from flurries.io.color import (
+    Array,
+    encoding_of,
+    numbers,
+    to_display,
+    to_half,
+    to_integer,
+    to_linear,
+    to_single,
+    to_unit,
+)
 from flurries.io.oiio import openimageio
 from flurries.io.pictures import metadata as header
-from flurries.io.pictures.rows import write_parts, write_whole
+from flurries.io.pictures.rows import Part, write_parts, write_whole
 from flurries.io.pictures.slate import Slate
 
 
@@ -117,17 +127,13 @@ def write_picture(
     form = format_of(path)
     strings, said = header.checked(metadata), Slate.of(slate)
     color, opacity = _checked_pixels(pixels, alpha)
-    if encoding is None:
-        encoding = "linear" if color.dtype.kind == "f" else "display"
-    if encoding not in ("display", "linear"):
-        raise ValueError(f"encoding must be 'display' or 'linear', got {encoding!r}")
+    encoding = encoding_of(encoding, color)
     if premultiplied is None:
         premultiplied = color.dtype.kind == "f"
     if bits not in (None, 8, 10, 16):
         raise ValueError(f"bits must be 8, 10 or 16, got {bits!r}")
     choice("compression", compression, tuple(COMPRESSIONS))
-    if not isinstance(quality, (int, np.integer)) or not 1 <= quality <= 100:
-        raise ValueError(f"quality must be an integer from 1 to 100, got {quality!r}")
+    integer("quality", quality, low=1, high=100)
     if opacity is not None and not form.alpha:
         raise ValueError(f"{os.fspath(path)}: {form.name} holds no alpha; leave it out or use PNG")
     stored = _stored_type(form, color.dtype, half=half, bits=bits)
@@ -146,7 +152,7 @@ def write_picture(
             data = _encode_jpeg(band(0, color.shape[0]), int(quality), strings, profile)
         except OSError as error:
             raise OSError(f"{os.fspath(path)}: cannot be encoded: {error}") from error
-        write_whole(path, specification, data)
+        write_whole(path, Part(specification, band), data)
         return
     header.put(specification, strings, form.name)
     floats = stored in ("half", "float")
@@ -162,7 +168,7 @@ def write_picture(
         specification.attribute("png:compressionLevel", 1)
         specification.attribute("png:filter", _SUB)
     lossless = form.lossless and (form.name != "openexr" or COMPRESSIONS[compression])
-    write_parts(path, [(specification, band)], lossless=lossless)
+    write_parts(path, [Part(specification, band)], lossless=lossless)
 
 
 def _encode_jpeg(
@@ -201,7 +207,7 @@ def _checked_pixels(
     pixels: npt.ArrayLike, alpha: npt.ArrayLike | None
 ) -> tuple[Array, Array | None]:
     """Return colors (H, W, 1 or 3) and alpha (H, W) or None."""
-    array = _numbers("pixels", pixels)
+    array = numbers("pixels", pixels)
     if array.ndim == 2:
         array = array[..., np.newaxis]
     if array.ndim != 3 or array.shape[2] not in (1, 3, 4) or 0 in array.shape:
@@ -214,17 +220,10 @@ def _checked_pixels(
         return array[..., :3], array[..., 3]
     if alpha is None:
         return array, None
-    opacity = _numbers("alpha", alpha)
+    opacity = numbers("alpha", alpha)
     if opacity.shape != array.shape[:2]:
         raise ValueError(f"alpha must be {array.shape[:2]} like pixels, got {opacity.shape}")
     return array, opacity
-
-
-def _numbers(name: str, values: npt.ArrayLike) -> Array:
-    array = np.asarray(values)
-    if array.dtype.name not in ("uint8", "uint16", "float16", "float32", "float64"):
-        raise TypeError(f"{name} must be uint8, uint16 or float, got {array.dtype}")
-    return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
 def _stored_type(form: Format, dtype: np.dtype[Any], *, half: bool, bits: int | None) -> str:
