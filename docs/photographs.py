@@ -15,13 +15,13 @@ import time
 from pathlib import Path
 
 import numpy as np
+from make_looks import HEIGHT, WIDTH, _noise, overcast, street
 from scipy.ndimage import gaussian_filter, maximum_filter
 from skimage import data
 
 import flurries as fl
 from flurries import io
 from flurries.light.plate import plate_light
-from make_looks import HEIGHT, WIDTH, _noise, overcast, street
 
 # Channels of a flake differ by at most so many levels; a flake is seen that is so much brighter
 # than what lies behind it.

@@ -27,8 +27,6 @@ BOTH = {"haze": 0.0, "shutter": 0.0, "color": 1.0, "near_depth": NEAR}
 # light is no clearer than its pixels.
 TEXTURE = {**BOTH, "flakes": 0, "texture": 1.0, "mean": 0.5, "spread": 3.0, "power": 1.0,
            "wavelengths": (4.0, LONGEST)}  # fmt: skip
-FLAKES = {**BOTH, "texture": 0.0, "flakes": 60, "sway": (0.0, 0.0), "flake_opacity": 1.0,
-          "flake_size": (0.1, 0.1)}  # fmt: skip
 # One tile: the picture is a torus, whose Fourier bins are the waves themselves.
 TORUS = {"tile": SIZE, "overlap": 0}
 # Waves that stand for 16, 32 and 64 m.
@@ -85,38 +83,6 @@ def band_shift(
     length = np.hypot(*f)
     moved = np.linalg.solve((power * f) @ f.T, (power * f) @ step)
     return moved, float(np.sum(power * length) / np.sum(power * length**2))
-
-
-def centroid(image: Floats, start: Floats) -> Floats:
-    """Where the light near `start` has its middle; the window follows what it finds."""
-    at, offset = np.array(start), np.arange(-REACH, REACH + 1) + 0.5
-    for _ in range(10):
-        col, row = np.floor(at).astype(int)
-        crop = image[row - REACH : row + REACH + 1, col - REACH : col + REACH + 1]
-        light = crop.sum(axis=0) @ offset, crop.sum(axis=1) @ offset
-        at = np.array(light) / crop.sum() + (col, row)
-    return at
-
-
-def lone(px: Floats) -> NDArray[np.bool_]:
-    """Which points of the screen have room enough for a window that follows them."""
-    apart = np.hypot(*(px[:, None] - px).transpose(2, 0, 1))
-    np.fill_diagonal(apart, np.inf)
-    return (apart.min(axis=1) > ALONE) & (np.minimum(px, SIZE - px).min(axis=1) > 2.0 * REACH)
-
-
-def lone_flakes(shown: fl.Scene, t: float) -> NDArray[Any]:
-    """The drawn flakes that stand alone, and not near the ends of their air, where they fade."""
-    flakes, near = fl.flakes(shown, t), shown.effects[0].near_depth
-    inside = (flakes["depth"] > 0.25 * near) & (flakes["depth"] < 0.85 * near)
-    return flakes[lone(flakes["pixel"]) & inside]
-
-
-def against(measured: Any, wanted: Any) -> tuple[float, float]:
-    """Length of one vector over that of another, and the angle between them in degrees."""
-    (ax, ay), (bx, by) = measured, wanted
-    turn = np.arctan2(bx * ay - by * ax, ax * bx + ay * by)
-    return float(np.hypot(ax, ay) / np.hypot(bx, by)), float(np.degrees(turn))
 
 
 def parallax(pair: tuple[Floats, Floats]) -> Floats:

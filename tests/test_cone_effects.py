@@ -66,16 +66,6 @@ def test_the_cone_moves_as_the_flakes_do():
         np.testing.assert_allclose(np.array(state.axis) * state.speed, velocity, atol=1e-9)
 
 
-def test_the_scenes_depth_hides_what_is_behind():
-    depth = np.full((90, 120), np.inf, np.float32)
-    depth[:, 60:] = 0.5
-    effect = ConeSnow(tile=64, haze=0.0, flakes=0, texture_flakes=400)
-    free = cover(scene(effect), 4)
-    behind = cover(scene(effect, depth=depth), 4)
-    np.testing.assert_array_equal(behind[:, :60], free[:, :60])
-    assert free[:, 60:].max() > 0.02 and behind[:, 60:].max() == 0.0
-
-
 def test_amounts_looks_and_colors():
     rain = ConeRain(tile=64, haze=0.0)
     none = scene(replace(rain, amount=0.0)).render(3)

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 import flurries as fl
-import judges
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benches"))
 
-from falling_contracts import identities, motions
+from falling_contracts import identities
 
 H, W = 180, 240
 SNOW = fl.Snow(density=40.0, wind=(1.0, 0.0, 0.0), seed=5)
@@ -31,21 +30,11 @@ def both(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return one[here], other[there]
 
 
-def test_overscan_crops_eyes_and_sizes_show_the_same_flakes_that_go_where_motion_says():
+def test_overscan_crops_eyes_and_sizes_show_the_same_flakes():
     """By the contracts of the bench; that boxes as large as the picture fail is tested with it."""
-    lines = [*identities(fl.flakes), *motions(fl.flakes)]
-    assert len(lines) == 14
+    lines = list(identities(fl.flakes))
+    assert len(lines) == 4
     assert not [line for line in lines if not line.endswith("pass")]
-
-
-def test_half_the_size_with_the_same_hand_over_draws_all_flakes_of_the_whole():
-    pinned = fl.Snow(density=40.0, wind=(1.0, 0.0, 0.0), seed=5, handover=3.0)
-    whole, half = (
-        fl.flakes(scene(pinned, size=(n * W, n * H), camera=fl.Camera(n * 260.0)), 7.0)
-        for n in (4, 2)
-    )
-    whole = judges.inside(whole, (4.0, 4.0), (4 * W - 4.0, 4 * H - 4.0))
-    assert len(whole) > 50 and np.isin(whole["id"], half["id"]).all()
 
 
 def test_more_snow_adds_flakes_and_moves_none():
@@ -67,15 +56,6 @@ def test_both_eyes_see_the_same_flakes():
     assert np.abs(here["place"] - there["place"]).max() < 1e-9
     apart = here["pixel"][:, 0] - there["pixel"][:, 0]
     assert np.abs(apart - 0.06 * 260.0 / here["depth"]).max() < 1e-6
-
-
-def test_a_loop_ends_where_it_began_and_gives_way_one_by_one():
-    shown = scene().replace(loop=24)
-    first, last = shown.render(0), shown.render(24)
-    assert np.array_equal(first, last) and not np.array_equal(first, shown.render(12))
-    # Those that have gone over to the next round are not shown in this one.
-    half = fl.flakes(shown, 12)
-    assert len(np.unique(half["id"])) > 0.9 * len(half) > 20
 
 
 @pytest.mark.parametrize("effect", [

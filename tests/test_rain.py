@@ -10,7 +10,6 @@ import pytest
 from scipy.integrate import quad
 
 import flurries as fl
-import measure
 from flurries.effects.field import streaks_tile
 from flurries.spectral.contrast import kept_power, mean_opacity
 
@@ -92,11 +91,6 @@ def test_mean_opacity_is_the_integral(mean: float, spread: float, power: float):
         assert value == pytest.approx(want, rel=2e-4, abs=1e-6)
 
 
-def test_mean_opacity_of_the_paper_s_map():
-    # The closed form and quadrature have it, too: test_spectral_twin.py.
-    assert mean_opacity(np.ones(1), 0.5, 3.0, 2.0)[0] == pytest.approx(0.27764, abs=1e-4)
-
-
 @pytest.mark.parametrize("cycles", [1.0, 8.0])
 def test_what_is_left_has_the_contrast_of_all(cycles: float):
     # c from the fall speed: c = fall f / (30 near_depth longest).
@@ -176,29 +170,6 @@ def test_the_tile_is_one_for_the_film():
     assert fastest * 30.0 == pytest.approx(math.hypot(3.0, 9.0), rel=1e-12)
     flying = scene.replace(camera=fl.CameraPath(Camera(600.0), velocity=(0.0, 0.0, 20.0)))
     assert parts.motion.fastest(flying.camera, 30.0) * 30.0 > 20.0
-
-
-def test_texture_and_drops_fall_alike():
-    # Half the rain's speed for the eye's sake: slow enough for the frame rate, so that all is kept.
-    slow = {"fall": 1.4, "wind": (0.35, 0.0, 0.0), "near_depth": measure.NEAR,
-            "wavelengths": (4.0, measure.LONGEST), "shutter": 0.0}  # fmt: skip
-    texture = black(
-        Rain(**{**BARE, **slow, "tile": 512, "overlap": 0}), camera=Camera(measure.FOCAL)
-    )
-    pair = tuple(texture.render(t)[..., 0].astype(float) for t in (7.0, 8.0))
-    drops = {"drops": 60, "drop_size": (0.1, 0.1), "gain": 1.0, "texture": 0.0, "haze": 0.0,
-             "color": 1.0, "drop_depth": measure.NEAR}  # fmt: skip
-    found = []
-    for seed in range(4):
-        scene = black(Rain(**{**slow, **drops}), camera=Camera(measure.FOCAL), seed=seed)
-        frames = [scene.render(t)[..., 0].astype(float) for t in (7.0, 8.0)]
-        for drop in measure.lone_flakes(scene, 7.0):
-            at = measure.centroid(frames[0], drop["pixel"])
-            found.append((measure.centroid(frames[1], at) - at) * drop["depth"])
-    assert len(found) >= 10
-    for band in measure.parallax(pair):
-        ratio, turn = measure.against(band, np.median(found, axis=0))
-        assert abs(ratio - 1.0) < 0.02 and abs(turn) < 1.0
 
 
 @pytest.mark.parametrize("shutter", [0.5, 1.0])

@@ -1,10 +1,9 @@
 """What layers say of their pixels: motion, depth, coverage, ids; as arrays and as channels of EXR.
 
-Motion is judged by warping: what it predicts of the next frame is compared with the next frame.
+Where flakes, textures and media are and go is judged in `test_truth.py`.
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -17,64 +16,6 @@ from stills import header_of
 
 W, H = 256, 192
 LIGHT = np.random.default_rng(3).gamma(1.0, 0.4, (H, W, 3)).astype(np.float32)
-TURN = fl.Keys([(0.0, (0.0, 0.0, 0.0)), (100.0, (0.05, 0.2, 0.1))])
-
-PROFILE = fl.Wind((0.2, 0.0, 0.0), profile=[(8.0, 0.8), (40.0, 1.5)])
-
-SCENES: dict[str, dict[str, Any]] = {
-    "texture and flakes": {"effects": TentSnow(fall=0.4, wind=(0.15, 0, 0), flakes=1500)},
-    "forwards": {
-        "effects": TentSnow(fall=0.3, wind=(0.1, 0, 0), flakes=1500),
-        "camera": fl.CameraPath(fl.Camera(600.0), velocity=(0.0, 0.0, 1.0)),
-    },
-    "a camera that turns": {
-        "effects": TentSnow(fall=0.3, wind=(0.1, 0, 0), flakes=1500),
-        "camera": fl.CameraPath(fl.Camera(600.0), orientation=TURN),
-    },
-    "rain before a wall": {"effects": TentRain(fall=0.15, wind=(0.03, 0, 0)), "depth": 20.0},
-    "wind over depth": {
-        "effects": TentSnow(fall=0.3, wind=PROFILE, flakes=1500)
-    },
-}  # fmt: skip
-
-
-def warped(values: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Carry pixels along and spread each over four: what lands, and where anything does."""
-    height, width = values.shape
-    total, weight = np.zeros(values.size), np.zeros(values.size)
-    i, j = np.mgrid[:height, :width]
-    y, x = i + motion[..., 1].astype(float), j + motion[..., 0].astype(float)
-    top, left = np.floor(y).astype(int), np.floor(x).astype(int)
-    for row, col in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        share = (1 - abs(y - top - row)) * (1 - abs(x - left - col))
-        a, b = top + row, left + col
-        inside = (a >= 0) & (a < height) & (b >= 0) & (b < width)
-        place = (a * width + b)[inside]
-        np.add.at(total, place, (share * values)[inside])
-        np.add.at(weight, place, share[inside])
-    return (total / np.maximum(weight, 1e-9)).reshape(values.shape), (weight > 0.3).reshape(
-        values.shape
-    )
-
-
-def predicted(
-    now: fl.scene.Rendered, later: fl.scene.Rendered, name: str, scale: float = 1.0
-) -> float:
-    got, seen = warped(now.layers[name].alpha, scale * now.layers[name].motion)
-    return float(np.corrcoef(got[seen], later.layers[name].alpha[seen])[0, 1])
-
-
-@pytest.mark.parametrize("kind", SCENES)
-def test_motion_predicts_the_next_frame(kind: str):
-    scene = fl.Scene("#304050", size=(2 * W, 2 * H), **SCENES[kind])
-    now, later = (scene.layers(t) for t in (40, 41))
-    (name,) = now.layers
-    share = predicted(now, later, name)
-    assert share >= 0.9
-    # Controls: as if nothing moved, too far, and backwards.
-    for scale in (0.0, 2.0, -1.0):
-        assert predicted(now, later, name, scale) < share - 0.02, scale
-    assert np.isfinite(now.layers[name].motion).all()
 
 
 def test_the_texture_moves_as_the_mean_of_its_gradients():

@@ -71,11 +71,12 @@ def test_every_level_gives_the_same_bits(record_property: Callable[[str, object]
         assert hashes(**ON, **environment) == found, environment
 
 
-def test_without_the_mode_levels_differ():
-    """The control: fused products round once."""
+def test_without_the_mode_vectors_and_threads_agree_and_the_portable_level_differs():
+    """Of the last the control: fused products round once."""
+    fused, apart = hashes(FLURRIES_REPRODUCIBLE="0"), hashes(FLURRIES_SIMD="portable")
+    assert hashes(FLURRIES_SIMD="avx2", FLURRIES_NUM_THREADS="3") == fused
     if not has_fma():
         pytest.skip("this processor has no fused product")
-    fused, apart = hashes(FLURRIES_REPRODUCIBLE="0"), hashes(FLURRIES_SIMD="portable")
     for what in ("kernels", "scenes"):
         assert sum(fused[what][name] != apart[what][name] for name in fused[what]) >= 5
 

@@ -36,30 +36,6 @@ def test_no_layer_is_behind_the_scene(name: str):
     assert (depth[shown] > 0.0).all() and depth[shown].min() < 40.0
 
 
-def test_fog_is_where_its_particles_are():
-    """One particle: its depth and its way are those of a point."""
-    fog = fl.Mist(count=1, radius=0.4, density=0.9, box=4.0, center=(0.0, 0.0, 0.0), seed=2)
-    camera = fl.CameraPath(LENS, position=[(0.05 * t, 0.0, -6.0 + 0.1 * t) for t in range(9)])
-    scene = fl.Scene(size=(W, H), effects=[fog], camera=camera, fps=24.0)
-    made = scene.layers(3)
-    depth, motion = made.layers["mist"].depth, made.layers["mist"].motion
-    shown = made.alpha > 0.05
-    assert shown.any() and np.ptp(depth[shown]) < 1e-4
-    asks = scene._program.views(3.0)
-    points, _ = fog.parts.places(asks[0][1], 1.0)
-    later, _ = fog.parts.places(scene._program.views(4.0)[0][1], 1.0)
-    earlier, _ = fog.parts.places(scene._program.views(2.0)[0][1], 1.0)
-    assert depth[shown][0] == pytest.approx(points[0, 2], rel=1e-5)
-    # What a pixel shows lies at the particle's depth, and moves as the particle does.
-    y, x = np.mgrid[:H, :W] + 0.5
-    aside = np.stack([x - W / 2, y - H / 2], axis=-1)[shown]
-    place = np.c_[aside / 110.0 * points[0, 2], np.full(len(aside), points[0, 2])]
-    for other, told in ((later, motion), (earlier, made.layers["mist"].backward)):
-        then = place + (other - points)
-        wanted = 110.0 * then[:, :2] / then[:, 2:] - aside
-        np.testing.assert_allclose(told[shown], wanted, atol=2e-3)
-
-
 def test_thick_fog_before_snow_tells_the_fog():
     snow, fog = fl.Snow("light"), fl.Mist("fog", density=1.0, wind=(2.0, 0.0, 0.0))
     made = rendered([snow, fog][0], effects=[snow, fog])

@@ -77,15 +77,6 @@ def test_the_paper_is_one_spectrum_and_one_law_of_many():
     assert np.abs(got - want).max() < 1e-12
 
 
-def test_an_alpha_is_the_opacity_of_its_field():
-    own: dict[str, Any] = {"seed": 3, "envelope": blob(), "rate": rates(), "time": 2.0, **SIZES}
-    alpha = textured.alpha(SHAPE, mean=0.3, power=1.5, amount=0.8, **own)
-    field = textured.field(SHAPE, **own)
-    assert np.array_equal(alpha, fl.spectral.opacity(field, mean=0.3, power=1.5, amount=0.8))
-    out = np.empty(SHAPE)
-    assert textured.field(SHAPE, out=out, **own) is out and np.array_equal(out, field)
-
-
 CLOUD: dict[str, Any] = {
     "frequency": 0.12, "frequency_bandwidth": 0.3, "orientation": 0.7,
     "orientation_bandwidth": 0.25, "speed_bandwidth": 0.4,

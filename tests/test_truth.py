@@ -33,15 +33,20 @@ FLAKES: dict[str, Any] = {
     "snow in gusts": fl.Snow(density=12.0, wind=fl.Wind(AIR, gusts=0.8, swirl=0.4), **NEAR),
     "rain, all drawn": fl.Rain(density=60.0, wind=AIR, **NEAR),
     "tent": fl.effects.TentSnow(texture=0.0, haze=0.0, wind=AIR),
+    "tent's rain": fl.effects.TentRain(texture=0.0, haze=0.0, wind=AIR),
 }
+# What is cut of fast streaks would weigh depth and motion differently.
+WHOLE: dict[str, Any] = {"alias": "keep", "renormalise": False, "shutter": 0.0}
 # With the largest error in pixels and the largest median error, of the median speed.
 MEDIA: dict[str, Any] = {
     "fog": (fl.Mist("fog", wind=AIR), 1e-5, 1e-6),
     "bank": (fl.Mist("bank", wind=AIR), 1e-5, 1e-6),
+    "particles": (fl.Mist("fog", method="particles", wind=AIR), 1e-5, 1e-6),
     "rain on the cone": (fl.effects.ConeRain(haze=0.0, wind=AIR), 1e-5, 1e-6),
     "snow on the cone": (fl.effects.ConeSnow(haze=0.0, flakes=0, wind=AIR), 1e-5, 1e-6),
     # One vector and one depth for each tile, in between interpolated.
     "texture": (fl.effects.TentSnow(flakes=0, haze=0.0, wind=AIR), 0.35, 0.03),
+    "rain's texture": (fl.effects.TentRain(drops=0, haze=0.0, wind=AIR, **WHOLE), 0.35, 0.03),
 }
 
 
