@@ -1,4 +1,4 @@
-"""The picture of docs/spectra.md: spectra in space and time of two textures and of all flakes.
+"""The picture of docs/concepts.md: spectra in space and time of two textures and of all flakes.
 
 python docs/make_spectra.py
 """

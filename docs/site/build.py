@@ -21,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import commands
 import links
+import looking
 import notebooks
 import pictures
 import reference
@@ -54,6 +55,7 @@ def main() -> None:
     lay_out(stage)
     say("pictures of presets")
     pictures.write(stage, films=not options.quick)
+    looking.write(stage)
     say("reference")
     reference.write(stage / "reference")
     scenes.write(stage / "reference")

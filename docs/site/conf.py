@@ -4,6 +4,8 @@ import os
 from importlib.metadata import version as version_of
 from pathlib import Path
 
+import looking
+
 project = "flurries"
 copyright = "The flurries authors"
 version = release = version_of("flurries")
@@ -12,6 +14,7 @@ extensions = [
     "myst_nb",
     "numpydoc",
     "sphinx.ext.autodoc",
+    "sphinx.ext.viewcode",
     "equations",
 ]
 html_theme = "pydata_sphinx_theme"
@@ -55,6 +58,12 @@ source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb", ".rst": "restructuredtex
 suppress_warnings = ["misc.highlighting_failure"]
 
 
+def add_pictures(app, what, name, obj, options, lines):
+    """Put a picture beside each field of an effect that has a look."""
+    if what == "class":
+        lines[:] = looking.beside(name.rpartition(".")[2], lines)
+
+
 def keep_bars(app, what, name, obj, options, lines):
     """Take |v| in docstrings for a length, and not for a name to be replaced."""
     for number, line in enumerate(lines):
@@ -64,4 +73,6 @@ def keep_bars(app, what, name, obj, options, lines):
 
 
 def setup(app):
+    # Before numpydoc reads the lines.
+    app.connect("autodoc-process-docstring", add_pictures, priority=100)
     app.connect("autodoc-process-docstring", keep_bars, priority=900)

@@ -7,6 +7,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from scenes import spelled
+
 import flurries as fl
 from flurries.camera import importers
 from flurries.effects.kinds import OURS
@@ -21,8 +23,7 @@ MORE: dict[str, tuple[ModuleType, tuple[str, ...]]] = {
 
 SENTENCES = {
     "scene": "What a film is made of, how the camera moves, and what comes out of a frame.",
-    "effects": "What can be in the air. Each is a frozen dataclass: give its fields to the class, or "
-    "name a preset and give what differs. Fields marked keyed take numbers that vary over time.",
+    "effects": "Parts of effects, for effects of your own; each effect that comes with flurries has a page.",
     "output": "Frames to files: `fl.Scene.write` calls it.",
     "importers": "Cameras of other programs: `flurries render --camera` calls it.",
 }
@@ -42,13 +43,15 @@ def write(folder: Path) -> None:
             pages[kind].append(("flurries", name))
     for name, (module, names) in MORE.items():
         pages[name] = [(module.__name__, own) for own in names]
-    # Snow and rain first, then what is rarer.
-    order = {kind.__name__: place for place, kind in enumerate(OURS.values())}
-    pages["effects"].sort(key=lambda pair: order.get(pair[1], len(order)))
+    # An effect has a page of its own; the parts of effects share one.
+    classes = {kind.__name__: name for name, kind in OURS.items()}
+    for pair in [pair for pair in pages["effects"] if pair[1] in classes]:
+        pages["effects"].remove(pair)
+        pages.setdefault(classes[pair[1]], []).append(pair)
     for title, names in pages.items():
         (folder / f"{title}.rst").write_text(page(title, names), encoding="utf-8")
-    modules = sorted(set(pages) - {"scene", "effects"})
-    listed = "\n".join(["scene", "effects", "scene-toml", "commands", "variables", *modules])
+    first = ["scene", *OURS, "effects", "scene-toml", "commands", "variables"]
+    listed = "\n".join([*first, *sorted(set(pages) - set(first))])
     (folder / "index.md").write_text(f"{INDEX}\n```{{toctree}}\n:maxdepth: 1\n\n{listed}\n```\n")
 
 
@@ -76,6 +79,8 @@ def public(module: ModuleType) -> list[str]:
 
 def page(title: str, names: list[tuple[str, str]]) -> str:
     """Return a page of a module."""
+    if title in OURS:
+        return effect(title, names[0])
     head = f"fl.{title}" if title in fl.__all__ else title.capitalize()
     module = getattr(fl, title) if title in fl.__all__ else None
     about = SENTENCES.get(title) or (inspect.getdoc(module) or "").split("\n\n")[0]
@@ -88,6 +93,26 @@ def page(title: str, names: list[tuple[str, str]]) -> str:
         if id(thing) in _shown:
             lines += ["   :no-index:"]
         _shown.add(id(thing))
+    return "\n".join(lines) + "\n"
+
+
+def effect(kind: str, name: tuple[str, str]) -> str:
+    """Return an effect's page: the class, with pictures beside its fields, and its presets by their strength."""
+    head = spelled(OURS[kind])
+    lines = [head, "=" * len(head), "", *directive(*name, OURS[kind])]
+    _shown.add(id(OURS[kind]))
+    looks = tuple(getattr(OURS[kind], "PRESETS", ()))
+    if looks:
+        lines += ["", "Presets", "-------", ""]
+    for look in looks:
+        about = OURS[kind](look)
+        lines += [
+            f".. figure:: /looks/{kind}_{look.replace(' ', '_')}.webp",
+            f"   :alt: {look}",
+            "",
+        ]
+        strong = f": {about.strength()}" if hasattr(about, "strength") else ""
+        lines += [f"   ``{head}({look!r})``{strong}", ""]
     return "\n".join(lines) + "\n"
 
 

@@ -28,7 +28,7 @@ ROWS = "[...document.querySelectorAll('#search-results ul.search > li > a')].map
 QUESTIONS: list[tuple[str, tuple[str, str], set[str]]] = [
     ("Which key makes the snow stop?", ("stop snow", "emission"), {"film", "faq"}),
     ("How do I get only the layer?", ("only the layer", "transparent png"), {"layers", "faq"}),
-    ("What does severity mean?", ("severity", "intensity"), {"looks", "augment", "faq"}),
+    ("What does severity mean?", ("severity", "intensity"), {"snow", "augment"}),
     ("How do I use my tracker's camera?", ("tracker camera", "nuke camera"), {"camera"}),
     ("What is written where?", ("files written", "output folder"), {"film", "faq"}),
     ("Why are my files refused?", ("file exists", "overwrite"), {"film", "faq"}),
