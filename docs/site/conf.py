@@ -1,6 +1,7 @@
 """How Sphinx builds the site; `docs/site/build.py` calls it on the pages that it lays out."""
 
 import os
+import re
 from importlib.metadata import version as version_of
 from pathlib import Path
 
@@ -72,7 +73,14 @@ def keep_bars(app, what, name, obj, options, lines):
         lines[number] = "``".join(parts)
 
 
+def without_ways_back(app, pagename, templatename, context, doctree):
+    """Take the links back out of the pages of sources: what has two names has one place."""
+    if pagename.startswith("_modules/"):
+        context["body"] = re.sub(r'<a class="viewcode-back".*?</a>', "", context["body"])
+
+
 def setup(app):
+    app.connect("html-page-context", without_ways_back)
     # Before numpydoc reads the lines.
     app.connect("autodoc-process-docstring", add_pictures, priority=100)
     app.connect("autodoc-process-docstring", keep_bars, priority=900)
