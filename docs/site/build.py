@@ -93,13 +93,20 @@ def lay_out(stage: Path) -> None:
     for name, source in (("changelog.md", "CHANGELOG.md"), ("contributing.md", "CONTRIBUTING.md")):
         text = (ROOT / source).read_text(encoding="utf-8")
         (stage / name).write_text(localized(text, ROOT / source), encoding="utf-8")
+    # Users find what is inside by its pages' links; its place is below that of who changes the code.
+    ours = stage / "contributing.md"
+    ours.write_text(ours.read_text("utf-8") + tree_of("internals/index"), encoding="utf-8")
     inner = stage / "internals" / "index.md"
     names = "\n".join(sorted(p.stem for p in inner.parent.glob("*.md") if p != inner))
-    tree = f"\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"
-    inner.write_text(inner.read_text(encoding="utf-8") + tree, encoding="utf-8")
+    inner.write_text(inner.read_text(encoding="utf-8") + tree_of(names), encoding="utf-8")
     guides = stage / "howto.md"
     guides.write_text(with_others(guides.read_text(encoding="utf-8"), stage), encoding="utf-8")
     shutil.copytree(DOCS / "images", stage / "images")
+
+
+def tree_of(names: str) -> str:
+    """Return what puts pages below the one that it ends."""
+    return f"\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"
 
 
 def with_others(guides: str, stage: Path) -> str:
