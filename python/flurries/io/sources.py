@@ -120,28 +120,25 @@ class Source(ABC):
 
     def _read_or_hold(self, number: int) -> Picture:
         """Return a picture that the next caller may get as well."""
-        picture = self._found(number)
-        picture.pixels.flags.writeable = False
-        if picture.alpha is not None:
-            picture.alpha.flags.writeable = False
-        return picture
-
-    def _found(self, number: int) -> Picture:
-        try:
-            return self._read(number)
-        except (OSError, ValueError) as error:
-            if self.damaged == "stop":
-                raise
-            # The last good frame before it, found by reading backwards and not by remembering, so
-            # that it does not depend on which frames were asked for before.
-            for earlier in range(number - 1, -1, -1):
-                try:
-                    picture = self._read(earlier)
-                except (OSError, ValueError):
-                    continue
+        # The last good frame up to it, found by reading backwards and not by remembering, so that
+        # it does not depend on which frames were asked for before.
+        failed: Exception | None = None
+        for earlier in range(number, -1, -1):
+            try:
+                picture = self._read(earlier)
+            except (OSError, ValueError) as error:
+                if self.damaged == "stop":
+                    raise
+                failed = failed or error
+                continue
+            if failed is not None:
                 self.held.add(number)
-                return picture
-            raise error
+            for plane in (picture.pixels, picture.alpha):
+                if plane is not None:
+                    plane.flags.writeable = False
+            return picture
+        assert failed is not None
+        raise failed
 
     def _renew(self) -> None:
         self._lock = threading.Lock()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from bisect import bisect_right
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
@@ -89,25 +89,22 @@ def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
         if path.suffix.lower() in READABLE:
             raise OSError(f"{path}: the video cannot be read: {reason}") from error
         raise ValueError(f"{path}: not a video of a known format") from error
-    if not container.streams.video:
-        container.close()
-        raise ValueError(f"{path}: the file holds no video")
-    stream = container.streams.video[0]
-    if stream.codec_context is None:
-        container.close()
-        raise OSError(f"{path}: the video is damaged, or of a codec that is not known")
-    # One thread: renderers have the others.
-    stream.codec_context.thread_count = 1
-    limits = Budget.of(budget)
-    # Codecs have whole blocks of pixels.
-    room = limits.pixels + limits.pixels // 8 + 2**16
-    stream.codec_context.options = {"max_pixels": str(room)}
-    try:
-        if stream.codec_context.width and stream.codec_context.height:
-            limits.admit(path, (stream.codec_context.width, stream.codec_context.height), 3)
-    except OSError:
-        container.close()
-        raise
+    with ExitStack() as opened:
+        opened.callback(container.close)
+        if not container.streams.video:
+            raise ValueError(f"{path}: the file holds no video")
+        stream = container.streams.video[0]
+        context, limits = stream.codec_context, Budget.of(budget)
+        if context is None:
+            raise OSError(f"{path}: the video is damaged, or of a codec that is not known")
+        # One thread: renderers have the others.
+        context.thread_count = 1
+        # Codecs have whole blocks of pixels.
+        room = limits.pixels + limits.pixels // 8 + 2**16
+        context.options = {"max_pixels": str(room)}
+        if context.width and context.height:
+            limits.admit(path, (context.width, context.height), 3)
+        opened.pop_all()
     return container, stream
 
 
@@ -190,17 +187,13 @@ def _check_boxes(path: Path, stream: BinaryIO, size: int) -> None:
     while position < size:
         stream.seek(position)
         header = stream.read(16)
-        if len(header) < 8:
-            raise OSError(f"{path}: the video is cut short")
-        length = struct.unpack(">I", header[:4])[0]
-        if length == 0:
+        length = int.from_bytes(header[:4], "big")
+        if length == 0 and len(header) >= 8:
             return  # This box reaches to the end, wherever that is.
         if length == 1:
-            if len(header) < 16:
-                raise OSError(f"{path}: the video is cut short")
-            length = struct.unpack(">Q", header[8:16])[0]
-        if length < 8:
-            raise OSError(f"{path}: the video is damaged: a part of it has an impossible length")
+            length = int.from_bytes(header[8:], "big")
+        if len(header) < 8 or length < 8:
+            raise OSError(f"{path}: the video is cut short or damaged: a part of it has no length")
         position += length
     _check_end(path, position, size)
 
