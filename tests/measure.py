@@ -47,6 +47,11 @@ def scene(snow: fl.effects.TentSnow | dict[str, Any], size: int = SIZE, **about:
     return fl.Scene(background=black, effects=[effect], **about)
 
 
+def frame_of(shown: fl.Scene, t: float = 0.0, effect: int = 0) -> fl.effects.Frame:
+    """The frame that a scene asks one of its effects for."""
+    return shown._program.views(t)[effect][1]
+
+
 def picture(shown: fl.Scene, t: float, **options: Any) -> Floats:
     return shown.render(t, **options)[..., 0].astype(np.float64)
 

@@ -17,6 +17,7 @@ CAMERAS: dict[str, dict[str, Any]] = {
     "eye": {"focal": 700.0, "offset": (0.3, -0.1, 0.05)},
     "convergence": {"focal": 600.0, "center_shift": (12.5, -3.0)},
     "turned": {"focal": 400.0, "rotation": (0.3, -0.5, 0.2)},
+    "stretched": {"focal": 120.0, "center": (70.0, 50.0), "aspect": 1.3, "offset": (0.1, -0.2, 0)},
     "all": {
         "focal": 450.0, "center": (300.0, 200.0), "offset": (0.2, 0.1, -0.3),
         "center_shift": (5.0, 6.0), "rotation": (-0.2, 0.4, 1.1),
@@ -43,7 +44,7 @@ def test_project_is_turn_offset_and_division(name: str):
     assert np.abs(depth - z).max() < 1e-14
     near = z > 0.0
     assert 5 < np.sum(near) < 45
-    want = middle(given) + given["focal"] * np.stack([x / z, y / z], axis=1)
+    want = middle(given) + given["focal"] * np.stack([x, given.get("aspect", 1.0) * y] / z, axis=1)
     # eps times the size of a pixel coordinate times the condition |p|/z of the division
     assert np.allclose(px[near], want[near], rtol=1e-12, atol=1e-9)
     assert np.all(np.isnan(px[depth <= 0.0]))

@@ -13,8 +13,8 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 import flurries as fl
-from flurries.camera import image_velocity, project
 from flurries.camera import importers as cameras
+from flurries.camera import project
 from flurries.camera.extent import extent
 from flurries.cli import main
 from flurries.io import read_picture
@@ -212,18 +212,6 @@ def test_what_files_do_not_say_is_an_option(tmp_path: Path, monkeypatch: pytest.
 
 
 WIDE = fl.Camera(120.0, center=(70.0, 50.0), aspect=1.3, offset=(0.1, -0.2, 0.0))
-
-
-def test_image_motion_with_fx_and_fy_is_the_derivative_of_project():
-    points = RNG.uniform((-1, -1, 3), (1, 1, 9), (30, 3))
-    velocity, spin, h = np.array([0.1, -0.2, 0.3]), np.array([0.02, -0.01, 0.03]), 1e-5
-    ends = []
-    for side in (-h, h):
-        turned = points @ Rotation.from_rotvec(side * spin).as_matrix()
-        ends.append(project(turned - side * velocity, WIDE, (H, W))[0])
-    px, depth = project(points, WIDE, (H, W))
-    got = image_velocity(px, depth, velocity, WIDE, (H, W), rotation=spin)
-    assert np.abs(got - (ends[1] - ends[0]) / (2 * h)).max() < 1e-5
 
 
 def test_flakes_are_where_fx_and_fy_put_them():

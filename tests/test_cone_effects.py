@@ -8,8 +8,7 @@ import pytest
 
 import flurries as fl
 from flurries.effects import ConeRain, ConeSnow
-from flurries.frame.view import Frame
-from measure import cover
+from measure import cover, frame_of
 
 SIZE = (120, 90)
 FLYING = fl.CameraPath(
@@ -20,14 +19,6 @@ FLYING = fl.CameraPath(
 
 def scene(effect, **about):
     return fl.Scene("#102030", size=SIZE, effects=[effect], **about)
-
-
-def frame_of(shown, t):
-    """Return the frame that a scene asks its effects for."""
-    height, width = shown.shape
-    path = shown.camera
-    return Frame(shape=shown.shape, window=(0, height, 0, width), t=t, fps=shown.fps,
-                 camera=path.pose(path.camera, t), path=path, seed=shown.seed)  # fmt: skip
 
 
 @pytest.mark.parametrize("camera", [None, FLYING], ids=["still", "flying"])

@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 import flurries as fl
 from every import every
-from flurries.frame.view import Frame
+from measure import frame_of
 
 Camera, Keys, Scene, Snow = fl.camera.Camera, fl.Keys, fl.Scene, fl.effects.TentSnow
 LENS = Camera(300.0)
@@ -76,12 +76,7 @@ def test_both_ways_at_once_are_refused():
         fl.CameraPath(LENS, position=PLACES, velocity=(0, 0, 0))
 
 
-def frame_of(scene: fl.Scene, t: float) -> Frame:
-    return Frame(shape=scene.shape, window=(0, *scene.shape[:1], 0, scene.shape[1]), t=t,
-                 fps=scene.fps, camera=scene.camera.camera, path=scene.camera, seed=1)  # fmt: skip
-
-
-def asked(snow: fl.effects.TentSnow, frame: Frame) -> Any:
+def asked(snow: fl.effects.TentSnow, frame: fl.effects.Frame) -> Any:
     """What the kernel is asked for the texture."""
     field = snow.parts.texture.field
     return field.request(frame, field.motion.way(frame))

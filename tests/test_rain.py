@@ -12,6 +12,7 @@ from scipy.integrate import quad
 import flurries as fl
 from flurries.effects.field import streaks_tile
 from flurries.spectral.contrast import kept_power, mean_opacity
+from measure import frame_of
 
 Rain, Scene, Camera = fl.effects.TentRain, fl.Scene, fl.camera.Camera
 PRESETS = ("drizzle", "rain", "downpour")
@@ -22,10 +23,6 @@ BARE = {"drops": 0, "haze": 0.0, "mean": 0.5, "spread": 4.0, "power": 1.0, "text
 
 def black(effect: Any, size: tuple[int, int] = (512, 512), **about: Any) -> fl.Scene:
     return Scene(np.zeros((size[1], size[0], 3), np.float32), effects=[effect], **about)
-
-
-def one(scene: fl.Scene, t: float = 0.0) -> fl.effects.Frame:
-    return scene._program.views(t)[0][1]
 
 
 def test_presets_are_named_and_grow():
@@ -130,7 +127,7 @@ def test_streaks_move_where_the_tile_follows_the_rule(wavelengths: Any, near: fl
     # Straight down is the worst case: waves exactly across the fall never move.
     down = {**BARE, "wind": (0.0, 0.0, 0.0), "wavelengths": wavelengths, "near_depth": near}
     scene = black(Rain(**down), camera=Camera(600.0))
-    rain, frame = scene.effects[0], one(scene)
+    rain, frame = scene.effects[0], frame_of(scene)
     field = rain.parts.texture.field
     (tile, _), _ = field.layout(frame).tiling
     cycles = field.cycles(frame, field.motion.way(frame))
@@ -163,7 +160,7 @@ def test_the_tile_is_one_for_the_film():
     )
     scene = Scene(size=(512, 300), effects=[keyed])
     parts = keyed.parts
-    layouts = [parts.texture.field.layout(one(scene, t)) for t in (-5, 0, 9, 30, 50, 500)]
+    layouts = [parts.texture.field.layout(frame_of(scene, t)) for t in (-5, 0, 9, 30, 50, 500)]
     tiles = {layout.tiling for layout in layouts}
     assert len(tiles) == 1
     fastest = parts.motion.fastest(scene.camera, 30.0)

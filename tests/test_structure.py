@@ -7,6 +7,7 @@ function, or for type checkers alone.
 from __future__ import annotations
 
 import ast
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -130,7 +131,7 @@ def breaches(found: list[Arrow]) -> set[tuple[str, str]]:
 
 
 def circle(found: list[Arrow]) -> set[str]:
-    """Return the modules that import, by whatever way, themselves."""
+    """Return the modules of a ring that import, by whatever way, themselves."""
     after: dict[str, set[str]] = {}
     for arrow in found:
         # Types of a file beside it are no arrow, and doors are closed while a module is imported.
@@ -139,16 +140,11 @@ def circle(found: list[Arrow]) -> set[str]:
         if arrow.own and not (beside or arrow.at_a_door or package):
             after.setdefault(arrow.source, set()).add(arrow.target)
 
-    def reach(start: str) -> set[str]:
-        seen: set[str] = set()
-        waiting = [start]
-        while waiting:
-            new = after.get(waiting.pop(), set()) - seen
-            seen |= new
-            waiting += new
-        return seen
-
-    return {name for name in after if name in reach(name)}
+    try:
+        TopologicalSorter(after).prepare()
+    except CycleError as error:
+        return set(error.args[1])
+    return set()
 
 
 def test_arrows_go_one_way_without_circles_and_imports_stand_at_the_top():

@@ -17,7 +17,7 @@ import measure
 from every import every
 from flurries.camera.importers import load
 from flurries.camera.rotation import rotation_vector
-from measure import FOCAL, SIZE, TEXTURE, picture, scene
+from measure import FOCAL, SIZE, TEXTURE, frame_of, picture, scene
 
 Camera, Keys, Path_ = fl.camera.Camera, fl.Keys, fl.CameraPath
 LENS = Camera(300.0)
@@ -215,16 +215,12 @@ def test_a_closed_path_returns_the_frame():
         shown = fl.Scene(size=(90, 70), camera=path, effects=[still])
         # But for the waves' temporal filter, which goes by the rate of the frame.
         field = still.parts.texture.field
-        frames = [one(shown, t) for t in (0.0, 4.0)]
+        frames = [frame_of(shown, t) for t in (0.0, 4.0)]
         first, last = (field.request(frame, field.motion.way(frame)) for frame in frames)
         assert np.array_equal(first.drift, last.drift) and np.array_equal(first.shift, last.shift)
         kept = shown.replace(effects=[replace(still, alias="keep")])
         assert np.array_equal(kept.render(0), kept.render(4))
         assert not np.array_equal(kept.render(0), kept.render(2))
-
-
-def one(shown: fl.Scene, t: float) -> fl.effects.Frame:
-    return shown._program.views(t)[0][1]
 
 
 # A camera that pans, tilts, rolls and moves, 10 px a frame in all.

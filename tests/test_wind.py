@@ -15,7 +15,7 @@ import flurries as fl
 from flurries.effects.gusts import wind_at
 from flurries.motion.keys import Course
 from flurries.motion.waves import Waves, carry
-from measure import FOCAL, LONGEST, scene
+from measure import FOCAL, LONGEST, frame_of, scene
 
 Wind, Keys, Snow, Camera = fl.Wind, fl.Keys, fl.effects.TentSnow, fl.camera.Camera
 RNG = np.random.default_rng(23)
@@ -26,10 +26,6 @@ WINDS = {
     "both": Wind((1.0, 0.0, -0.5), gusts=1.0, swirl=0.5),
 }
 LENS = Camera(FOCAL)
-
-
-def one(shown: fl.Scene, t: float, effect: int = 0) -> fl.effects.Frame:
-    return shown._program.views(t)[effect][1]
 
 
 @pytest.mark.parametrize("name", WINDS)
@@ -180,7 +176,7 @@ def test_rings_and_flakes_of_one_depth_move_alike(name: str):
     """The texture's rings by their own integral; the rates are those of the air at the place."""
     wind = WINDS[name]
     snow = Snow(wind=wind, wavelengths=(4.0, LONGEST))
-    frame = one(scene(snow), 33.0)
+    frame = frame_of(scene(snow), 33.0)
 
     ahead = RNG.uniform((-6, -6, 3), (6, 6, 60), (40, 3))
     _, of_air = wind_at(snow.parts.motion, frame, ahead)
@@ -188,12 +184,12 @@ def test_rings_and_flakes_of_one_depth_move_alike(name: str):
     assert np.abs(of_air * 30.0 - world).max() < 1e-12
     # The displacement is the integral of the rate at the place.
     step = 1e-4
-    frames = [one(scene(snow), 33.0 + s) for s in (-step, step)]
+    frames = [frame_of(scene(snow), 33.0 + s) for s in (-step, step)]
     before, after = (wind_at(snow.parts.motion, f, ahead)[0] for f in frames)
     assert np.abs((after - before) / (2 * step) - of_air).max() < 1e-8
     # And of a camera that flies, with the place.
     path = fl.CameraPath(LENS, velocity=(0.5, -0.2, 3.0))
-    frames = [one(scene(snow, camera=path), 33.0 + s) for s in (-step, 0.0, step)]
+    frames = [frame_of(scene(snow, camera=path), 33.0 + s) for s in (-step, 0.0, step)]
     before, now, after = (wind_at(snow.parts.motion, f, ahead) for f in frames)
     assert np.abs((after[0] - before[0]) / (2 * step) - now[1]).max() < 1e-8
 
@@ -213,7 +209,7 @@ def test_a_profile_of_factors_scales_the_mean():
     )
     snow = Snow(wind=wind)
     ahead = np.array([(0.0, 0.0, 1.0), (0.0, 0.0, 12.5), (0.0, 0.0, 90.0)])
-    moved, rate = wind_at(snow.parts.motion, one(scene(snow), 20.0), ahead)
+    moved, rate = wind_at(snow.parts.motion, frame_of(scene(snow), 20.0), ahead)
     assert np.allclose(rate[:, 0] * 30.0, 4.0 * (np.array([0.5, 1.75, 3.0]) - 1.0))
     assert np.allclose(moved[:, 0] * 30.0, 60.0 * (np.array([0.5, 1.75, 3.0]) - 1.0))
 
@@ -227,7 +223,7 @@ def test_gusts_in_the_view_of_a_turning_camera():
     ahead = np.array([(0.0, 0.0, 15.0), (0.0, 0.0, 40.0)])
 
     def displaced(t: float) -> np.ndarray:
-        return wind_at(snow.parts.motion, one(scene(snow, camera=path), t), ahead)[0]
+        return wind_at(snow.parts.motion, frame_of(scene(snow, camera=path), t), ahead)[0]
 
     waves = snow.wind.waves
 
@@ -254,8 +250,8 @@ def test_equal_winds_are_equal():
     wind = Wind(gusts=1.0)
     at = RNG.uniform(-5, 5, (5, 3))
     effects = [Snow(wind=wind, seed=1), fl.effects.TentRain(wind=wind, seed=2)]
-    rates = [wind_at(e.parts.motion, one(fl.Scene(size=(64, 48), effects=effects), 9.0, i), at)[1]
-             for i, e in enumerate(effects)]  # fmt: skip
+    shown = fl.Scene(size=(64, 48), effects=effects)
+    rates = [wind_at(e.parts.motion, frame_of(shown, 9.0, i), at)[1] for i, e in enumerate(effects)]
     assert np.array_equal(*rates)
 
 

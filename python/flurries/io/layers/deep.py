@@ -84,8 +84,7 @@ def write_deep(
     specification.channelnames, specification.channelformats = CHANNELS, tuple(kinds)
     specification.alpha_channel, specification.z_channel = 3, 4
     specification.deep = True
-    header.put(specification, strings, "openexr")
-    said.put(specification, "openexr", "linear")
+    said.put(specification, "openexr", "linear", strings)
     specification.attribute("compression", "zips")
     starts = np.concatenate([[0], np.cumsum(deep.counts.sum(axis=1))])
     with replacing(path) as temporary:

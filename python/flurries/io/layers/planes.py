@@ -100,8 +100,7 @@ def _write(
         if name:
             part.specification.attribute("view", name)
             part.specification.attribute("oiio:subimagename", name)
-        header.put(part.specification, strings, "openexr")
-        said.put(part.specification, "openexr", "linear")
+        said.put(part.specification, "openexr", "linear", strings)
     write_parts(path, parts)
 
 

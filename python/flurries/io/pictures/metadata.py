@@ -61,7 +61,7 @@ def description(strings: Mapping[str, str]) -> str:
     return json.dumps(own, sort_keys=True) if own else ""
 
 
-def put(specification: Any, strings: Mapping[str, str], format_name: str) -> None:
+def put_strings(specification: Any, strings: Mapping[str, str], format_name: str) -> None:
     specification.attribute("DateTime", strings["DateTime"])
     specification.attribute("Software", "flurries")
     if format_name in ("openexr", "png"):

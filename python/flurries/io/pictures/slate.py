@@ -7,6 +7,7 @@ flurries' own. What describes colors goes where the colors are the plate's still
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -17,7 +18,7 @@ from flurries.io.color import Encoding
 from flurries.io.files import Budget
 from flurries.io.oiio import openimageio
 from flurries.io.pictures.header import RATES, opened_picture, rate_of
-from flurries.io.pictures.metadata import PREFIX
+from flurries.io.pictures.metadata import PREFIX, put_strings
 from flurries.io.timecode import TimeCode
 
 # How a file stores its pixels, or what is written anew: not the plate's any more.
@@ -112,8 +113,11 @@ class Slate:
         (top, left), (x, y) = (part.start for part in self.crop), self.origin
         return replace(self, origin=(x + left, y + top), crop=None)
 
-    def put(self, specification: Any, format_name: str, encoding: str) -> None:
-        """Write it into the header of a picture that is about to be made."""
+    def put(
+        self, specification: Any, format_name: str, encoding: str, strings: Mapping[str, str]
+    ) -> None:
+        """Write it and our own strings into the header of a picture that is about to be made."""
+        put_strings(specification, strings, format_name)
         same = self.colored and encoding == self.encoding
         if format_name == "dpx":
             for name, said in zip(_VIDEO, self.video, strict=True):

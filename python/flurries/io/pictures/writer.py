@@ -154,9 +154,8 @@ def write_picture(
             raise OSError(f"{os.fspath(path)}: cannot be encoded: {error}") from error
         write_whole(path, Part(specification, band), data)
         return
-    header.put(specification, strings, form.name)
     floats = stored in ("half", "float")
-    said.put(specification, form.name, "linear" if floats else "display")
+    said.put(specification, form.name, "linear" if floats else "display", strings)
     if form.name == "openexr":
         specification.attribute("compression", packing(compression))
     elif form.name == "dpx" and bits == 10:
