@@ -56,6 +56,7 @@ EXTREME: dict[str, Callable[[], Any]] = {
     "inverse_transform": lambda: S.inverse_transform(1e39 * ONES, 0 * ONES),
     "velocity_from_paper": lambda: S.velocity_from_paper(1e308, 0.0, period=1e-10),
     "exponent": lambda: S.band_amplitude((32, 32), exponent=1e308),
+    "volume": lambda: S.volume(4, 16, (1e100, -1e99), seed=1, wavelengths=(2.0, 8.0)),
     "opacity": lambda: S.opacity(np.array([[HUGE, -HUGE]]), spread=1e-300),
     "tile_drift": lambda: fl.camera.tile_drift(
         (64, 64), (1e308, 0.0, 1e308), fl.camera.Camera(600.0), near_depth=1e-10

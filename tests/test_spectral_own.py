@@ -114,12 +114,6 @@ def test_a_movie_is_its_fields_with_the_contrast_that_is_asked_for():
         assert np.abs(frame - 0.4 * (1.0 + 0.2 * field)).max() < 1e-6
         assert frame.std() / frame.mean() == pytest.approx(0.2, abs=1e-5)
     assert np.abs(film[8] - film[0]).max() < 1e-5
-    # Any texture: here the paper's snow.
     snow = fl.spectral.movie(3, (40, 50), seed=1, velocity=(1.0, 3.0))
     want = fl.spectral.field((40, 50), seed=1, drift=(2.0, 6.0))
     assert np.array_equal(snow[2], want)
-
-
-def test_a_cloud_without_a_wave_is_refused():
-    with pytest.raises(ValueError, match="frequency_bandwidth must reach a wave of the tile"):
-        fl.spectral.cloud(16, (1.0, 0.0), seed=1, frequency=0.1, frequency_bandwidth=0.001)

@@ -20,6 +20,7 @@ import flurries as fl
 from flurries.effects import ConeRain, ConeSnow, TentRain, TentSnow
 from flurries.scene.output import OutputFields
 
+ROOT = Path(__file__).parents[1]
 PICTURE = np.full((48, 64, 3), 90, np.uint8)
 SCENE = fl.Scene(PICTURE, effects=[TentSnow("heavy"), fl.Mist()], fps=24)
 
@@ -108,6 +109,34 @@ def test_help_of_an_effect_shows_fields_and_what_users_call(kind: type[Any]):
 def test_a_mistyped_argument_is_answered_with_the_nearest(call: Any, near: str):
     with pytest.raises(TypeError, match=re.escape(near)):
         call()
+
+
+RIGHT = (
+    'fl.Snow("heavy", color="local")', 'fl.Rain(color=0.9)', 'fl.Mist(color=(0.5, 0.6, 0.7))',
+    'fl.Snow(color=fl.Keys([(0, 0.5), (9, 1.0)]))', 'fl.Snow(color=fl.effects.Hex("#dfe8ff"))',
+    'fl.effects.TentSnow("paper", color="ambient")', 'scene.layers(1, eye=fl.Camera(60.0)).alpha',
+    'fl.augment.Snowfall(severity=3)(picture).mean()', 'fl.flakes(scene, 1)["id"].size',
+    'scene.render(1).mean() + scene.layers(1).layers["snow"].rgba.mean()',
+)  # fmt: skip
+WRONG = (
+    'fl.nothing', 'fl.Snow(color="ambiant")', 'fl.Rain(color="loacl")', 'fl.Mist(color="white")',
+    'fl.effects.TentSnow(color="local")', 'fl.Snow("hevy")', 'fl.Snow(amount="much")',
+    'scene.layers(1, nmae=2)', 'scene.render(t=1, regoin=None)', 'fl.Snow("light")(picture)',
+    'fl.augment.Snowfall(severty=3)', 'fl.augment.Snowfall(severity=3)(picture).nothing',
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("checker", ["mypy", "basedpyright"])
+def test_types_tell_wrong_calls_from_right_ones(checker: str, tmp_path: Path):
+    setting = "import numpy as np; import flurries as fl; picture = np.zeros((8, 8, 3), np.uint8)"
+    lines = [setting, "scene = fl.Scene(picture)", *(f"print({call})" for call in RIGHT)]
+    first = len(lines) + 1
+    file = tmp_path / "calls.py"
+    file.write_text("\n".join([*lines, *(f"print({call})" for call in WRONG)]) + "\n")
+    command = [sys.executable, "-m", checker, *(["--strict"] if checker == "mypy" else [])]
+    ran = subprocess.run([*command, str(file)], capture_output=True, text=True, cwd=ROOT)
+    told = {int(line) for line in re.findall(r"calls\.py:(\d+):.*error", ran.stdout)}
+    assert told == set(range(first, first + len(WRONG))), ran.stdout + ran.stderr
 
 
 def test_a_newcomer_reads_few_names():

@@ -122,21 +122,6 @@ def test_two_eyes_are_an_anaglyph_of_both():
     assert buffers[0] == jpeg(fl.stereo.anaglyph(left, right))
 
 
-def test_size_seed_gusts_color_and_lens_have_rows():
-    scene = SCENE.replace(effects=[fl.Snow(flake_size=(0.002, 0.004, 0.01), color=0.9)])
-    values = {"0.flake_size": 8.0, "0.seed": 7, "0.gusts": 1.5, "0.color": "#8080ff"}
-    assert slider(scene, "0.flake_size").value == pytest.approx(4.0)
-    assert slider(scene, "0.seed").value == SCENE.seed
-    changed = applied(scene, {**values, "camera.lens": 400.0})
-    effect = changed.effects[0]
-    assert effect.flake_size == pytest.approx((0.004, 0.008, 0.02))
-    assert (effect.seed, effect.wind.gusts) == (7, 1.5)
-    assert effect.color == pytest.approx((128 / 255, 128 / 255, 1.0))
-    assert effect.wind.mean == scene.effects[0].wind
-    assert changed.camera.camera.focal == 400.0
-    assert not np.array_equal(changed.render(3), scene.render(3))
-
-
 def test_a_film_of_three_seconds_is_written_from_it(tmp_path: Path):
     session = Session(SCENE.replace(fps=4.0), size=64, save=tmp_path / "mine.toml")
     head, _ = session.answer({"kind": "film", "values": {"0.amount": 0.5}})
@@ -180,6 +165,7 @@ def test_a_lamp_a_lens_and_a_depth_are_turned_on_and_off(tmp_path: Path):
 
 
 GUSTY = SCENE.replace(effects=[TentSnow(wind=fl.Wind((1.0, 0.0, 0.5), gusts=0.7, seed=3))])
+SIZED = SCENE.replace(effects=[fl.Snow(flake_size=(0.002, 0.004, 0.01), wind=(2.0, 0.0, 0.0))])
 KEYED = SCENE.replace(effects=[TentSnow(amount=fl.Keys([(0, 0.25), (9, 1.0)]))])
 
 
@@ -192,6 +178,9 @@ KEYED = SCENE.replace(effects=[TentSnow(amount=fl.Keys([(0, 0.25), (9, 1.0)]))])
     }),
     (KEYED, {"0.haze": 0.5}, {"amount.first": 0.25}),  # Keys stay until their slider is touched.
     (KEYED, {"0.amount": 0.5}, {"amount": 0.5}),
+    (SIZED, {"0.flake_size": 8.0}, {"flake_size": (0.004, 0.008, 0.02)}),
+    (SIZED, {"0.gusts": 1.5, "0.seed": 7}, {"wind.gusts": 1.5, "wind.mean": (2, 0, 0), "seed": 7}),
+    (SIZED, {"0.color": "#8080ff"}, {"color": (128 / 255, 128 / 255, 1.0)}),
 ])  # fmt: skip
 def test_what_a_slider_means(scene: fl.Scene, values: dict[str, float], wanted: dict[str, Any]):
     assert applied(scene, {}).effects == scene.effects
@@ -201,8 +190,8 @@ def test_what_a_slider_means(scene: fl.Scene, values: dict[str, float], wanted: 
             assert changed.amount.at(0.0) == value
         else:
             assert attrgetter(name)(changed) == pytest.approx(value, abs=1e-12)
-    path = applied(scene, {"camera.rise": 2.0, "camera.forward": 3.0}).camera
-    assert path.velocity == (0.0, -2.0, 3.0)
+    path = applied(scene, {"camera.rise": 2.0, "camera.forward": 3.0, "camera.lens": 400}).camera
+    assert (path.velocity, path.camera.focal) == ((0.0, -2.0, 3.0), 400.0)
 
 
 @pytest.mark.parametrize(("ask", "said"), [

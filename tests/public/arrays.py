@@ -145,10 +145,10 @@ CALLS: dict[str, Call] = {
                  "cells": ("all",)},
     ),
     "spectral.cloud": Call(
-        {"tile": (16, 20), "velocity": ASIDE[:2], "seed": 1, "orientation_bandwidth": 0.5,
-         "speed_bandwidth": 0.2, "loop": 16},
+        {"tile": (16, 20), "velocity": ASIDE[:2], "seed": 1, "frequency": 0.11,
+         "orientation_bandwidth": 0.5, "speed_bandwidth": 0.2, "loop": 16},
         then=lambda made: fl.spectral.movie(3, (16, 20), seed=2, texture=made),
-        refused={"frequency": (0.0, 0.6), "frequency_bandwidth": (0.0,), "loop": (0,)},
+        refused={"frequency": (0.0, 0.6), "frequency_bandwidth": (0.0, 1e-3), "loop": (0,)},
     ),
     "spectral.movie": Call(
         {"frames": 3, "shape": SHAPE, "seed": 1, "velocity": np.array([1.0, 4.0]),

@@ -1,5 +1,6 @@
 """What can be in the air of a scene: each effect names its parts and renders one layer."""
 
+from flurries.effects.color import Hex
 from flurries.effects.cone import ConeRain, ConeSnow
 from flurries.effects.field import Field
 from flurries.effects.flakes import Flakes
@@ -16,6 +17,7 @@ from flurries.frame.layer import Layer
 from flurries.frame.view import Frame
 
 __all__ = [
-    "ConeRain", "ConeSnow", "Field", "Flakes", "Frame", "Layer", "Mist", "Motion",
-    "Precipitation", "Rain", "Snow", "TentRain", "TentSnow", "Texture", "Veil", "register",
+    "ConeRain", "ConeSnow", "Field", "Flakes", "Frame", "Hex", "Layer", "Mist",
+    "Motion", "Precipitation", "Rain", "Snow", "TentRain", "TentSnow", "Texture", "Veil",
+    "register",
 ]  # fmt: skip

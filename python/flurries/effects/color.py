@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, Literal, NewType, TypeAlias
 
 import numpy as np
 
@@ -12,9 +12,14 @@ from flurries.frame.view import Frame
 from flurries.io.color import linear_to_srgb, parse_hex, srgb_to_linear
 from flurries.motion.keys import Keys, value_at
 
+# A color as "#rrggbb". Types know it by this name, so that a mistyped word is no color: any text
+# will do where nobody checks types.
+Hex = NewType("Hex", str)
+
 # One grey, (r, g, b) or "#rrggbb", display values, plain or keyed; or "ambient", the light of the
 # background; of some effects "local", that light by places.
-Color: TypeAlias = float | tuple[float, float, float] | Keys | str
+Color: TypeAlias = float | tuple[float, float, float] | Keys | Hex | Literal["ambient"]
+PlacedColor: TypeAlias = Color | Literal["local"]
 
 # What `color` says instead of a color: the background's own light.
 AMBIENT = "ambient"

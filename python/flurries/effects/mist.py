@@ -14,7 +14,7 @@ from flurries._contract import choice, flag, integer, real, seed_of, vector
 from flurries.effects.bank import Bank
 from flurries.effects.bank_light import SCATTER, Law
 from flurries.effects.checks import LOOKS, Check, length, one_of, optional, part, settle, share
-from flurries.effects.color import AMBIENT, LOCAL, Color, as_color
+from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color
 from flurries.effects.knobs import Described, knobs, looks
 from flurries.effects.presets import MIST, PAPER_MIST, MistLook
 from flurries.effects.severity import visibility_of
@@ -140,7 +140,7 @@ class Mist(metaclass=Described):
     visibility: Number | None = None
     structure: float = 0.0
     backdrop: float = BACKDROP
-    color: Color = "local"
+    color: PlacedColor = "local"
     wind: Vector = (0.0, 0.0, 0.0)
     box: float | Sequence[float] | None = None
     center: Sequence[float] | None = None

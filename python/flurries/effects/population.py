@@ -15,7 +15,7 @@ import numpy as np
 from flurries._contract import Float64, real, seed_of, vector
 from flurries._warnings import warn
 from flurries.effects.checks import length, one_of, optional, pair, part_of, share, wind
-from flurries.effects.color import AMBIENT, LOCAL, Color, as_color
+from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color
 from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.knobs import Described
@@ -96,7 +96,7 @@ class Falling(metaclass=Described):
     emission: Number = 1.0
     fall: Number | None = None
     wind: Vector | Wind
-    color: Color = "ambient"
+    color: PlacedColor = "ambient"
     haze: Number = 0.0
     shutter: Number | None = None
     near: float = 0.4

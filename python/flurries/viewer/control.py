@@ -51,15 +51,6 @@ class Control:
         return choice(name, value, self.choices)
 
 
-def choice_of(key: str, group: str, label: str, choices: tuple[str, ...], value: str) -> Control:
-    return Control(key, group, label, value=value, kind="choice", choices=choices)
-
-
-def color_of(key: str, group: str, label: str, value: str, words: tuple[str, ...] = ()) -> Control:
-    """Return a color, or one of some words that stand for one."""
-    return Control(key, group, label, value=value, kind="color", choices=words)
-
-
 def dressed(scene: Scene, values: Mapping[str, Any]) -> Scene:
     """Return the scene with the looks by name that were chosen, before any slider counts."""
     effects = {}
@@ -86,7 +77,8 @@ def preset_of(
     key = f"{index}.{PRESET}"
     stands = values.get(key, GIVEN)
     now = stands if stands in names else GIVEN
-    return choice_of(key, group, "Preset", (GIVEN, *names), now) if names else None
+    row = Control(key, group, "Preset", value=now, kind="choice", choices=(GIVEN, *names))
+    return row if names else None
 
 
 def color_control(index: int, group: str, effect: Any) -> Control | None:
@@ -99,4 +91,5 @@ def color_control(index: int, group: str, effect: Any) -> Control | None:
     if not isinstance(color, str):
         now = np.broadcast_to(value_at(color, 0.0) if isinstance(color, Keys) else color, 3)
         stands = "#" + "".join(f"{round(255 * part):02x}" for part in np.clip(now, 0.0, 1.0))
-    return color_of(f"{index}.{COLOR}", group, "Color", stands, words)
+    key = f"{index}.{COLOR}"
+    return Control(key, group, "Color", value=stands, kind="color", choices=words)

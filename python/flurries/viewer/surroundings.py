@@ -12,7 +12,7 @@ from flurries.io.color import parse_hex, srgb_to_linear
 from flurries.light.lamp import Lamp
 from flurries.motion.keys import value_at
 from flurries.scene.scene import Scene
-from flurries.viewer.control import Control, choice_of, color_of
+from flurries.viewer.control import Control
 
 OFF, ON = "off", "on"
 LAMP, DEPTH, OPENING = "lamp", "scene.depth", "lens"
@@ -34,20 +34,20 @@ def surroundings(scene: Scene) -> list[Control]:
     found: list[Control] = []
     if any(type(effect).__name__ in _FLAKES for effect in scene.effects):
         found += [
-            choice_of(f"{LAMP}.on", LAMP, "Lamp", (OFF, ON), OFF),
+            Control(f"{LAMP}.on", LAMP, "Lamp", value=OFF, kind="choice", choices=(OFF, ON)),
             *(Control(f"{LAMP}.{name}", LAMP, *row) for name, row in _LAMP.items()),
-            color_of(f"{LAMP}.color", LAMP, "Color", "#ffd9a0"),
+            Control(f"{LAMP}.color", LAMP, "Color", value="#ffd9a0", kind="color"),
         ]
-        lens = scene.lens
+        lens, on = scene.lens, OFF if scene.lens is None else ON
         focus = 4.0 if lens is None else float(np.clip(value_at(lens.focus, 0.0), 0.3, 60.0))
         stop = 2.0 if lens is None else float(np.clip(value_at(lens.f_stop, 0.0), 0.7, 22.0))
         found += [
-            choice_of(f"{OPENING}.on", OPENING, "Blur", (OFF, ON), OFF if lens is None else ON),
+            Control(f"{OPENING}.on", OPENING, "Blur", value=on, kind="choice", choices=(OFF, ON)),
             Control(f"{OPENING}.focus", OPENING, "Focus", "m", 0.3, 60.0, 0.1, focus),
             Control(f"{OPENING}.f_stop", OPENING, "f-stop", "", 0.7, 22.0, 0.1, stop),
         ]
     if scene.depth is not None:
-        found.append(choice_of(DEPTH, "scene", "Depth", (ON, OFF), ON))
+        found.append(Control(DEPTH, "scene", "Depth", value=ON, kind="choice", choices=(ON, OFF)))
     return found
 
 
