@@ -9,7 +9,7 @@ import flurries as fl
 import textured
 import twin
 from every import every
-from flurries.spectral.tiles import power_shares, tile_shares
+from flurries.spectral.tiles import power_shares
 
 LENGTHS = [1, 2, 63, 64, 65, 117, 118, 119, 130, 200]
 OVERLAPS = [0, 1, 10, 32, 48, 63]
@@ -93,21 +93,6 @@ def test_growing_the_picture_keeps_old_pixels(old, new, overlap: int, blend: str
     kept = tuple(slice(0, min(n, c * (64 - overlap))) for n, c in zip(old, counts, strict=True))
     assert before[kept].size > 0
     assert np.array_equal(before[kept], after[kept])
-
-
-@pytest.mark.parametrize("blend", ["power", "linear"])
-@pytest.mark.parametrize("overlap", OVERLAPS)
-@pytest.mark.parametrize("length", LENGTHS)
-def test_shares_are_the_twins_and_sum_to_one(length: int, overlap: int, blend: str):
-    got = tile_shares(length, tile=64, overlap=overlap, blend=blend)
-    weights = twin.axis_weights(length, 64, overlap, blend)
-    want = np.zeros_like(got)
-    starts = twin.tile_starts(length, tile=64, overlap=overlap)
-    for tile, (start, of_tile) in enumerate(zip(starts, weights, strict=True)):
-        part = want[start : start + 64, tile]
-        part[:] = of_tile[: len(part)] ** (2 if blend == "power" else 1)
-    np.testing.assert_allclose(got, want, atol=1e-14)
-    np.testing.assert_allclose(got.sum(axis=1), 1.0, atol=1e-14)
 
 
 CASES = ((100, 32, 8), (70, 16, 0), (95, 24, 12), (20, 32, 5), (90, 20, 19), (61, 60, 59))

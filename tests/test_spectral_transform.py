@@ -19,15 +19,6 @@ def symmetric(shape: twin.Shape) -> tuple[np.ndarray, np.ndarray]:
     return amplitude / np.sqrt(np.sum(amplitude**2)), twin.random_phase(shape, seed=6)
 
 
-@every(("dtype", "limit"), [(np.float64, 1e-13), (np.float32, 2e-6)])
-@every("shape", SMALL)
-def test_transform_is_the_cosine_sum(shape: twin.Shape, dtype: type, limit: float):
-    amplitude, phase = symmetric(shape)
-    got = fl.spectral.inverse_transform(amplitude, phase, dtype=dtype)
-    assert got.dtype == dtype and got.shape == shape and got.flags.c_contiguous
-    assert np.abs(got - twin.direct_sum(amplitude, phase)).max() < limit
-
-
 @every(("dtype", "limit"), [(np.float64, 1e-12), (np.float32, 4e-6)])
 @every("shape", SMALL)
 def test_tables_without_symmetry(shape: twin.Shape, dtype: type, limit: float):
