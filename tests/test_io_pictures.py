@@ -18,9 +18,6 @@ from flurries.io import (
 )
 from stills import as_read, assert_reads_as, header_of, levels, noise, same_bits
 
-# Newer Pythons warn when a process with threads is forked, which is what these tests are about.
-pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
-
 SHAPES = [(21, 34), (21, 34, 4), (130, 5, 3), (1, 1, 3)]
 
 

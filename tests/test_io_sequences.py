@@ -9,9 +9,6 @@ import pytest
 
 from flurries.io import Pattern, frame_range, open_background, write_picture
 
-# Newer Pythons warn when a process with threads is forked, which is what these tests are about.
-pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
-
 
 @pytest.mark.parametrize(("text", "frames"), [
     ("7", [7]), ("0", [0]), ("1-3", [1, 2, 3]), ("5-5", [5]), ("1-10x4", [1, 5, 9]),

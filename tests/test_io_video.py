@@ -1,6 +1,5 @@
 """Video: what goes in comes out, any frame in any order, and damage is told."""
 
-import hashlib
 import os
 import signal
 from fractions import Fraction
@@ -14,13 +13,6 @@ from skimage.metrics import peak_signal_noise_ratio
 from films import EXTENSIONS, film, write
 from flurries.io import VideoWriter, open_background, read_video
 from flurries.io.films.codecs import frame_rate
-
-# Newer Pythons warn when a process with threads is forked, which is what these tests are about.
-pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
-
-
-def digest(path):
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def only(path):

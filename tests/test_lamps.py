@@ -12,7 +12,6 @@ from flurries.light.phase import DROPS, FLAKES, Optics
 
 Array = np.ndarray[Any, Any]
 EYE = np.zeros(3)
-SHAPE = (120, 160)
 
 
 def rows(*lamps: fl.scene.Lamp) -> Array:
