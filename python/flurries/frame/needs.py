@@ -30,7 +30,7 @@ class Renders(Protocol):
 
 
 class Composed(Protocol):
-    """Anything that says what it is made of."""
+    """An effect whose `parts` are drawn in its place."""
 
     # `Renders` in truth: pyright does not look into the cached property that effects have.
     @property
