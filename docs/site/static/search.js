@@ -56,13 +56,16 @@ if (typeof Search !== "undefined") {
     }
     const said = (file) => (counts.get(file) / wanted.size) ** 2;
     const stemmer = new Stemmer();
+    const asked = (new URLSearchParams(window.location.search).get("q") ?? "").trim().toLowerCase();
     const sections = [];
     for (const [title, places] of Object.entries(alltitles)) {
       const parts = splitQuery(title.toLowerCase()).filter((word) => !stopwords.has(word));
       const words = new Set(parts.map((word) => stemmer.stemWord(word)));
       if (wanted.size === 0 || ![...wanted].every((word) => words.has(word))) continue;
       const sum = (all) => [...all].reduce((total, word) => total + rare(word), 0);
-      const score = 10 * sum(wanted) * (1 + sum(wanted) / sum(words));
+      // A heading with all of it counts more: of "after effects" only "effects" is a word to be looked up.
+      const whole = asked.includes(" ") && title.toLowerCase().includes(asked) ? 40 : 0;
+      const score = 10 * sum(wanted) * (1 + sum(wanted) / sum(words)) + whole;
       for (const [file, id] of places)
         sections.push([
           docnames[file], titles[file] === title ? title : `${titles[file]} > ${title}`,
