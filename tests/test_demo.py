@@ -43,13 +43,6 @@ def test_the_layers_are_those_of_the_flight(made: tuple[Path, list[Path]]):
     assert np.abs(layers["snow"][..., 3] - want.alpha).max() <= 2.0**-11
 
 
-def test_the_three_looks_differ_as_their_names_say():
-    few, textured, heavy = (scene.layers(5) for scene in demo.three(PICTURE))
-    assert 0 < few.alpha.mean() < min(textured.alpha.mean(), heavy.alpha.mean())
-    # The same flakes under the texture: nowhere is it clearer.
-    assert (textured.alpha >= few.alpha - 1e-6).all()
-
-
 @pytest.mark.parametrize(("name", "bad"), [("size", 63), ("size", "64"), ("frames", 1.5)])
 def test_refusals_make_nothing(name: str, bad: object, tmp_path: Path):
     with pytest.raises((TypeError, ValueError), match=name):

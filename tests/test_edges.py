@@ -67,6 +67,24 @@ def test_slopes_are_no_edges_and_the_limb_of_a_ball_is_one():
     assert np.abs(found.front.cover - share)[(share > 0.05) & (share < 0.95)].max() < 0.05
 
 
+def test_deep_samples_are_parted_where_their_inverse_depths_differ_most(tmp_path):
+    rng = np.random.default_rng(4)
+    counts = rng.integers(1, 6, (6, 7))
+    cover, z = (rng.uniform(*ends, counts.sum()) for ends in ((0.05, 0.9), (1.0, 20.0)))
+    write_deep(tmp_path / "a.exr", Deep(counts, np.c_[np.zeros((len(z), 3)), cover, z, z]))
+    found = iter(fl.io.read_depth(tmp_path / "a.exr").reshape(-1, 3))
+    for own in np.split(np.arange(len(z)), np.cumsum(counts)[:-1]):
+        near = own[np.argsort(z[own])]
+        left = np.append(1.0, np.cumprod(1.0 - cover[near]))
+        # What each shows, and the infinity behind all.
+        shown, close = np.append(left[:-1] * cover[near], left[-1]), np.append(1.0 / z[near], 0.0)
+        sums = np.cumsum([shown, shown * close], axis=1)[:, :-1]
+        rest = sums[:, -1:] * [[0.0], [1.0]] + [[1.0], [0.0]] - sums
+        k = np.argmax(sums[0] * rest[0] * (sums[1] / sums[0] - rest[1] / rest[0]) ** 2)
+        behind = rest[0, k] / rest[1, k] if k + 1 < len(near) else np.inf
+        assert next(found) == pytest.approx([sums[0, k] / sums[1, k], behind, sums[0, k]], rel=1e-3)
+
+
 def test_a_damaged_deep_depth_is_refused(tmp_path):
     path = deep(tmp_path / "deep.exr", 5.0, 40.0)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])

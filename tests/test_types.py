@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-import pickle
 import pydoc
 import re
 import subprocess
@@ -61,12 +60,6 @@ def test_both_have_a_page_in_a_notebook(shown: object):
     page = shown._repr_html_()  # type: ignore[attr-defined]
     assert "<img" in page and "data:image/jpeg;base64," in page and "<table>" in page
     assert "src='http" not in page
-
-
-def test_a_scene_survives_a_copy_with_its_new_arguments():
-    again = pickle.loads(pickle.dumps(SCENE))
-    assert repr(again) == repr(SCENE) and np.array_equal(again.render(2), SCENE.render(2))
-    assert SCENE.replace(fps=12).fps == 12.0
 
 
 @pytest.mark.parametrize("kind", [

@@ -12,6 +12,8 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import islice
 from pathlib import Path
 
 from flurries._contract import _came, integer
@@ -124,20 +126,15 @@ def read_bytes(path: str | os.PathLike[str], most: int, kind: str) -> bytes:
     found = plain_file(path)
     # The name may lead elsewhere by now: a FIFO must not be waited for, nor a device be read.
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-    parts, size = [], 0
     with open(os.open(found, flags | getattr(os, "O_CLOEXEC", 0)), "rb") as stream:  # noqa: PTH123
         status = os.fstat(stream.fileno())
         _require_plain(status, found)
-        size = status.st_size
-        if size <= most:
-            # Some files have more bytes than they say.
-            size = 0
-            while size <= most and (block := stream.read(min(_BLOCK, most + 1 - size))):
-                parts.append(block)
-                size += len(block)
-    if size > most:
-        raise ValueError(f"{found}: a {kind} has at most {most} bytes, got {size} or more")
-    return b"".join(parts)
+        # Some files have more bytes than they say.
+        blocks = islice(iter(partial(stream.read, _BLOCK), b""), most // _BLOCK + 1)
+        data = b"" if status.st_size > most else b"".join(blocks)
+    if max(status.st_size, len(data)) > most:
+        raise ValueError(f"{found}: a {kind} has at most {most} bytes, got more")
+    return data
 
 
 def read_text(path: str | os.PathLike[str], most: int, kind: str) -> str:

@@ -234,9 +234,8 @@ class VideoSource(Source):
     def close(self) -> None:
         super().close()
         with self._lock:
-            reader, self._reader = self._reader, None
-            if reader is not None:
-                reader.close()
+            if self._reader is not None:
+                self._reader.close()  # The next frame opens it again.
 
     def _renew(self) -> None:
         super()._renew()
