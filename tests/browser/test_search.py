@@ -47,11 +47,8 @@ QUESTIONS: list[tuple[str, tuple[str, str], set[str]]] = [
     ("Can I make my own effect?", ("custom effect", "plugin"), {"your-own-effect"}),
     ("Which keys has a scene file?", ("scene.toml", "scene file"), {"reference/scene-toml"}),
     ("How do I install and cite it?", ("install", "bibtex"), {"start", "cite"}),
-    (
-        "What if I mistype, or type too much?",
-        ("shuter angle", "coco yolo xylophone"),
-        {"faq", "augment"},
-    ),
+    ("What if I mistype?", ("shuter angle", "coco yolo xylophone"), {"faq", "augment"}),
+    ("Is there a plug-in, or snow on things?", ("after effects", "snow on the ground"), {"limits"}),
     ("Is there a texture for a game?", ("game engine", "tileable texture"), {"faq"}),
 ]
 
