@@ -4,6 +4,7 @@ Each judge projects with its own program's axes and formulas; SciPy makes its ro
 """
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ from flurries.camera import importers as cameras
 from flurries.camera import project
 from flurries.camera.extent import extent
 from flurries.cli import main
-from flurries.io import read_picture
+from flurries.cli.render import render as command
+from flurries.cli.weather import scene_of
+from flurries.io import read_picture, write_picture
 
 W, H = 160, 90
 RNG = np.random.default_rng(4)
@@ -191,24 +194,50 @@ def test_what_files_do_not_say_is_an_option(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
     np.savetxt("cam.chan", np.c_[np.arange(FRAMES), PLACES, ANGLES])
     colmap(tmp_path / "sparse", [f"{c}.png" for c in "abcdefg"])
-    lens = fl.Camera(1.2 * W, center=(70.0, 40.0))
+    lens, chan = fl.Camera(1.2 * W, center=(70.0, 40.0)), partial(cameras.read_chan, "cam.chan")
     words = ["render", "#304050", "--snow", "heavy", "--size", f"{W}x{H}", "-q", "--frames", "3",
              "--overwrite", "-o", "a.png", "--camera"]  # fmt: skip
     for file, name, value, path in (
-        ("cam.chan", "center", "70.0, 40.0", cameras.read_chan("cam.chan", (H, W), camera=lens)),
-        ("sparse", "down", "0, -1, 0.5", cameras.read_colmap("sparse", (H, W), down=(0, -1, 0.5))),
+        ("cam.chan", "center", "[70.0, 40.0]", chan((H, W), camera=lens)),
+        ("cam.chan", "scale", "0.01", chan((H, W), scale=0.01)),
+        (
+            "sparse",
+            "down",
+            "[0, -1, 0.5]",
+            cameras.read_colmap("sparse", (H, W), down=(0, -1, 0.5)),
+        ),
     ):
         scene = fl.Scene("#304050", size=(W, H), camera=path, effects=fl.Snow("heavy"), fps=30)
         wanted = scene.render(3)
-        assert main([*words, file, f"--{name}", value]) == 0
+        option = f"--{name}".replace("--scale", "--camera-scale")
+        assert main([*words, file, option, value.strip("[]")]) == 0
         assert np.array_equal(read_picture("a.png").pixels, wanted)
         Path("a.toml").write_text(
             f'format = 3\nbackground = "#304050"\nsize = [{W}, {H}]\nfps = 30\n[[effects]]\n'
-            f'kind = "snow"\npreset = "heavy"\n[camera]\npath = "{file}"\n{name} = [{value}]\n'
+            f'kind = "snow"\npreset = "heavy"\n[camera]\npath = "{file}"\n{name} = {value}\n'
         )
         assert np.array_equal(fl.open("a.toml").render(3), wanted)
     for more in (["sparse", "--center", "1,2"], ["cam.chan", "--down", "0,1,0"]):
         assert main([*words, *more]) == 2
+
+
+@pytest.mark.parametrize(("size", "scale"), [((48, 32), 0.5), ((48, 48), 0.75)])
+def test_a_proxy_has_the_view_of_its_plate(size: tuple[int, int], scale: float, tmp_path: Path):
+    write_picture(tmp_path / "plate.png", np.zeros((64, 96, 3), np.uint8))
+    (tmp_path / "zoom.csv").write_text("frame,x,y,z,focal\n0,0,0,0,60\n4,1,0,0,90\n")
+    words = [str(tmp_path / "plate.png"), "--snow", "--center", "40,30", "-o", "a.png",
+             "--camera", str(tmp_path / "zoom.csv"), "--size"]  # fmt: skip
+    large, small = (
+        scene_of(**command.make_context("", [*words, f"{w}x{h}"]).params)
+        for w, h in ((96, 64), size)
+    )
+    places = np.array([(0.5, -0.2, 3.0), (-0.3, 0.4, 2.0)])
+    seen = [
+        fl.camera.project(places, scene.camera.pose(scene.camera.camera, 2), scene.shape)[0]
+        for scene in (large, small)
+    ]
+    # The plate covers the proxy, middle over middle.
+    assert np.allclose(seen[1] - np.array(size) / 2, scale * (seen[0] - (48, 32)), atol=1e-12)
 
 
 WIDE = fl.Camera(120.0, center=(70.0, 50.0), aspect=1.3, offset=(0.1, -0.2, 0.0))

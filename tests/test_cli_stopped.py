@@ -53,6 +53,8 @@ def mistakes() -> dict[str, tuple[list[str], str]]:
         "near method": ([*RENDER, "--method", "tnet"], "mean 'tent'?"),
         "whose shutter": ([*plate, "--mist", "--shutter", "1"], "--shutter needs --snow"),
         "two cameras": ([*RENDER, "--camera", "a.csv", "--fly", "0,0,1"], "--camera and --fly"),
+        "itself": ([*plate[:2], "--snow", "-o", "plate.png", "--overwrite"], "background itself"),
+        "an angle": ([*RENDER, "--shutter", "180"], "shutter must be from 0 to 16"),
         "no depth": ([*RENDER, "--depth", "nope.exr"], "nope.exr"),
         "near quality": ([*RENDER, "--quality", "hihg"], "mean 'high'?"),
         "no camera": ([*RENDER, "--camera", "no.chan"], "no.chan: camera: No such file"),

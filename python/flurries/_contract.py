@@ -11,6 +11,7 @@ import inspect
 import math
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from difflib import get_close_matches
 from typing import Any, TypeAlias, TypeVar
 
@@ -146,10 +147,6 @@ def suggesting(kind: type[_Kind]) -> type[_Kind]:
 
 def shape_of(name: str, value: object) -> tuple[int, int]:
     """Return (H, W) of a frame, both at least 1 and their product within reason."""
-    if type(value) is tuple and len(value) == 2:
-        tall, wide = value
-        if type(tall) is int and type(wide) is int and 1 <= tall <= 2**16 and 1 <= wide <= 2**16:
-            return tall, wide
     rows = isinstance(value, Sequence) or (isinstance(value, np.ndarray) and value.ndim > 0)
     if isinstance(value, (str, bytes)) or not rows:
         raise TypeError(f"{name} must be (H, W), got {_came(value)}")
@@ -169,8 +166,6 @@ TILE, OVERLAP = 64, 10
 
 def tile_of(tile: object, overlap: object) -> tuple[tuple[int, int], int]:
     """Return the tile as (rows, cols) and the overlap, 0 <= overlap < tile."""
-    if type(tile) is int and type(overlap) is int and 0 <= overlap < tile <= 2**15:
-        return (tile, tile), overlap
     if isinstance(tile, (tuple, list)):
         size = shape_of("tile", tile)
     else:
@@ -193,16 +188,15 @@ def seed_of(seed: object) -> int:
     return int64("seed", seed)
 
 
-def float_dtype(dtype: npt.DTypeLike) -> np.dtype[Any]:
-    """Return float32 or float64, the dtypes that kernels generate."""
-    try:
-        wanted = np.dtype(dtype)
-    except TypeError:
-        raise TypeError(f"dtype must be float32 or float64, got {_came(dtype)}") from None
-    if dtype is None or wanted not in (np.dtype(np.float32), np.dtype(np.float64)):
-        raise TypeError(f"dtype must be float32 or float64, got {_came(dtype)}")
-    native: np.dtype[Any] = wanted.newbyteorder("=")
-    return native
+def float_dtype(
+    dtype: npt.DTypeLike, wanted: tuple[str, str] = ("float32", "float64")
+) -> np.dtype[Any]:
+    """Return one of two dtypes, those that kernels generate."""
+    with suppress(TypeError):
+        found: np.dtype[Any] = np.dtype(dtype).newbyteorder("=")
+        if dtype is not None and found.name in wanted:
+            return found
+    raise TypeError(f"dtype must be {' or '.join(wanted)}, got {_came(dtype)}")
 
 
 def rectangular(name: str, value: object) -> Array:

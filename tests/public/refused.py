@@ -38,7 +38,7 @@ WEATHER: dict[str, tuple[Any, ...]] = {
 
 TENT: dict[str, tuple[Any, ...]] = {
     "amount": SHARE, "fall": (Keys([(0, (1.0, 2.0))]),), "wind": VECTOR, "color": COLOR,
-    "haze": SHARE, "shutter": (-0.1, Keys([(0, 0.5), (1, -0.1)])), "texture": SHARE,
+    "haze": SHARE, "shutter": (-0.1, 180.0, Keys([(0, 0.5), (1, -0.1)])), "texture": SHARE,
     "spread": POSITIVE, "power": POSITIVE, "near_depth": (*POSITIVE, KEYED),
     "depth_mode": ("Tile", "row"),
     "tile": (4, -1, 2**15 + 1, 16.0), "overlap": (-1, 2**15 + 1, 3.0), "blend": ("smooth",),

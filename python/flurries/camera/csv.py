@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from flurries._contract import real
 from flurries.io.files import read_text
 from flurries.motion.keys import Keys
 
@@ -20,7 +21,7 @@ _KNOWN = ("frame", *_PLACE, *_VECTOR, *_QUATERNION, "focal")
 _MOST_BYTES = 1 << 25
 
 
-def read_path(path: str | os.PathLike[str]) -> dict[str, Any]:
+def read_path(path: str | os.PathLike[str], scale: float = 1.0) -> dict[str, Any]:
     """Return the `position`, `orientation` and `focal` that a CSV file has, for a `CameraPath`."""
     file, text = os.fspath(path), read_text(path, _MOST_BYTES, "camera path")
     try:
@@ -51,6 +52,8 @@ def read_path(path: str | os.PathLike[str]) -> dict[str, Any]:
             if missing:
                 raise ValueError(f"{file}, line 1: column {missing[0]!r} is missing")
             found[key] = np.stack([columns[name] for name in group], axis=1)
+    if "position" in found:
+        found["position"] *= real("scale", scale, above=0.0)
     if "focal" in columns:
         found["focal"] = columns["focal"]
     if not found:

@@ -82,18 +82,7 @@ def commands() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        In place of ``sys.argv[1:]``.
-
-    Returns
-    -------
-    int
-        As ``flurries --help`` says; 141 where the reader of a pipe has gone.
-    """
+    """Run the command line, of some words in place of sys.argv[1:], and return its exit code."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if arguments is None:
         # As Ctrl-C does: what is half done is removed.
@@ -117,7 +106,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             os.dup2(nowhere.fileno(), sys.stdout.fileno())
         return CLOSED_PIPE
     except KeyboardInterrupt:
-        say("stopped; what is finished stays, run again to go on")
+        goes_on = given[:1] in (["render"], ["corrupt"])
+        say("stopped; what is finished stays, run again to go on" if goes_on else "stopped")
         return INTERRUPTED
     except Exception as error:
         if {"-v", "--verbose"} & set(given):

@@ -22,7 +22,7 @@ _FEW = 20
 GROUPS = {title: frozenset(f"--{name}" for name in names.split()) for title, names in {
     "More on the weather": "amount color density loop method near rate shutter",
     "Camera and picture": "camera center colorspace down extend eyes fly foreground lens linear "
-    "start",
+    "camera-scale start",
     "Files": "alone bits codec compression damaged deep layers motion no-sound output-colorspace "
     "quality",
     "Work": "dask dask-patience quiet reproducible threads verbose",

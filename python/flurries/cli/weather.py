@@ -51,6 +51,13 @@ def _lens(text: str) -> Lens | bool:
     return text != "none" and Lens(focus, f_stop=stop)
 
 
+def _shutter(text: str) -> float:
+    try:
+        return float(text.removesuffix("deg")) / (360.0 if text.endswith("deg") else 1.0)
+    except ValueError:
+        raise click.BadParameter(f"wants frames or an angle like 180deg, got {text!r}") from None
+
+
 scene_options: Callable[[Any], Any] = join(
     click.argument("source", metavar="SCENE|PICTURE", type=FILE),
     *weather_options(PRESETS),
@@ -68,8 +75,8 @@ scene_options: Callable[[Any], Any] = join(
            help="flakes or drops in a cubic metre"),
     option("--color", type=_color, metavar="#RRGGBB|local", example="#dfe8ff", unset="the preset's",
            help="color of the weather; local: that of the picture's own light"),
-    option("--shutter", type=float, metavar="S", example="0.5", unset="the preset's",
-           help="how long a flake or drop is exposed, frames: its streak"),
+    option("--shutter", type=_shutter, metavar="S", example="180deg", unset="the preset's",
+           help="how long a flake or drop is exposed, frames or an angle: its streak"),
     option("--near", type=float, metavar="METRES", example="0.5", unset="the preset's",
            help="how near flakes and drops come"),
     option("--method", type=OneOf(METHODS), example="tent", unset="flakes",
@@ -82,6 +89,8 @@ scene_options: Callable[[Any], Any] = join(
     option("--camera", type=FILE, metavar="FILE", example="shot.chan", unset="it stands",
            help="path of the camera: .csv with x,y,z and rx,ry,rz a frame, Nuke's .chan, a USD "
            "stage, KITTI's poses .txt, or a folder of COLMAP's text"),
+    option("--camera-scale", type=float, metavar="METRES", example="0.01", unset="1",
+           help="metres in a unit of the camera's file, where it is not the metre, nor said by USD"),
     option("--center", type=numbers(2), metavar="X,Y", example="980,560", unset="the middle",
            help="the camera's principal point, pixels: the shift of the lens, which .chan, .csv "
            "and .txt do not say"),
@@ -130,12 +139,18 @@ def scene_of(source: str, **options: Any) -> Scene:
         changes["depth"] = _depth(options["depth"])
     if options["fly"] is not None and options["camera"] is not None:
         raise click.UsageError("--camera and --fly must not both be given")
+    # What a camera says in pixels is of the picture's own size: smaller or larger comes after it.
+    late = None
+    if (options["camera"] or options["center"]) and not source.startswith("#"):
+        late = changes.pop("size", None)
     if Path(source).suffix.lower() == ".toml":
         scene = _changed(open_scene(source), changes, options)
     else:
         scene = _new(source, changes, options)
-    if options["down"] is not None and options["camera"] is None:
-        raise click.UsageError("--down needs --camera with a folder of COLMAP's text")
+    for name in ("down", "camera_scale"):
+        if options[name] is not None and options["camera"] is None:
+            option = name.replace("_", "-")
+            raise click.UsageError(f"--{option} needs --camera with a file or folder")
     lens = scene.camera.camera
     if options["center"] is not None:
         lens = replace(lens, center=options["center"])
@@ -148,8 +163,12 @@ def scene_of(source: str, **options: Any) -> Scene:
             raise click.UsageError(f"--center is for a camera that does not say it: {file} does")
         with file_of("camera"):
             shape = scene._display[3], scene._display[2]
-            way = importers.load(file, shape, camera=lens, down=options["down"])
+            way = importers.load(
+                file, shape, camera=lens, down=options["down"], scale=options["camera_scale"] or 1.0
+            )
         scene = scene.replace(camera=way)
+    if late is not None:
+        scene = _resized(scene, late)
     return scene if options["loop"] is None else scene.replace(loop=options["loop"])
 
 
@@ -162,7 +181,7 @@ def _new(source: str, changes: dict[str, Any], options: dict[str, Any]) -> Scene
         raise click.UsageError(MISSING)
     background: Any = source
     if not source.startswith("#"):
-        background = open_background(source, overscan="size" not in changes)
+        background = open_background(source, overscan=options["size"] is None)
     return Scene(background, size=changes.pop("size", None), effects=effects, **changes)
 
 
@@ -178,11 +197,21 @@ def _changed(scene: Scene, changes: dict[str, Any], options: dict[str, Any]) -> 
             replace(effect, **{name: common[name] for name in common.keys() & names})
             for effect, names in zip(scene.effects, known, strict=True)
         ]
-    if "size" in changes and scene.size is not None:
-        # The focal length belongs to the picture's width: keep the angle of view.
-        changes["size"] = parse_size(changes["size"])
-        changes["camera"] = scene.camera.resize(changes["size"][0] / scene.size[0])
-    return scene.replace(**changes)
+    size = changes.pop("size", None)
+    scene = scene.replace(**changes)
+    return scene if size is None else _resized(scene, size)
+
+
+def _resized(scene: Scene, text: str) -> Scene:
+    """Return the scene with another size, which its picture covers, and the same view."""
+    (width, height), (tall, wide) = parse_size(text), scene.shape
+    scale = max(width / wide, height / tall)
+    way = scene.camera.resize(scale)
+    if way.camera.center is not None:
+        x, y = way.camera.center
+        center = x + 0.5 * (width - scale * wide), y + 0.5 * (height - scale * tall)
+        way = replace(way, camera=replace(way.camera, center=center))
+    return scene.replace(size=(width, height), camera=way)
 
 
 def _effects(options: dict[str, Any]) -> list[Any]:

@@ -67,10 +67,13 @@ def wind(name: str, value: object) -> Any:
     return value if isinstance(value, Wind) else as_vector(name, value, 3)
 
 
+# An exposure in frames: an angle of 180 degrees, which is half a frame, is none.
+shutter = partial(as_number, low=0.0, high=16.0)
+
 # What all that falls has.
 FALL: Mapping[str, Check] = {
     "look": one_of(LOOKS), "amount": share, "haze": share, "fall": as_number, "wind": wind,
-    "color": lambda _, value: as_color(value), "shutter": partial(as_number, low=0.0),
+    "color": lambda _, value: as_color(value), "shutter": shutter,
     "seed": optional(lambda _, value: seed_of(value)),
 }  # fmt: skip
 

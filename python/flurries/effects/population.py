@@ -14,7 +14,7 @@ import numpy as np
 
 from flurries._contract import Float64, real, seed_of, vector
 from flurries._warnings import warn
-from flurries.effects.checks import length, one_of, optional, pair, part_of, share, wind
+from flurries.effects.checks import length, one_of, optional, pair, part_of, share, shutter, wind
 from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color
 from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flake_texture import FlakeTexture
@@ -46,7 +46,7 @@ POPULATION: dict[str, Any] = {
     "wind": wind,
     "color": lambda _, value: as_color(value, (AMBIENT, LOCAL)),
     "haze": share,
-    "shutter": optional(partial(as_number, low=0.0)),
+    "shutter": optional(shutter),
     "sway": pair,
     "near": length,
     "far": length,

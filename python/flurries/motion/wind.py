@@ -93,16 +93,15 @@ class Wind:
     waves: Waves | None = dataclasses.field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        settle = partial(object.__setattr__, self)
-        settle("mean", as_vector("mean", self.mean, 3))
-        settle("gusts", real("gusts", self.gusts, low=0.0))
-        settle("swirl", real("swirl", self.swirl, low=0.0))
-        settle("scale", real("scale", self.scale, above=0.0))
-        settle("profile", None if self.profile is None else _profile(self.profile))
-        settle("spacing", real("spacing", self.spacing, above=0.0))
-        settle("duration", real("duration", self.duration, above=0.0))
-        settle("modes", integer("modes", self.modes, low=1, high=4096))
-        settle("seed", seed_of(self.seed))
+        profile = None if self.profile is None else _profile(self.profile)
+        vars(self).update(
+            mean=as_vector("mean", self.mean, 3), profile=profile, seed=seed_of(self.seed),
+            gusts=real("gusts", self.gusts, low=0.0), swirl=real("swirl", self.swirl, low=0.0),
+            scale=real("scale", self.scale, above=0.0),
+            spacing=real("spacing", self.spacing, above=0.0),
+            duration=real("duration", self.duration, above=0.0),
+            modes=integer("modes", self.modes, low=1, high=4096),
+        )  # fmt: skip
         if self.field is not None:
             given = table("field", self.field, ndim=None).copy()
             if given.ndim not in (4, 5) or given.shape[-1] != 3 or 0 in given.shape:
@@ -111,8 +110,8 @@ class Wind:
                     f"got {given.shape}"
                 )
             given.flags.writeable = False
-            settle("field", given)
-        settle("waves", _waves_of(self))
+            vars(self)["field"] = given
+        vars(self)["waves"] = _waves_of(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(Wind, **{name: getattr(self, name) for name in FIELDS}), ()

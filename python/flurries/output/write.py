@@ -131,6 +131,9 @@ def write(
     space = None if own is None else ColorSpace.of("colorspace", own)
     content = Content(kind, asked.bits, codec, asked.motion, _views(eyes), packed, space)
     _require_room(text, content, is_video=target.is_video)
+    if store.local:
+        places = {n: Path(text) if still else target.path(n) for n in wanted}
+        _require_apart(scene, places)
     job = Frames(
         scene._holding() if asked.damaged == "hold" else scene, content,
         # Workers stand in folders of their own.
@@ -184,6 +187,14 @@ def _views(eyes: Any) -> dict[str, Camera] | None:
         if not isinstance(eye, Camera):
             raise TypeError(f"eyes: {name!r} must be a Camera, got {eye!r}")
     return dict(eyes)
+
+
+def _require_apart(scene: Scene, places: dict[int, Path]) -> None:
+    """Refuse to write over the files that the scene is made of."""
+    for name, files in scene._files.items():
+        for number, place in places.items():
+            if hasattr(files.source, "spec") and place.resolve() == files.file(number).resolve():
+                raise ValueError(f"{place} is the {name} itself: write to another name")
 
 
 def _require_room(text: str, content: Content, *, is_video: bool) -> None:

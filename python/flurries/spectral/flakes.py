@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from typing import NamedTuple
 
 import numpy as np
@@ -37,15 +36,6 @@ class Request(NamedTuple):
     streak: Float64 | None
     gain: Float64  # (L,), of patterns without their mean.
     mean: float  # Of the optical depth.
-
-
-def complex_dtype(dtype: npt.DTypeLike) -> np.dtype[np.complexfloating]:
-    """Return complex64 or complex128, what spectra are made of."""
-    with contextlib.suppress(TypeError):
-        for known in (np.dtype(np.complex64), np.dtype(np.complex128)):
-            if dtype is not None and np.dtype(dtype) == known:
-                return known
-    raise TypeError(f"dtype must be complex64 or complex128, got {check._came(dtype)}")
 
 
 def flake_patterns(
@@ -115,7 +105,7 @@ def flake_patterns(
     shape = (numbers.size, number, size, size // 2 + 1)
     if np.prod(shape, dtype=float) > MOST_ELEMENTS:
         raise ValueError(f"patterns must hold at most {MOST_ELEMENTS} waves, got {shape}")
-    result = np.empty(shape, complex_dtype(dtype))
+    result = np.empty(shape, check.float_dtype(dtype, ("complex64", "complex128")))
     _core.flake_patterns(result, numbers, sizes, (slant, middle, check.seed_of(seed)))
     return result
 

@@ -30,9 +30,9 @@ class Preview:
             size = (max(round(width * self.scale), 1), max(round(height * self.scale), 1))
             self.scene = scene.replace(
                 size=size,
-                background=_picture(scene.background, size),
-                foreground=_picture(scene.foreground, size),
-                depth=_depth(scene.depth, size),
+                background=_small(scene.background, size),
+                foreground=_small(scene.foreground, size),
+                depth=_small(scene.depth, size),
                 camera=scene.camera.resize(self.scale),
             )
 
@@ -66,18 +66,11 @@ def scaled(effect: Any, scale: float) -> Any:
     return replace(effect, **changes) if changes else effect
 
 
-def _picture(value: Any, size: tuple[int, int]) -> Any:
-    if not isinstance(value, np.ndarray):
-        return value
-    if value.ndim == 2:
-        return fit_nearest(value, size)
-    return fit(value, size, "stretch")
-
-
-def _depth(value: Any, size: tuple[int, int]) -> Any:
-    if isinstance(value, np.ndarray) and value.ndim == 2:
-        return fit_nearest(value, size)
+def _small(value: Any, size: tuple[int, int]) -> Any:
+    """Return an array at a size: a picture filtered, a matte or a depth by its nearest pixels."""
     if isinstance(value, DepthMap) and isinstance(value.source, np.ndarray):
         law = {key: getattr(value, key) for key in ("near", "far", "white", "law")}
         return DepthMap(fit_nearest(value.source, size), **law)
-    return value
+    if not isinstance(value, np.ndarray):
+        return value
+    return fit_nearest(value, size) if value.ndim == 2 else fit(value, size, "stretch")

@@ -26,7 +26,7 @@ __all__ = ["from_matrices", "load", "read_chan", "read_colmap", "read_kitti", "r
 
 def load(
     path: str | os.PathLike[str], shape: tuple[int, int], *, camera: Camera | None = None,
-    down: npt.ArrayLike | None = None,
+    down: npt.ArrayLike | None = None, scale: float = 1.0,
 ) -> CameraPath:  # fmt: skip
     """Return the camera path of a file, by its kind.
 
@@ -47,23 +47,25 @@ def load(
     down : (3,), optional
         Where things fall, in the axes of COLMAP's world, which have no relation to the ground; the
         mean of the cameras' own down if not given.
+    scale : float
+        Metres to a unit of the file, above 0; times the unit that a USD stage says.
     """
     size = shape_of("shape", shape)
     lens = Camera(1.2 * size[1]) if camera is None else expect_camera(camera, stretched=True)
     place = Path(path)
     suffix = place.suffix.lower()
     if place.is_dir():
-        return read_colmap(place, size, down=down)
+        return read_colmap(place, size, down=down, scale=scale)
     if down is not None:
         raise ValueError(f"{place}: down is for COLMAP's folders: other files say which way it is")
     if suffix == ".chan":
-        return read_chan(place, size, camera=lens)
+        return read_chan(place, size, camera=lens, scale=scale)
     if suffix in SUFFIXES:
-        return read_usd(place, size, camera=lens)
+        return read_usd(place, size, camera=lens, scale=scale)
     if suffix == ".csv":
-        return CameraPath(lens, **read_path(place), extend="stop")
+        return CameraPath(lens, **read_path(place, scale), extend="stop")
     if suffix == ".txt":
-        return read_kitti(place, lens)
+        return read_kitti(place, lens, scale=scale)
     raise ValueError(
         f"{place}: a camera is a .chan, .usd, .csv or .txt file, or a folder of COLMAP's, "
         f"not {suffix!r}"

@@ -165,18 +165,19 @@ def _depth(text: SceneText, value: Any, *at: str | int) -> Any:
 def _camera(text: SceneText, table: Any, scene: Scene) -> CameraPath:
     if isinstance(table, str):
         table = {"path": table}
-    given = text.table(table, (*LENS, "path", "down", *WAY, "extend"), "camera", "camera")
+    given = text.table(table, (*LENS, "path", "down", "scale", *WAY, "extend"), "camera", "camera")
     values = {key: _value(text, value, "camera", key) for key, value in given.items()}
     way = {key: values.pop(key) for key in WAY if key in values}
-    ending, down = values.pop("extend", None), values.pop("down", None)
+    ending = values.pop("extend", None)
+    of_file = {key: values.pop(key) for key in ("down", "scale") if key in values}
     _, _, width, height = scene._display
     values.setdefault("focal", DEFAULT_FOCAL * width)
     values.setdefault("aspect", scene._backdrop.aspect)
     zoom = values["focal"] if isinstance(values["focal"], (Keys, tuple)) else None
     if zoom is not None:
         values["focal"] = 1.0
-    if down is not None and "path" not in values:
-        raise ValueError(f"{text.where('camera', 'down')}: down is for a path of COLMAP's")
+    for key in of_file if "path" not in values else ():
+        raise ValueError(f"{text.where('camera', key)}: {key} is for a path from a file")
     if "path" in values:
         name = values.pop("path")
         if not isinstance(name, str) or way:
@@ -186,7 +187,7 @@ def _camera(text: SceneText, table: Any, scene: Scene) -> CameraPath:
             )
         file = text.path.parent / name
         with file_of("camera: path"), text.errors(table, "camera"):
-            loaded = load_camera(file, (height, width), camera=Camera(**values), down=down)
+            loaded = load_camera(file, (height, width), camera=Camera(**values), **of_file)
             loaded = loaded if zoom is None else replace(loaded, focal=zoom)
             return loaded if ending is None else replace(loaded, extend=ending)
     with text.errors(table, "camera"):
