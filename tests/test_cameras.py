@@ -4,7 +4,6 @@ Each judge projects with its own program's axes and formulas; SciPy makes its ro
 """
 
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -194,18 +193,13 @@ def test_what_files_do_not_say_is_an_option(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
     np.savetxt("cam.chan", np.c_[np.arange(FRAMES), PLACES, ANGLES])
     colmap(tmp_path / "sparse", [f"{c}.png" for c in "abcdefg"])
-    lens, chan = fl.Camera(1.2 * W, center=(70.0, 40.0)), partial(cameras.read_chan, "cam.chan")
+    lens = fl.Camera(1.2 * W, center=(70.0, 40.0))
     words = ["render", "#304050", "--snow", "heavy", "--size", f"{W}x{H}", "-q", "--frames", "3",
              "--overwrite", "-o", "a.png", "--camera"]  # fmt: skip
     for file, name, value, path in (
-        ("cam.chan", "center", "[70.0, 40.0]", chan((H, W), camera=lens)),
-        ("cam.chan", "scale", "0.01", chan((H, W), scale=0.01)),
-        (
-            "sparse",
-            "down",
-            "[0, -1, 0.5]",
-            cameras.read_colmap("sparse", (H, W), down=(0, -1, 0.5)),
-        ),
+        ("cam.chan", "center", "[70.0, 40.0]", cameras.read_chan("cam.chan", (H, W), camera=lens)),
+        ("cam.chan", "scale", "0.01", cameras.read_chan("cam.chan", (H, W), scale=0.01)),
+        ("sparse", "down", "[0, -1, 1]", cameras.read_colmap("sparse", (H, W), down=(0, -1, 1))),
     ):
         scene = fl.Scene("#304050", size=(W, H), camera=path, effects=fl.Snow("heavy"), fps=30)
         wanted = scene.render(3)

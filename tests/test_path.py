@@ -71,11 +71,6 @@ def test_whether_it_goes_forward(arguments: dict[str, Any], forward: bool):
     assert fl.CameraPath(LENS, **arguments).goes_along(FORWARD) is forward
 
 
-def test_both_ways_at_once_are_refused():
-    with pytest.raises(ValueError, match="position and velocity"):
-        fl.CameraPath(LENS, position=PLACES, velocity=(0, 0, 0))
-
-
 def asked(snow: fl.effects.TentSnow, frame: fl.effects.Frame) -> Any:
     """What the kernel is asked for the texture."""
     field = snow.parts.texture.field

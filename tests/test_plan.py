@@ -78,10 +78,10 @@ def test_what_shows_nothing_is_not_made(case: str):
     effect, more, absent, words = ABSENT[case]
     planned, whole = both(effect, **more)
     image, trace = traced(planned)
-    assert not absent & set(trace.calls)
+    assert not absent & set(trace.sums("calls"))
     want, full = traced(whole)
     assert np.array_equal(image, want)
-    assert absent & set(full.calls), "the control runs what the plan leaves out"
+    assert absent & set(full.sums("calls")), "the control runs what the plan leaves out"
     assert any(what.startswith(words) for what in left_out(planned))
 
 
@@ -96,13 +96,13 @@ def test_less_than_half_a_step_is_left_out_and_more_is_not(space: str, dtype: An
         effect = TentSnow(texture=0.0, flakes=0, haze=veil, color=1.0)
         scene = fl.Scene(picture, effects=[effect] * 3, space=space)
         image, trace = traced(scene)
-        if "join" not in trace.calls:
+        if "join" not in trace.sums("calls"):
             whole = fl.Scene(picture, effects=[Everything(effect)] * 3, space=space)
             assert np.array_equal(image, whole.render(7)) and np.array_equal(image, bare)
         if veil > 0.5 * step:
-            assert "join" in trace.calls and not np.array_equal(image, bare)
+            assert "join" in trace.sums("calls") and not np.array_equal(image, bare)
         if veil < (0.49 * step if space == "display" else 0.011 * step):
-            assert "join" not in trace.calls
+            assert "join" not in trace.sums("calls")
 
 
 def test_nothing_is_made_where_all_is_hidden():
@@ -112,7 +112,7 @@ def test_nothing_is_made_where_all_is_hidden():
         planned, whole = both(TentSnow(), foreground=foreground)
         image, trace = traced(planned)
         assert np.array_equal(image, whole.render(7))
-        assert set(trace.calls) == {"background", "composite"}
+        assert set(trace.sums("calls")) == {"background", "composite"}
         assert left_out(planned)["all effects"] == "they are behind what stands in front"
     # The layers themselves are whole under a picture.
     assert planned.layers(7).alpha.max() > 0.0
@@ -143,7 +143,7 @@ def test_what_never_moves_is_made_once(way: str):
     planned, whole = both(TentSnow(**STILL))
     with tracing() as trace:
         images = [getattr(planned, way)(t) for t in (0, 5, 0.5)]
-    assert trace.calls["texture"] == trace.calls["flakes"] == 1
+    assert trace.sums("calls")["texture"] == trace.sums("calls")["flakes"] == 1
     for t, image in zip((0, 5, 0.5), images, strict=True):
         want = getattr(whole, way)(t)
         if way == "layers":
@@ -164,11 +164,11 @@ def test_gas_of_one_color_is_not_sorted():
     sun = fl.scene.Sun((0.0, 1.0, 0.0), 1.0, ambient=1.0)
     plain = fl.Scene(BYTES, effects=[gas])
     image, trace = traced(plain)
-    assert "gas" in trace.calls and "lit gas" not in trace.calls
+    assert "gas" in trace.sums("calls") and "lit gas" not in trace.sums("calls")
     assert left_out(plain)["mist: sort"] == "its particles have one color"
     # All light is even: with colors and a sort it is the same, within a step of rounding.
     want, full = traced(plain.replace(sun=sun))
-    assert "lit gas" in full.calls
+    assert "lit gas" in full.sums("calls")
     assert np.abs(image.astype(int) - want).max() <= 1
 
 
@@ -207,7 +207,7 @@ class Wrong(Own):
 def test_effects_of_others():
     scene = fl.Scene(BYTES, effects=[Own(), Priced(), Priced(0.0)])
     _, trace = traced(scene)
-    assert trace.calls["own"] == 1
+    assert trace.sums("calls")["own"] == 1
     assert [step.name for step in scene.plan(1).steps] == [
         "background", "own", "priced: paint", "composite",
     ]  # fmt: skip
@@ -238,7 +238,7 @@ def test_a_plan_names_the_steps_that_run(case: str):
     scene = SCENES[case]
     plan, said = scene.plan(3), scene.plan(3, probe=False)
     ran = traced(scene.replace(seed=4), 3.0)[1]
-    assert {step.name.rpartition(": ")[2] for step in plan.steps} == set(ran.calls)
+    assert {step.name.rpartition(": ")[2] for step in plan.steps} == set(ran.sums("calls"))
     assert [step.name for step in plan.steps] == [step.name for step in said.steps]
     assert len({step.name for step in plan.steps}) == len(plan.steps)
     assert said.left_out == plan.left_out
@@ -317,7 +317,7 @@ def test_without_a_probe_nothing_runs():
 
     with tracing() as trace:
         plan = fl.Scene(BYTES, effects=[Never()]).plan("1-9", probe=False)
-    assert not trace.calls and plan.probed == ()
+    assert not trace.sums("calls") and plan.probed == ()
     assert plan.milliseconds is plan.bytes is plan.rest is None
     assert [(step.name, step.milliseconds, step.bytes) for step in plan.steps] == [
         (name, None, None) for name in ("background", "never", "composite")

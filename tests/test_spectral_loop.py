@@ -25,10 +25,6 @@ def test_rates_of_a_loop_are_whole_turns():
         assert np.abs(rounded - plain).max() <= 0.5 / FRAMES
         # Odd, so that the film is real.
         assert np.array_equal(rounded, -twin.mirror(rounded))
-    with pytest.raises(ValueError, match="loop"):
-        fl.spectral.tent_rate(SHAPE, VELOCITY, loop=0)
-    with pytest.raises(TypeError, match="loop"):
-        fl.spectral.tent_rate(SHAPE, VELOCITY, loop=2.0)
 
 
 def test_frames_are_the_2d_method_with_these_rates():

@@ -83,7 +83,13 @@ def test_strangers_and_foreign_names_get_nothing(server: Server):
             assert asked(server, f"/{server.token}/ask", body, host)[0] == 404, host
 
 
-@pytest.mark.parametrize("body", [b"", b"{", b"[" * 5000, b"\xff", b"x" * (MOST_BYTES + 1)])
+@pytest.mark.parametrize("body", [
+    b"", b"{", b"[" * 5000, b"\xff", b"x" * (MOST_BYTES + 1), b'{"t": 1e999}', b'{"t": NaN}',
+    *(b'{"charts": true, "%b": %b}' % (field, value % (b"9" * 5000)) for field, value in (
+        (b"t", b"-%b"), (b"effect", b"%b"), (b"chart", b"%b"), (b"at", b"[%b, 0.5]"),
+        (b"values", b'{"0.amount": %b}'),
+    )),
+])  # fmt: skip
 def test_what_is_no_question_is_refused(
     server: Server, body: bytes, capfd: pytest.CaptureFixture[str]
 ):
@@ -94,18 +100,6 @@ def test_what_is_no_question_is_refused(
     except ConnectionError:
         assert len(body) > MOST_BYTES  # it hung up without reading all of it
     # And it goes on.
-    assert asked(server, f"/{server.token}/ask", b"{}")[0] == 200
-    assert "Traceback" not in capfd.readouterr().err
-
-
-@pytest.mark.parametrize("field", ["t", "effect", "chart", "at", "values"])
-@pytest.mark.parametrize("digits", ["1" + "0" * 400, "-1" + "0" * 400, "1e999", "NaN", "9" * 5000])
-def test_16_13_numbers_out_of_all_bounds_answer_400(
-    server: Server, field: str, digits: str, capfd: pytest.CaptureFixture[str]
-):
-    value = {"at": f"[{digits}, 0.5]", "values": f'{{"0.amount": {digits}}}'}.get(field, digits)
-    body = f'{{"charts": true, "{field}": {value}}}'.encode()
-    assert asked(server, f"/{server.token}/ask", body)[0] == 400
     assert asked(server, f"/{server.token}/ask", b"{}")[0] == 200
     assert "Traceback" not in capfd.readouterr().err
 

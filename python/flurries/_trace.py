@@ -37,17 +37,8 @@ class Trace:
         self._since = time.perf_counter()
         self._held = tracemalloc.get_traced_memory()[0] if memory else 0
 
-    @property
-    def seconds(self) -> dict[str, float]:
-        """The seconds of each stage, of all effects together."""
-        return self._sums("seconds")
-
-    @property
-    def calls(self) -> dict[str, int]:
-        """How often each stage ran."""
-        return self._sums("calls")
-
-    def _sums(self, what: str) -> dict[str, Any]:
+    def sums(self, what: str) -> dict[str, Any]:
+        """Return the "seconds" or "calls" of each stage, of all effects together."""
         found: Counter[str] = Counter()
         for (_, name), span in self.spans.items():
             found[name] += getattr(span, what)

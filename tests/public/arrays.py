@@ -78,7 +78,9 @@ NO_GAS: dict[str, tuple[Any, ...]] = {
 FLAT = (np.ones(16), np.ones((2, 2, 2)), np.ones((0, 4)))
 
 CALLS: dict[str, Call] = {
-    "spectral.tent_rate": Call({"shape": (16, 16), "velocity": ASIDE[:2]}),
+    "spectral.tent_rate": Call(
+        {"shape": (16, 16), "velocity": ASIDE[:2], "loop": 8}, refused={"loop": (0, 2.0)}
+    ),
     "spectral.velocity_from_paper": Call({"C": 1.0, "theta": 0.5, "period": 64.0}),
     "spectral.band_amplitude": Call({"shape": (16, 16), "wavelengths": (3.0, 16.0)}),
     "spectral.random_phase": Call(

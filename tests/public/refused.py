@@ -103,7 +103,9 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
                         np.stack([np.eye(3)] * 3) + 0.1, [(0.0, NAN, 0.0)],
                         Keys([(0, (0.0, 1.0))]), Keys([(0, 1.0)])),
     },
-    "CameraPath(velocity)": {"velocity": (*VECTOR, [[1, 2, 3]], [(1,), (1, 2), 3])},
+    "CameraPath(velocity)": {
+        "velocity": (*VECTOR, [[1, 2, 3]], [(1,), (1, 2), 3]), "position": ([(0, 0, 0)],)
+    },
     "scene.DepthMap": {
         "near": (0.0, "1"), "far": (1.0, INF), "white": ("black",), "law": ("log",),
         "source": (3, np.ones((4, 4), int), np.zeros((4, 0), np.uint8), np.full((4, 4), 2.0),

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import click
 import numpy as np
 
 from flurries import io
-from flurries._contract import Array, integer
+from flurries._contract import Array
 from flurries._trace import current, tracing
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
@@ -27,35 +28,27 @@ FLIGHT = (0.0, -0.3, 5.0)
 @command("flurries demo", "flurries demo --size 512 --frames 30 -o small")
 @option("-o", "--output", default="demo", metavar="FOLDER", type=FILE, example="small",
         help="where the files go; those of an earlier demo are replaced")  # fmt: skip
-@option("--size", type=int, default=1024, metavar="PX", help="side of a frame", example="512")
-@option("--frames", type=int, default=60, metavar="N", help="length of the films", example="30")
+@option("--size", type=click.IntRange(64, 8192), default=1024, metavar="PX", example="512",
+        help="side of a frame")  # fmt: skip
+@option("--frames", type=click.IntRange(1, 100_000), default=60, metavar="N", example="30",
+        help="length of the films")  # fmt: skip
 @THREADS
 @voice
 def demo(words: Words, output: str, size: int, frames: int) -> None:
     """Let it snow on a photograph: films and stills of three ways, a flight, its layers."""
-    for file in run(output, size=size, frames=frames, words=words):
-        print(file)
-
-
-def run(
-    folder: str | Path, *, size: int = 1024, frames: int = 60, words: Words | None = None
-) -> list[Path]:
-    """Render the demo into a folder, made if it is not there, and return the files."""
-    side = integer("size", size, low=64, high=8192)
-    count = integer("frames", frames, low=1, high=100_000)
-    words = words or Words(quiet=True)
-    target = Path(folder)
+    target = Path(output)
     target.mkdir(parents=True, exist_ok=True)
-    picture = io.photograph("rocket", size=(side, side))
+    picture = io.photograph("rocket", size=(size, size))
     flying, layers = flight(picture), target / "flight.exr"
     files = [
-        *_film(target / "three.mp4", three(picture), count, words),
-        *_film(target / "flight.mp4", [flying], count, words),
+        *_film(target / "three.mp4", three(picture), frames, words),
+        *_film(target / "flight.mp4", [flying], frames, words),
         layers,
     ]
-    middle = (count + 1) // 2
+    middle = (frames + 1) // 2
     flying.replace(space="linear").write(layers, [middle], layers=True, overwrite=True)
-    return files
+    for file in files:
+        print(file)
 
 
 def three(picture: Array, *, seed: int = 1) -> list[Scene]:

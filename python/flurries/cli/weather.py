@@ -90,7 +90,7 @@ scene_options: Callable[[Any], Any] = join(
            help="path of the camera: .csv with x,y,z and rx,ry,rz a frame, Nuke's .chan, a USD "
            "stage, KITTI's poses .txt, or a folder of COLMAP's text"),
     option("--camera-scale", type=float, metavar="METRES", example="0.01", unset="1",
-           help="metres in a unit of the camera's file, where it is not the metre, nor said by USD"),
+           help="metres in a unit of the camera's file; USD says its own"),
     option("--center", type=numbers(2), metavar="X,Y", example="980,560", unset="the middle",
            help="the camera's principal point, pixels: the shift of the lens, which .chan, .csv "
            "and .txt do not say"),

@@ -78,6 +78,6 @@ def lines(items: Any, noun: str, *, every: float = EVERY) -> Iterator[Any]:
 
 
 def stages(trace: Trace, frames: int) -> str:
-    spent = {name: 1e3 * seconds / frames for name, seconds in trace.seconds.items()}
+    spent = {name: 1e3 * seconds / frames for name, seconds in trace.sums("seconds").items()}
     parts = ", ".join(f"{name} {time:.1f}" for name, time in spent.items())
     return f"{sum(spent.values()):.1f} ms a frame: {parts}"

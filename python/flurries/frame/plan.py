@@ -52,7 +52,7 @@ def plan_of(program: Program, numbers: Sequence[int], *, probe: bool = True) -> 
     steps = _steps(program, looks, cold, warm)
     first = rest = total = None
     if warm:
-        first = 1e3 * (sum(cold[0].seconds.values()) + cold[0].outside.seconds)
+        first = 1e3 * (sum(cold[0].sums("seconds").values()) + cold[0].outside.seconds)
         rest = 1e3 * float(np.mean([trace.outside.seconds for trace in warm]))
         total = rest + sum(s.share * (s.milliseconds or 0.0) for s in steps if not s.once)
     return Plan(
