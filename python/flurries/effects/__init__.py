@@ -1,9 +1,9 @@
 """What can be in the air of a scene: each effect names its parts and renders one layer."""
 
+from flurries.effects.air import Flakes
 from flurries.effects.color import Hex
 from flurries.effects.cone import ConeRain, ConeSnow
 from flurries.effects.field import Field
-from flurries.effects.flakes import Flakes
 from flurries.effects.kinds import register
 from flurries.effects.mist import Mist
 from flurries.effects.motion import Motion

@@ -2,13 +2,15 @@
 
 The air is that of each class of size, which falls and blows as a whole; a flake's place in it never
 changes. So a request says where the camera is in that air at the frame's times, and how the eye
-looks there.
+looks there. `Flakes` are the few that textures without a population have near the camera.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -17,12 +19,73 @@ from flurries._contract import Float64
 from flurries._kept import kept
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur
-from flurries.effects.flakes import Flakes
+from flurries.camera.path import CameraPath
 from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
-from flurries.effects.weather import NEAR_FADE, Weather, amounts_at
+from flurries.effects.maps import TUNED
+from flurries.effects.motion import Motion
+from flurries.effects.weather import NEAR_FADE, Share, Weather, amounts_at
 from flurries.frame.view import Frame
-from flurries.motion.keys import Keys
-from flurries.particles.population import FADE
+from flurries.motion.keys import Keys, Number, value_at
+from flurries.particles.population import FADE, SizeClass
+from flurries.particles.sizes import Sizes
+
+# The most opaque ball there is: its middle lets through a ten-millionth.
+_MOST_OPAQUE = 0.99
+
+# Sizes of these looks are six deviations of a Gaussian wide; a ball that covers as much is smaller.
+_BALL = math.sqrt(8.0) / 6.0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Flakes:
+    motion: Motion  # What moves them.
+    number: int  # How many are in view.
+    density: float | None = None  # Per cubic metre, in place of the number in view.
+    reach: float  # Depth up to which there are any, metres.
+    # (smallest, largest): widths, metres, as many of each: six times the deviation of a Gaussian
+    # that covers as much.
+    sizes: tuple[float, float]
+    opacity: Number  # Mean over the disc of a resting one.
+    sway: tuple[float, float] = (0.0, 0.0)  # (amplitude, rate): metres, and radians per second.
+    # (low, high): sigma of images on a picture 1024 px wide between which flakes fade: out-of-
+    # focus puffs look like dirt.
+    largest: tuple[float, float] = (3.5, 6.0)
+    keyed: bool = False  # Whether the amount of flakes changes.
+
+    shape: ClassVar[str] = "round"
+    emission: ClassVar[float] = 1.0
+    near: ClassVar[float] = 0.0
+
+    @cached_property
+    def law(self) -> Sizes:
+        small, large = (_BALL * size for size in self.sizes)
+        return Sizes(small, 0.5 * (small + large), large)
+
+    def opacity_at(self, t: float) -> float:
+        return min(float(value_at(self.opacity, t)), _MOST_OPAQUE)
+
+    def shares(self, frame: Frame) -> tuple[Share, ...]:
+        return _shares(self, frame.shape, frame.path, frame.camera.focal)
+
+
+@kept(64)
+def _shares(
+    flakes: Flakes, shape: tuple[int, int], path: CameraPath, focal: float
+) -> tuple[Share, ...]:
+    (height, width), (fx, fy) = shape, path.widest.focals
+    # The view is a pyramid: a third of the prism around it.
+    view = width * height * flakes.reach**3 / (3.0 * fx * fy)
+    density = flakes.number / view if flakes.density is None else flakes.density
+    small, large = flakes.law.smallest, flakes.law.largest
+    fall = float(value_at(flakes.motion.fall, 0.0))
+    one = SizeClass(density, small, large, fall, flakes.law.nodes(small, large))
+    # The largest fade in, and all out again.
+    widest = focal * flakes.sizes[1] / (6.0 * width / TUNED)
+    low, high = (widest / limit for limit in flakes.largest)
+    shown = (high, low, flakes.reach, flakes.reach * (1.0 + FADE))
+    share = Share(one, flakes.motion, flakes.reach, shown)
+    return (share,) if math.isfinite(density) else ()
+
 
 # Nothing nearer than this is drawn, metres; what `particles.splat` has for a default.
 NEAREST = 0.1

@@ -38,7 +38,6 @@ def one_of(options: tuple[str, ...]) -> Check:
 
 
 def optional(check: Check) -> Check:
-    """Return a check that lets None pass."""
     return lambda name, value: None if value is None else check(name, value)
 
 
@@ -55,7 +54,6 @@ def pair(name: str, value: object) -> tuple[float, float]:
 
 
 def wavelengths(name: str, value: object) -> tuple[float, float]:
-    """Return (shortest, longest), pixels."""
     low, high = band_of(value)
     if not 2.0 <= low < high:
         raise ValueError(f"{name} must be 2 <= shortest < longest, got {(low, high)}")
@@ -63,7 +61,6 @@ def wavelengths(name: str, value: object) -> tuple[float, float]:
 
 
 def wind(name: str, value: object) -> Any:
-    """Return a velocity, plain or keyed, or a wind."""
     return value if isinstance(value, Wind) else as_vector(name, value, 3)
 
 
@@ -95,8 +92,9 @@ def part_of(kind: type[_Part], effect: Any, **own: Any) -> _Part:
 
 
 def settle(effect: Any, checks: Mapping[str, Check]) -> None:
-    """Check the fields of an effect, and keep them in one form."""
-    for name, check in checks.items():
+    """Check the fields that an effect has of these, and keep them in one form."""
+    own = {f.name for f in fields(effect)}
+    for name, check in ((name, check) for name, check in checks.items() if name in own):
         object.__setattr__(effect, name, check(name, getattr(effect, name)))
     tile, overlap = getattr(effect, "tile", None), getattr(effect, "overlap", None)
     if tile is not None and overlap is not None and overlap >= tile:

@@ -1,4 +1,4 @@
-"""Rain and snow as textures on a double cone around the camera (Wang 2004).
+"""Rain and snow as textures on a double cone around the camera (Wang 2004), moved by its way.
 
 They cost the same however heavy they are, tilt with the camera's motion and stretch with its speed.
 """
@@ -6,40 +6,152 @@ They cost the same however heavy they are, tilt with the camera's motion and str
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import InitVar, dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
+import numpy as np
+
 from flurries import cone
-from flurries._contract import Array, flag, integer, real, suggesting
+from flurries._contract import Array, Float64, flag, integer, real, suggesting
 from flurries._kept import kept
+from flurries.camera.path import CameraPath
+from flurries.cone.sheet import wrapped
 from flurries.effects import checks
+from flurries.effects.air import Flakes
 from flurries.effects.color import Color
-from flurries.effects.double_cone import FARTHEST, DoubleCone
-from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import Described, looks
-from flurries.effects.motion import Motion
+from flurries.effects.motion import Motion, air_course
+from flurries.effects.passes import air_motions, rays
 from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import CONE_RAIN, CONE_SNOW, ConeSnowLook, RainLook
 from flurries.effects.veil import Veil
+from flurries.frame.needs import Needs, Step
+from flurries.frame.view import Frame, Lap
 from flurries.motion.keys import Keys, Number, Vector
 from flurries.motion.wind import Wind
 
-_CONE: dict[str, checks.Check] = {
+# Below this speed, m/s, the air hardly moves relative to the camera; a cone that turned over there
+# would be seen to.
+STILL = 0.1
+
+# The cones of the four layers, against the first one's.
+FARTHEST = 8
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DoubleCone:
+    """Four layers of one texture."""
+
+    motion: Motion
+    make: Callable[..., cone.Texture] | None  # Gives the texture of a seed; None without drops.
+    length: float  # Of a drop in still air, metres.
+    # Of the layers, nearest first: what is large and near must not outshine the rest.
+    gains: tuple[float, ...]
+    look: _Cone  # The effect.
+
+    name = "cone"
+
+    def needs(self, frame: Frame, amount: float) -> Needs:
+        if self.look.gain == 0.0 or self.make is None:
+            why = "its gain is 0" if self.look.gain == 0.0 else "it has no flakes"
+            return Needs.none("cone", why)
+        return Needs((Step("cone"),), most=1.0)
+
+    def state(self, frame: Frame) -> cone.State:
+        path = _path(self, frame.path, frame.fps)
+        state, lap = path.at(frame.t / frame.fps), frame.lap
+        if lap is None:
+            return state
+        rest = lap.part(frame.t) * self.beyond(frame.path, frame.fps, lap)[0]
+        return replace(state, phase=wrapped(state.phase - rest))
+
+    def beyond(self, path: CameraPath, fps: float, lap: Lap) -> tuple[float, float]:
+        """Return by how many tiles a round misses a whole number, and how many it passes."""
+        return _beyond(_path(self, path, fps), fps, lap)
+
+    def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
+        shape = frame.size
+        way_of = rays(frame)
+        along = way_of @ frame.camera.matrix().T @ np.array(self.state(frame).axis)
+        aside = np.sqrt(np.maximum((way_of**2).sum(axis=-1) - along**2, 1e-12))
+        nearest = self.look.radius / np.maximum(aside + self.look.slope * np.abs(along), 1e-3)
+        depth, through, shown = np.zeros(shape), np.ones(shape), np.zeros(shape)
+        for number, gain in enumerate(self.gains):
+            gains = np.zeros(len(self.gains))
+            gains[number] = self.look.gain * gain
+            alpha = self._drawn(frame, gains)
+            share = through * alpha
+            depth += share * nearest * 2.0**number
+            shown += share
+            through *= 1.0 - alpha
+        far = np.where(shown > 1e-6, depth / np.maximum(shown, 1e-6), np.inf)
+        motions = air_motions(far, frame, others, fall=self.motion.fall, wind=self.motion.mean_wind)
+        return motions, far.astype(np.float32)
+
+    def alpha(self, frame: Frame, amount: float) -> Array:
+        return self._drawn(frame, np.array([amount * self.look.gain * gain for gain in self.gains]))
+
+    def _drawn(self, frame: Frame, gains: Float64) -> Array:
+        assert self.make is not None
+        top, bottom, left, right = frame.window
+        state, look = self.state(frame), self.look
+        alpha = cone.layers(
+            frame.shape, frame.camera, self.make(seed=frame.seed), axis=state.axis,
+            phase=state.phase, stretch=state.stretch, slope=look.slope, repeats=look.repeats,
+            radius=look.radius, depth=frame.depth, rows=(top, bottom), gains=gains,
+            conserve=look.conserve,
+        )  # fmt: skip
+        return alpha[:, left:right]
+
+
+@kept(32)
+def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
+    """Return the cone over a whole film; times are seconds."""
+    motion, look = part.motion, part.look
+    air, camera = air_course(fps, motion.fall, motion.mean_wind), path.course(fps)
+    shutter = motion.shutter
+    knots = np.union1d(air.knots, camera.knots)
+    at: Any = [0.0]
+    exposures: Any = [shutter]
+    if isinstance(shutter, Keys):
+        at, exposures = zip(*shutter.keys, strict=True)
+        knots = np.union1d(knots, at)
+    # Frames between the first and the last knot, at which the axis is looked at; what lies outside
+    # does not change.
+    ends = np.array([*knots, 0.0])
+    frames = np.union1d(np.arange(np.floor(ends.min()), np.ceil(ends.max()) + 1.0), knots)
+    # Both sides of every time, since a velocity may jump.
+    twice = np.repeat(frames, 2)
+    inside = twice + np.tile([-1e-6, 1e-6], len(frames))
+    velocity = [course.line(twice, inside)[0] * fps for course in (air, camera)]
+    return cone.path(
+        twice / fps, *velocity, damping=look.damping,
+        exposure=np.interp(twice, at, exposures) / fps, length=part.length, radius=look.radius,
+        repeats=look.repeats, still=STILL,
+    )  # fmt: skip
+
+
+@kept(32)
+def _beyond(path: cone.Path, fps: float, lap: Lap) -> tuple[float, float]:
+    phases = [path.at(t / fps).phase for t in range(lap.first, lap.end + 1)]
+    steps = np.diff(phases)
+    passed = float((steps - np.round(steps)).sum())
+    whole = float(round(passed))
+    # Where anything moves one at least, or rain would stand still.
+    if whole == 0.0 and abs(passed) > 1e-6:
+        whole = math.copysign(1.0, passed)
+    return passed - whole, passed
+
+
+_CHECKS: dict[str, checks.Check] = {
     **checks.FALL, "gain": checks.gain, "conserve": flag, "damping": checks.part,
     "radius": checks.length, "repeats": partial(integer, low=1, high=64),
     "slope": partial(real, low=0.0, high=10.0), "tile": partial(integer, low=16, high=2048),
-}  # fmt: skip
-_RAIN: dict[str, checks.Check] = {
-    **_CONE,
-    "drops": partial(integer, low=0, high=100_000),
-    "drop_size": checks.length,
-    "drop_length": checks.length,
-    "spread": checks.part,
-}
-_SNOW: dict[str, checks.Check] = {
-    **_CONE, "texture_flakes": partial(integer, low=0, high=100_000), "flakes": checks.population,
+    "drops": partial(integer, low=0, high=100_000), "drop_size": checks.length,
+    "drop_length": checks.length, "spread": checks.part,
+    "texture_flakes": partial(integer, low=0, high=100_000), "flakes": checks.population,
     "flake_size": checks.sizes, "flake_opacity": checks.part, "sway": checks.pair,
 }  # fmt: skip
 
@@ -65,6 +177,9 @@ class _Cone(metaclass=Described):
     NAME: ClassVar[str]
     PRESETS: ClassVar[Mapping[str, dict[str, Any]]]
 
+    def __post_init__(self, *_: Any) -> None:
+        checks.settle(self, _CHECKS)
+
     @property
     def _tile_metres(self) -> float:
         """The metres that a tile of the first layer stands for."""
@@ -73,11 +188,9 @@ class _Cone(metaclass=Described):
     def _parts(
         self, make: Callable[..., cone.Texture] | None, length: float, gains: tuple[float, ...],
         flakes: Flakes | None = None,
-    ) -> Precipitation[DoubleCone]:  # fmt: skip
+    ) -> Precipitation:  # fmt: skip
         motion = Motion(self.fall, self.wind, self.shutter)
-        sheet = checks.part_of(
-            DoubleCone, self, motion=motion, make=make, length=length, gains=gains
-        )
+        sheet = DoubleCone(motion=motion, make=make, length=length, gains=gains, look=self)
         veil = Veil(self.haze, FARTHEST * self.radius)
         return checks.part_of(
             Precipitation, self, name=self.NAME, motion=motion, texture=sheet, flakes=flakes,
@@ -135,7 +248,7 @@ class ConeRain(_Cone):
     PRESETS: ClassVar[Mapping[str, dict[str, Any]]] = CONE_RAIN
 
     def __post_init__(self, *_: Any) -> None:
-        checks.settle(self, _RAIN)
+        super().__post_init__()
         most = 0.5 * self._tile_metres
         if self.drop_length > most:
             raise ValueError(
@@ -143,7 +256,7 @@ class ConeRain(_Cone):
             )
 
     @cached_property
-    def parts(self) -> Precipitation[DoubleCone]:
+    def parts(self) -> Precipitation:
         metres = self._tile_metres
         make = partial(
             _texture, cone.rain_tile, self.tile, drops=self.drops, width=self.drop_size / metres,
@@ -192,11 +305,8 @@ slope, tile, look, seed
     NAME: ClassVar[str] = "cone_snow"
     PRESETS: ClassVar[Mapping[str, dict[str, Any]]] = CONE_SNOW
 
-    def __post_init__(self, *_: Any) -> None:
-        checks.settle(self, _SNOW)
-
     @cached_property
-    def parts(self) -> Precipitation[DoubleCone]:
+    def parts(self) -> Precipitation:
         small, large = self.flake_size
         mean = 0.5 * (small + large)
         # A flake's radius is three sigma; the width of a tile's flake is two.

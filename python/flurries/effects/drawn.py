@@ -12,8 +12,7 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries._core import SortedFlakes
-from flurries.effects.air import air_of
-from flurries.effects.flakes import Flakes
+from flurries.effects.air import Flakes, air_of
 from flurries.effects.passes import STEPS
 from flurries.effects.weather import Weather
 from flurries.frame.layer import Shade

@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from flurries.camera.tiles import drift_at, shift_at, tile_middles
 from flurries.effects.gusts import wind_at
 from flurries.effects.maps import TUNED
 from flurries.effects.motion import Motion, Way
+from flurries.frame.bands import by_tiles
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.spectral.frame import Map
@@ -65,7 +66,6 @@ class Field:
         return speed / self.band(frame.shape)[1]
 
     def layout(self, frame: Frame) -> Layout:
-        """Return the tiles of the film that a frame belongs to."""
         camera = frame.camera
         return _layout(self, frame.shape, frame.path, camera.rotation, camera.focal, frame.fps)
 
@@ -179,7 +179,7 @@ class Field:
             np.ascontiguousarray(part, np.float32)
             for part in (down[top:bottom], across[left:right].T)
         )
-        far = plane((bottom - top, right - left))
+        far = plane(frame.size)
         moves = [plane((*far.shape, 2)) for _ in others]
         for given, out in [(depth[..., None], far[..., None]), *zip(motions, moves, strict=True)]:
             if (given == given[:1, :1]).all():
@@ -238,7 +238,7 @@ def _layout(
         overlap = tile // 6
     if field.overlap is not None:
         overlap = min(field.overlap, tile - 1)
-    tiling = Tiling((tile, tile), overlap)
+    tiling = (tile, tile), overlap
     edges = None
     if motion.varied is not None:
         # Rings of a half or a quarter octave.
@@ -257,11 +257,8 @@ PIXELS_PER_CYCLE = 144.0 / (28.0 / math.log(8.0))
 LARGEST_TILE = 2048
 
 
-class Tiling(NamedTuple):
-    """Tiles of (rows, cols) pixels that share `overlap`."""
-
-    tile: tuple[int, int]
-    overlap: int
+# Tiles of (rows, cols) pixels, and the pixels that neighbours share.
+Tiling: TypeAlias = tuple[tuple[int, int], int]
 
 
 class Layout(NamedTuple):
@@ -273,21 +270,16 @@ class Layout(NamedTuple):
 
     @property
     def grid(self) -> tuple[int, int]:
-        """The numbers of tiles, down and across."""
         (height, width), ((tall, wide), overlap) = self.shape, self.tiling
         return len(starts(height, tall, overlap)), len(starts(width, wide, overlap))
 
     def farthest(self, depth: Array) -> Array:
         """Return the farthest depth of each tile, (rows, cols)."""
-        (height, width), ((tall, wide), overlap) = self.shape, self.tiling
-        # The farthest of each run of columns first: a pixel is not read for every tile.
-        cols, rows = starts(width, wide, overlap), starts(height, tall, overlap)
-        bands = np.stack([depth[:, x : x + wide].max(axis=1) for x in cols], axis=1)
-        return np.stack([bands[y : y + tall].max(axis=0) for y in rows])
+        return by_tiles(depth, *self.tiling, np.max)
 
     def warn_small(self) -> None:
         warnings.warn(
-            f"rain: with tiles of {self.tiling.tile[0]} px a tenth of the streaks or more stands "
+            f"rain: with tiles of {self.tiling[0][0]} px a tenth of the streaks or more stands "
             f"still; take tile={math.ceil(self.needed)}, or leave it out, or jitter=True",
             UserWarning,
             stacklevel=7,

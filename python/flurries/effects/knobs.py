@@ -15,7 +15,7 @@ _Kind = TypeVar("_Kind")
 METHODS: dict[type, dict[str, type]] = {}
 
 # What frames ask of an effect, and users do not.
-INNER = {"KNOBS", "MATTER", "NAME", "of_preset", "parts"}
+INNER = {"KNOBS", "MATTER", "NAME", "NATURAL", "OPTICS", "SIZES", "of_preset", "parts"}
 
 
 class Described(type):

@@ -76,10 +76,8 @@ def map_at(mean: float, spread: float, power: float, share: float) -> tuple[floa
         if np.abs(now).max() < 1e-10:
             break
         tiny = 1e-5
-        slopes = np.stack(
-            [(_errors(guess + step, power, of, target) - now) / tiny for step in tiny * np.eye(2)],
-            axis=1,
-        )
+        ahead = [_errors(guess + step, power, of, target) for step in tiny * np.eye(2)]
+        slopes = (np.stack(ahead, axis=1) - now[:, None]) / tiny
         try:
             step = np.linalg.solve(slopes, now)
         except np.linalg.LinAlgError:
@@ -93,13 +91,8 @@ def map_at(mean: float, spread: float, power: float, share: float) -> tuple[floa
 def _errors(guess: Float64, power: float, of: float, target: tuple[float, float]) -> Float64:
     """Return the errors of a map, in logarithms: both moments may be small."""
     mean, variance = _moments(float(guess[0]), math.exp(min(float(guess[1]), 5.0)), power, of)
-    wanted, spread = target
-    return np.array(
-        [
-            math.log(max(mean, 1e-300) / max(wanted, 1e-300)),
-            math.log(max(variance, 1e-300) / max(spread, 1e-300)),
-        ]
-    )
+    pairs = zip((mean, variance), target, strict=True)
+    return np.array([math.log(max(got, 1e-300) / max(wanted, 1e-300)) for got, wanted in pairs])
 
 
 def _moments(mean: float, deviation: float, power: float, share: float) -> tuple[float, float]:
@@ -244,13 +237,10 @@ def _solve(guess: Float64, power: float, wanted: Float64) -> Float64:
         by_scale = (errors(guess + np.array([[0.0], [tiny]])) - now) / tiny
         det = by_mean[0] * by_scale[1] - by_mean[1] * by_scale[0]
         det = np.where(np.abs(det) < 1e-12, 1e-12, det)
-        step = (
-            np.stack([
-                now[0] * by_scale[1] - now[1] * by_scale[0],
-                now[1] * by_mean[0] - now[0] * by_mean[1],
-            ])
-            / det
+        steps = (
+            now[0] * by_scale[1] - now[1] * by_scale[0], now[1] * by_mean[0] - now[0] * by_mean[1]
         )  # fmt: skip
+        step = np.stack(steps) / det
         step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=0), 1e-300))
         guess = guess - step * np.stack([scale, np.ones_like(scale)])
         now = errors(guess)

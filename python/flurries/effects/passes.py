@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -86,6 +87,12 @@ def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Ar
                 change += (grown * at + shifted[axis]) * seen
             motion[rows, :, axis] = change
     return motion
+
+
+def air_motions(depth: Array, frame: Frame, others: Sequence[Frame], **air: Any) -> list[Array]:
+    """Return the motions to other frames of what is at depths and goes with the air."""
+    here = frame.displacement(**air)
+    return [plane_motion(depth, frame, at, at.displacement(**air) - here) for at in others]
 
 
 def rays(frame: Frame) -> Float64:

@@ -5,16 +5,26 @@ Numbers may change over time: by what is there, never by what a flake is.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import InitVar, dataclass
-from functools import partial
-from typing import Any, Literal, TypeAlias, get_args
+from functools import cached_property, partial
+from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from flurries._contract import Float64, real, seed_of, vector
+from flurries._contract import real, seed_of, vector
 from flurries._warnings import warn
-from flurries.effects.checks import length, one_of, optional, pair, part_of, share, shutter, wind
+from flurries.effects.checks import (
+    length,
+    one_of,
+    optional,
+    pair,
+    part_of,
+    settle,
+    share,
+    shutter,
+    wind,
+)  # fmt: skip
 from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color
 from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flake_texture import FlakeTexture
@@ -31,7 +41,7 @@ from flurries.light.phase import FLAKES, Optics
 from flurries.motion.keys import Keys, Number, Vector, as_number, largest, value_at
 from flurries.motion.wind import Wind
 from flurries.particles.population import Population
-from flurries.particles.sizes import Sizes
+from flurries.particles.sizes import Matter, Sizes
 
 Method: TypeAlias = Literal["flakes", "simulated", "tent", "cone"]
 Shape: TypeAlias = Literal["natural", "round"]
@@ -55,6 +65,7 @@ POPULATION: dict[str, Any] = {
     "handover": optional(length),
     "method": one_of(get_args(Method)),
     "shape": one_of(get_args(Shape)),
+    "gain": partial(as_number, low=0.0, high=100.0),
     "look": one_of(("v2",)),
     "seed": optional(lambda _, value: seed_of(value)),
 }
@@ -112,46 +123,53 @@ class Falling(metaclass=Described):
     rate: InitVar[Number | None] = None
     visibility: InitVar[Number | None] = None
 
+    NAME: ClassVar[str]
+    MATTER: ClassVar[Matter]
+    SIZES: ClassVar[str]  # The field of sizes.
+    NATURAL: ClassVar[str]  # What large ones are near the camera.
+    OPTICS: ClassVar[Optics] = FLAKES
+
     strength = strength_of
 
+    def __post_init__(self, *_: Any) -> None:
+        settle(self, {**POPULATION, self.SIZES: size_law})
 
-def parts_of(
-    effect: Any, *, sizes: Any, speed: Callable[[Float64], Float64], shape: str,
-    sway: tuple[float, float] = (0.0, 0.0), gain: Number = 1.0, optics: Optics = FLAKES,
-) -> Precipitation[FlakeTexture] | Mixture:  # fmt: skip
-    """Return the parts of snow or rain; of keyed sizes, a population for each."""
-    wind, density, most = effect.wind, effect.density, largest(effect.density)
-    if isinstance(wind, Wind) and wind.profile is not None and isinstance(effect.emission, Keys):
-        # Flakes are there or not by the heights that they fell through.
-        raise ValueError("emission: cannot be keyed in a wind with a profile over depth")
+    @cached_property
+    def parts(self) -> Precipitation | Mixture:
+        """The parts; of keyed sizes a population for each."""
+        wind, sizes = self.wind, getattr(self, self.SIZES)
+        if isinstance(wind, Wind) and wind.profile is not None and isinstance(self.emission, Keys):
+            # Flakes are there or not by the heights that they fell through.
+            raise ValueError("emission: cannot be keyed in a wind with a profile over depth")
+        if not isinstance(sizes, Keys):
+            return self._made(sizes, self.amount)
+        frames = [frame for frame, _ in sizes.keys]
+        parts = []
+        for frame, size in sizes.keys:
+            # 1 at its own key, 0 at the others.
+            share = Keys([(other, float(other == frame)) for other in frames])
+            parts.append(self._made(size, product(self.amount, share if len(frames) > 1 else 1.0)))
+        return Mixture(parts)
 
-    def made(size: Any, amount: Number) -> Precipitation[FlakeTexture]:
-        law = Sizes.with_mean(*size)
+    def _made(self, size: Any, amount: Number) -> Precipitation:
+        law, density, most = Sizes.with_mean(*size), self.density, largest(self.density)
         # The air holds as many as there ever are; fewer are shown where the density is less.
         if isinstance(density, Keys):
             amount = product(amount, times(density, 1.0 / most)) if most > 0.0 else 0.0
+        speed = self.MATTER.speed
         mean = float(speed(np.array([law.mean]))[0])
-        motion = Motion(mean if effect.fall is None else effect.fall, wind, effect.shutter)
+        motion = Motion(mean if self.fall is None else self.fall, self.wind, self.shutter)
         weather = part_of(
-            Weather, effect, population=Population(most, law, effect.opacity, speed),
-            motion=motion, sway=sway, simulated=effect.method == "simulated", shape=shape,
+            Weather, self, population=Population(most, law, self.opacity, speed), motion=motion,
+            sway=getattr(self, "sway", (0.0, 0.0)), simulated=self.method == "simulated",
+            shape=self.NATURAL if self.shape == "natural" else "round",
             keyed=isinstance(amount, Keys),
         )  # fmt: skip
         return Precipitation(
-            name=effect.NAME, amount=amount, color=effect.color, brightness=gain, optics=optics,
-            motion=motion, texture=FlakeTexture(weather), flakes=DrawnFlakes(weather),
-            veil=Veil(effect.haze, effect.far),
+            name=self.NAME, amount=amount, color=self.color, brightness=getattr(self, "gain", 1.0),
+            optics=self.OPTICS, motion=motion, texture=FlakeTexture(weather),
+            flakes=DrawnFlakes(weather), veil=Veil(self.haze, self.far),
         )  # fmt: skip
-
-    if not isinstance(sizes, Keys):
-        return made(sizes, effect.amount)
-    frames = [frame for frame, _ in sizes.keys]
-    parts = []
-    for frame, size in sizes.keys:
-        # 1 at its own key, 0 at the others.
-        share = Keys([(other, float(other == frame)) for other in frames])
-        parts.append(made(size, product(effect.amount, share if len(frames) > 1 else 1.0)))
-    return Mixture(parts)
 
 
 def product(first: Number, second: Number) -> Number:
@@ -171,13 +189,13 @@ def product(first: Number, second: Number) -> Number:
 class Mixture:
     """Populations that take turns: between two keys one goes as the next comes."""
 
-    parts: Sequence[Precipitation[Any]]  # One for each key, with its share in its amount.
+    parts: Sequence[Precipitation]  # One for each key, with its share in its amount.
 
     @property
     def motion(self) -> Any:
         return self.parts[0].motion
 
-    def _now(self, frame: Frame) -> list[Precipitation[Any]]:
+    def _now(self, frame: Frame) -> list[Precipitation]:
         return [part for part in self.parts if value_at(part.amount, frame.t) > 0.0]
 
     def needs(self, frame: Frame) -> Needs:

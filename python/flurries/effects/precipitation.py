@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
 from flurries._trace import current
+from flurries.effects.air import Flakes
 from flurries.effects.color import bright, color_at, is_local, reads_of
 from flurries.effects.drawn import DrawnFlakes
-from flurries.effects.flakes import Flakes
 from flurries.effects.lighting import add_light, even_shade, local_shade, veil_layer
 from flurries.effects.motion import Motion
 from flurries.effects.passes import passes_of
@@ -25,44 +25,27 @@ from flurries.light.phase import FLAKES, Optics
 from flurries.motion.keys import Keys, Number, value_at
 
 
-class Front(Protocol):
-    """The part in front: flakes that are drawn, or a part of one's own."""
-
-    def needs(self, frame: Frame, amount: float) -> Needs:
-        """Return its step, or why there is none, and the largest opacity."""
-
-    def alpha(self, frame: Frame, amount: float) -> Array:
-        """Return its opacity over the window, (h, w) float32."""
-
-
-class Backdrop(Front, Protocol):
-    """The part behind the flakes: a :class:`Texture`, a cone's sheet, or a part of one's own."""
-
-    @property
-    def name(self) -> str:
-        """Of its step."""
-
-
-_Back = TypeVar("_Back", bound=Backdrop | None)
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Precipitation(Generic[_Back]):
-    """The parts of an effect, and the layer that they make."""
+class Precipitation:
+    """The parts of an effect, and the layer that they make.
+
+    A part has ``needs(frame, amount)``, its step or why there is none, and ``alpha(frame,
+    amount)``, its opacity over the window, (h, w) float32; one behind the flakes also a `name`.
+    """
 
     name: str  # Of the layer.
     amount: Number  # 0 to 1; scales all parts.
     color: Any  # Of them all, display values.
     motion: Motion  # What moves them.
-    texture: _Back  # Behind the flakes.
-    flakes: Flakes | Front | None = None  # In front of it.
+    texture: Any  # Behind the flakes: a `Texture`, a cone's sheet, or a part of one's own; None.
+    flakes: Any = None  # In front of it: `Flakes`, or a part.
     veil: Veil  # Over all.
     brightness: Number = 1.0  # Factor of the color's light.
     # What its particles do with the light of a place, where the color is "local".
     optics: Optics = FLAKES
 
     @cached_property
-    def front(self) -> Front | None:
+    def front(self) -> Any:
         return DrawnFlakes(self.flakes) if isinstance(self.flakes, Flakes) else self.flakes
 
     def air(self, t: float) -> float:
@@ -109,8 +92,7 @@ class Precipitation(Generic[_Back]):
 
     def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
         """Return the layer of a frame; of local light the veil is one of its own, behind."""
-        back: Any = self.texture
-        front: Any = self.front
+        back, front = self.texture, self.front
         amount = value_at(self.amount, frame.t)
         brightness = float(value_at(self.brightness, frame.t))
         behind = near = glow = None
@@ -155,8 +137,7 @@ class Precipitation(Generic[_Back]):
         return (*far, layer) if far else layer
 
     def _under(self, frame: Frame, behind: Array | None) -> tuple[Array, Shade] | None:
-        """Return the texture behind the flakes and the light of lamps on it."""
-        back: Any = self.texture
+        back = self.texture
         if behind is None or not hasattr(back, "lamp_shade"):
             return None
         with current.get().stage("lamps"):

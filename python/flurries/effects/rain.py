@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import InitVar, dataclass, field
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, ClassVar
 
-from flurries.effects.checks import settle
-from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.knobs import knobs, looks
-from flurries.effects.population import POPULATION, Falling, Mixture, parts_of, size_law
-from flurries.effects.precipitation import Precipitation
+from flurries.effects.population import Falling, size_law
 from flurries.effects.presets import RAIN_LOOKS, RainLook
 from flurries.effects.strength import solved
-from flurries.light.phase import DROPS
-from flurries.motion.keys import Keys, Number, Vector, as_number
+from flurries.light.phase import DROPS, Optics
+from flurries.motion.keys import Keys, Number, Vector
 from flurries.motion.wind import Wind
 from flurries.particles.sizes import RAIN, Matter
 
@@ -54,20 +51,6 @@ cloud, handover, method, look, seed, severity, rate, visibility
     NAME: ClassVar[str] = "rain"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = RAIN_LOOKS
     MATTER: ClassVar[Matter] = RAIN
-
-    def __post_init__(self, *_: Any) -> None:
-        checks = {name: check for name, check in POPULATION.items() if name != "sway"}
-        settle(
-            self, {**checks, "drop_size": size_law, "gain": partial(as_number, low=0.0, high=100.0)}
-        )
-
-    @cached_property
-    def parts(self) -> Precipitation[FlakeTexture] | Mixture:
-        return parts_of(
-            self,
-            sizes=self.drop_size,
-            speed=RAIN.speed,
-            shape="drop" if self.shape == "natural" else "round",
-            gain=self.gain,
-            optics=DROPS,
-        )
+    SIZES: ClassVar[str] = "drop_size"
+    NATURAL: ClassVar[str] = "drop"
+    OPTICS: ClassVar[Optics] = DROPS

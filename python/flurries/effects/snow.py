@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import InitVar, dataclass, field
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, ClassVar
 
-from flurries.effects.checks import settle
-from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.knobs import knobs, looks
-from flurries.effects.population import POPULATION, Falling, Mixture, parts_of, size_law
-from flurries.effects.precipitation import Precipitation
+from flurries.effects.population import Falling, size_law
 from flurries.effects.presets import SNOW_LOOKS, SnowLook
 from flurries.effects.strength import solved
 from flurries.motion.keys import Keys, Number, Vector
@@ -115,16 +112,5 @@ class Snow(Falling):
     NAME: ClassVar[str] = "snow"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = SNOW_LOOKS
     MATTER: ClassVar[Matter] = SNOW
-
-    def __post_init__(self, *_: Any) -> None:
-        settle(self, {**POPULATION, "flake_size": size_law})
-
-    @cached_property
-    def parts(self) -> Precipitation[FlakeTexture] | Mixture:
-        return parts_of(
-            self,
-            sizes=self.flake_size,
-            speed=SNOW.speed,
-            shape="aggregate" if self.shape == "natural" else "round",
-            sway=self.sway,
-        )
+    SIZES: ClassVar[str] = "flake_size"
+    NATURAL: ClassVar[str] = "aggregate"

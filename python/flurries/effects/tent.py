@@ -7,36 +7,115 @@ has none that moves: tiles grow with the speed.
 from __future__ import annotations
 
 import math
-from dataclasses import InitVar, dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import InitVar, dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
+import numpy as np
+
 from flurries._contract import flag, real
 from flurries.effects import checks
+from flurries.effects.air import Flakes
 from flurries.effects.color import Color
 from flurries.effects.field import Field
-from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import Described, knobs, looks
-from flurries.effects.looks import rain_of_rate, snow_of_rate
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import TENT_RAIN, TENT_SNOW, RainLook, TentSnowLook
+from flurries.effects.severity import rate_of
 from flurries.effects.texture import Texture
 from flurries.effects.veil import Veil
 from flurries.motion.keys import Keys, Number, Vector
 from flurries.motion.wind import Wind
+from flurries.particles.sizes import SNOW, Sizes
 from flurries.spectral.tables import Aliasing
 from flurries.spectral.tiles import Blend
 
 _density: checks.Check = checks.optional(lambda name, value: real(name, value, low=0.0, high=1e6))
 
-_SNOW = {
+# Cubic metres that a lens of 1.2 widths sees of 12 m, the picture as high as wide: for which the
+# presets' numbers of flakes in view were tuned.
+_TUNED_VIEW = 12.0**3 / (3.0 * 1.2**2)
+
+# How far away the background of rain without a depth stands, metres. The presets' veils are those
+# of 55 to 80 m.
+_VEILED = 60.0
+
+# The rates, mm/h, of which the presets' drops are about those; and diameters that are drawn, mm.
+_RAIN_RATES, _DRAWN_DROPS = (3.0, 10.0, 25.0), (2.5, 4.0)
+
+
+def _snow_of_rate(turned: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of snow of a liquid-equivalent rate, mm/h, that are not given."""
+    rate, known = real("rate", rate_of(turned, "snow")), ("light", "moderate", "heavy")
+    sizes, falls = (_tuned(TentSnow, known, name) for name in ("flake_size", "fall"))
+    rates = [
+        number / _TUNED_VIEW * _flux(size, fall)
+        for number, size, fall in zip(_tuned(TentSnow, known, "flakes"), sizes, falls, strict=True)
+    ]
+    look = {
+        name: _between(rate, rates, _tuned(TentSnow, known, name))
+        for name in ("texture", "mean", "spread", "exponent", "haze", "fall")
+    }
+    # So little snow is few flakes.
+    look["texture"] *= min(rate / rates[0], 1.0)
+    largest = _between(rate, rates, [large for _, large in sizes])
+    found = {"flake_size": (sizes[0][0], largest), **look, **given}
+    fall = real("fall", found["fall"], above=0.0)
+    each = _flux(checks.sizes("flake_size", found["flake_size"]), fall)
+    return {**found, "flake_density": rate / each}
+
+
+def _rain_of_rate(turned: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of rain of a rate, mm/h, that are not given."""
+    # All drops are those of Marshall and Palmer 1948, N(D) = 8000 exp(-4.1 R^-0.21 D) per m3 and
+    # mm. The largest are drawn, and the veil has the extinction of all, 2 pi/4 D^2 each.
+    rate, known = real("rate", rate_of(turned, "rain")), ("drizzle", "rain", "downpour")
+    slope = 4.1 * rate**-0.21
+    # In light rain the drops are as much smaller as its whole distribution is.
+    part = min((rate / 10.0) ** 0.21, 1.0)
+    own = given.get("drop_size", tuple(1e-3 * part * size for size in _DRAWN_DROPS))
+    low, high = (1e3 * size for size in checks.sizes("drop_size", own))
+    number = 8000.0 / slope * (math.exp(-slope * low) - math.exp(-slope * high))
+    extinction = 1e-6 * math.pi * 8000.0 / slope**3
+    texture, mean = (
+        _between(rate, _RAIN_RATES, _tuned(TentRain, known, name)) for name in ("texture", "mean")
+    )
+    return {
+        "drop_density": number,
+        "drop_size": own,
+        "fall": 9.65 - 10.3 * math.exp(-0.6 * 0.5 * (low + high)),
+        "texture": texture * min(rate / _RAIN_RATES[0], 1.0),
+        "mean": mean,
+        "haze": 1.0 - math.exp(-extinction * _VEILED),
+        **given,
+    }
+
+
+def _tuned(kind: Any, presets: Sequence[str], name: str) -> list[Any]:
+    """Return a field of some presets."""
+    (usual,) = (f.default for f in fields(kind) if f.name == name)
+    return [kind.PRESETS[preset].get(name, usual) for preset in presets]
+
+
+def _between(rate: float, rates: Sequence[float], values: Sequence[float]) -> float:
+    """Return a number between those of some rates, by their logarithms."""
+    return float(np.interp(math.log(rate), np.log(rates), values))
+
+
+def _flux(sizes: tuple[float, float], fall: float) -> float:
+    """Return the mm/h of one flake per m3, of even sizes in metres that fall alike."""
+    low, high = sizes
+    law = Sizes(low, 0.5 * (low + high), high)
+    return replace(SNOW, speed=np.ones_like).flux(law) * fall
+
+
+_CHECKS = {
     **checks.TENT, "flakes": checks.population, "flake_density": _density,
     "flake_size": checks.sizes, "flake_opacity": checks.share, "sway": checks.pair,
-}  # fmt: skip
-_RAIN = {
-    **checks.TENT, "drops": checks.population, "drop_density": _density, "renormalise": flag,
-    "drop_size": checks.sizes, "drop_depth": checks.length, "gain": checks.gain,
+    "drops": checks.population, "drop_density": _density, "drop_size": checks.sizes,
+    "drop_depth": checks.length, "gain": checks.gain, "renormalise": flag,
 }  # fmt: skip
 
 
@@ -68,9 +147,10 @@ class _Tent(metaclass=Described):
 
     NAME: ClassVar[str]
 
-    def _parts(
-        self, tuned: tuple[float, float], streaks: bool, **near: Any
-    ) -> Precipitation[Texture]:
+    def __post_init__(self, *_: Any) -> None:
+        checks.settle(self, _CHECKS)
+
+    def _parts(self, tuned: tuple[float, float], streaks: bool, **near: Any) -> Precipitation:
         motion = Motion(self.fall, self.wind, self.shutter)
         field = checks.part_of(Field, self, motion=motion, tuned=tuned, streaks=streaks)
         flakes = Flakes(motion=motion, keyed=isinstance(self.amount, Keys), **near)
@@ -82,7 +162,7 @@ class _Tent(metaclass=Described):
 
 
 @looks
-@knobs("rate", "severity", law=snow_of_rate, apart=("flakes", "flake_density"))
+@knobs("rate", "severity", law=_snow_of_rate, apart=("flakes", "flake_density"))
 @dataclass(frozen=True, kw_only=True)
 class TentSnow(_Tent):
     """Falling snow as Langer's texture.
@@ -160,11 +240,8 @@ class TentSnow(_Tent):
     NAME: ClassVar[str] = "snow"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = TENT_SNOW
 
-    def __post_init__(self, *_: Any) -> None:
-        checks.settle(self, _SNOW)
-
     @cached_property
-    def parts(self) -> Precipitation[Texture]:
+    def parts(self) -> Precipitation:
         return self._parts(
             (3.0, 24.0), False, number=self.flakes, density=self.flake_density,
             reach=self.near_depth, sizes=self.flake_size, opacity=self.flake_opacity,
@@ -173,7 +250,7 @@ class TentSnow(_Tent):
 
 
 @looks
-@knobs("rate", "severity", law=rain_of_rate, apart=("drops", "drop_density"))
+@knobs("rate", "severity", law=_rain_of_rate, apart=("drops", "drop_density"))
 @dataclass(frozen=True, kw_only=True)
 class TentRain(_Tent):
     """Rain as Langer's texture.
@@ -243,11 +320,8 @@ near_depth, overlap, blend, alias, jitter, depth_mode, look, seed, severity
     NAME: ClassVar[str] = "rain"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = TENT_RAIN
 
-    def __post_init__(self, *_: Any) -> None:
-        checks.settle(self, _RAIN)
-
     @cached_property
-    def parts(self) -> Precipitation[Texture]:
+    def parts(self) -> Precipitation:
         # Light goes with the area: a gain is a larger drop, whose streak is as long as ever. Wider
         # ones look like smears on the lens.
         small, large = (math.sqrt(self.gain) * size for size in self.drop_size)

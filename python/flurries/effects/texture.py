@@ -239,7 +239,7 @@ def _remap(
 def _power_longer(field: Field, frame: Frame, shortest: Float64) -> Float64:
     """Return the power of the waves of a tile that are longer than some, against all of them."""
     layout = field.layout(frame)
-    squares, power = _lattice(layout.tiling.tile, layout.band, field.exponent)
+    squares, power = _lattice(layout.tiling[0], layout.band, field.exponent)
     # As the kernel decides: a wave as long as the limit is left out.
     with np.errstate(divide="ignore"):
         return power[np.searchsorted(squares, 1.0 / np.asarray(shortest) ** 2, side="left")]

@@ -13,7 +13,7 @@ from flurries._trace import current
 from flurries.effects.bank_light import brightest, lit_by_sun, optics_of
 from flurries.effects.color import color_at, is_local, reads_of
 from flurries.effects.lighting import Base, even_shade
-from flurries.effects.passes import NEAREST, STEPS, plane_motion
+from flurries.effects.passes import NEAREST, STEPS, air_motions
 from flurries.frame.layer import Layer
 from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
@@ -59,7 +59,7 @@ def needs_of_gas(
     # than the color of what is kept.
     moves = frame.lights or has_keys(mist) or np.any(value_at(mist.wind, 0.0))
     by_places = lit or mist.top is not None or mist.center is not None
-    still = frame.settled and not (moves or (by_places and isinstance(mist.color, str)))
+    still = not (moves or (by_places and isinstance(mist.color, str)))
     bright = max(LAMPS if frame.lights else 1.0, brightest(mist) if sunny else 1.0)
     step = Step("lit gas" if lit else "gas", once=still)
     reads = reads_of(mist.color)
@@ -70,11 +70,7 @@ def moved_with(layer: Layer, depth: Array, frame: Frame, wind: Vector) -> Layer:
     """Return a layer with the mean depth (h, w) of what it shows, which moves as the air does."""
     if frame.depth is not None:
         depth = np.where(np.isfinite(depth), np.minimum(depth, frame.crop(frame.depth)), depth)
-    motions = []
-    for step in STEPS:
-        other = frame.later(step)
-        moved = other.displacement(wind=wind) - frame.displacement(wind=wind)
-        motions.append(plane_motion(depth, frame, other, moved))
+    motions = air_motions(depth, frame, [frame.later(step) for step in STEPS], wind=wind)
     depth = np.ascontiguousarray(depth)
     return replace(layer, motion=motions[0], backward=motions[1], depth=depth)
 

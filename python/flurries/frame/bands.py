@@ -6,6 +6,8 @@ times as large as the frame that is asked for. Of a large one only a band of eac
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -34,12 +36,10 @@ def bands_of(window: Window) -> list[Window]:
 
 
 def whole(shape: tuple[int, int]) -> Window:
-    """Return the window of a whole frame of (H, W)."""
     return 0, shape[0], 0, shape[1]
 
 
 def shape_of(window: Window) -> tuple[int, int]:
-    """Return (h, w) of a window."""
     top, bottom, left, right = window
     return bottom - top, right - left
 
@@ -63,7 +63,6 @@ def within(inner: Window, outer: Window) -> Window:
 
 
 def crop(plane: Array, window: Window) -> Array:
-    """Return the window of a plane or picture."""
     top, bottom, left, right = window
     return plane[top:bottom, left:right]
 
@@ -81,18 +80,18 @@ class Visible:
         rows, cols = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
         if len(rows) == 0:
             return None
-        return (
-            top + int(rows[0]),
-            top + int(rows[-1]) + 1,
-            left + int(cols[0]),
-            left + int(cols[-1]) + 1,
-        )
+        down, across = int(rows[0]), int(cols[0])
+        return top + down, top + int(rows[-1]) + 1, left + across, left + int(cols[-1]) + 1
 
     def tiles(self, tile: tuple[int, int], overlap: int) -> npt.NDArray[np.bool_]:
         """Return the tiles that have a visible pixel, (rows, cols) bool."""
-        height, width = self._seen.shape
-        rows = tile_starts(height, tile=tile[0], overlap=overlap)
-        cols = tile_starts(width, tile=tile[1], overlap=overlap)
-        bands = [self._seen[:, x : x + tile[1]].any(axis=1) for x in cols]
-        columns = np.stack(bands, axis=1)
-        return np.stack([columns[y : y + tile[0]].any(axis=0) for y in rows])
+        return by_tiles(self._seen, tile, overlap, np.any)
+
+
+def by_tiles(plane: Array, tile: tuple[int, int], overlap: int, pick: Any) -> Array:
+    """Return what is picked of the pixels of each tile, (rows, cols)."""
+    rows = tile_starts(plane.shape[0], tile=tile[0], overlap=overlap)
+    cols = tile_starts(plane.shape[1], tile=tile[1], overlap=overlap)
+    # Of each run of columns first: a pixel is not read for every tile.
+    runs = np.stack([pick(plane[:, x : x + tile[1]], axis=1) for x in cols], axis=1)
+    return np.stack([pick(runs[y : y + tile[0]], axis=0) for y in rows])

@@ -48,16 +48,10 @@ class Layer:
     rgb : (h, w, 3) float32, optional
         Color of each pixel, linear light multiplied by alpha. Light without opacity (a glow) shows
         in linear light only: display values have no way to add it.
-    depth : (h, w) float32, optional
-        Planar depth in world units; infinity where nothing is.
-    motion : (h, w, 2) float32, optional
-        Motion of what the pixel shows until the next frame: pixels, (x, y), y down.
-    backward : (h, w, 2) float32, optional
-        Its place one frame earlier minus its place now, in the same way.
-    coverage : (h, w) float32, optional
-        Opacity of what is drawn one by one, flakes and drops, without texture and veil.
-    ids : (h, w) int64, optional
-        The number of the flake or drop that shows most, the same in every frame; -1 for none.
+    depth, motion, backward, coverage, ids : optional
+        Planar depth in world units (h, w), motion to the next frame and to the one before (h, w,
+        2), opacity of what is drawn one by one (h, w), all float32, and the number of the flake
+        that shows most (h, w) int64: see :class:`flurries.scene.Rendered`'s layers.
     shade : Shade, optional
         A color that changes slowly over the frame, in place of `color`.
     glow : (h, w, 3) float32, optional
@@ -77,7 +71,6 @@ class Layer:
     glow: Array | None = None
 
     def planes(self) -> dict[str, Array]:
-        """Return the planes that are given, by their names."""
         found = {name: getattr(self, name) for name in ("alpha", *_NUMBERS)}
         return {name: plane for name, plane in found.items() if plane is not None}
 

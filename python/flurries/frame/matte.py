@@ -128,8 +128,12 @@ class Deep:
 class Front:
     """All that stands in front of the weather in a frame."""
 
-    flat: tuple[Matte, ...]  # Those before all weather, back to front.
-    deep: Deep | None  # Those at a depth.
+    flat: tuple[Matte, ...] = ()  # Those before all weather, back to front.
+    deep: Deep | None = None  # Those at a depth.
+
+    @property
+    def empty(self) -> bool:
+        return not self.flat and self.deep is None
 
     @property
     def cover(self) -> Array | None:
@@ -164,10 +168,9 @@ class Front:
         """Return the part of a window, without what stands at a depth but for its pictures."""
         flat = tuple(matte.window(window) for matte in self.flat)
         if self.deep is None:
-            return Front(flat, None)
+            return Front(flat)
         pictures = tuple(matte.window(window) for matte in self.deep.pictures)
-        deep = replace(self.deep, pictures=pictures)
-        return Front(flat, deep)
+        return Front(flat, replace(self.deep, pictures=pictures))
 
     def behind(self, light: Array, *, linear: bool) -> Array:
         """Return the background with the pictures at a depth over it."""
@@ -188,3 +191,6 @@ class Front:
             front = matte.rgba(linear=linear)
             found = front if found is None else front + (1.0 - front[..., 3:]) * found
         return found
+
+
+NOTHING_IN_FRONT = Front()

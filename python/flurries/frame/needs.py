@@ -71,14 +71,10 @@ class Needs:
     # Whether the effect draws any window by itself, in its share of the whole's time: a large frame
     # is then made in bands of rows. Else the whole is drawn once, and held.
     by_rows: bool = False
-    # Whether the needs differ over time although nothing of the effect is keyed, such as for a
-    # cloud that the camera passes.
-    varies: bool = False
     brightest: float = 1.0  # The largest of the colors' values, at least 1.
 
     @staticmethod
     def none(what: str, why: str) -> Needs:
-        """Return the needs of what shows nothing."""
         return Needs((), (LeftOut(what, why),), most=0.0)
 
 

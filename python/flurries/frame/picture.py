@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -32,12 +32,14 @@ def images(
     whole_front = program.front(t)
     inner = program.open_part(window, whole_front)
     mix = program.mix(plate)
-    front = None if whole_front is None else whole_front.window(window)
+    front = whole_front.window(window)
     pictures = []
     for camera in cameras:
         asks = [] if inner is None else program.asks(t, camera, inner, dtype)
         pictures.append(Picture(asks, mix, plate, front, window, inner))
-    bands = bands_in(window, pictures[0].asks, mix, front)
+    # One where no more than the result is held then.
+    plain = not pictures[0].asks and front.empty and mix.same
+    bands = [window] if plain else bands_of(window)
     if inner is not None and (len(eyes) > 1 or len(bands) > 1):
         shared = Shared(cameras, inner, len(bands))
         for picture in pictures:
@@ -59,28 +61,21 @@ def shown_type(plate: Array) -> np.dtype[Any]:
     return plate.dtype if plate.shape[2] == 3 else np.dtype(np.float32)
 
 
-def bands_in(window: Window, asks: Sequence[Ask], mix: Mix, front: Front | None) -> list[Window]:
-    """Return the bands that a window is made in; one if no more than the result is held then."""
-    return bands_of(window) if asks or front is not None or not mix.same else [window]
-
-
+@dataclass(eq=False)
 class Picture:
     """The picture of one eye, while it is put together."""
 
-    def __init__(
-        self,
-        asks: list[Ask],  # The effects that lie over the background, back to front.
-        mix: Mix,
-        plate: Array,  # The background's window, and that of what stands in front.
-        front: Front | None,
-        window: Window,
-        inner: Window | None,  # The part in which the weather can be seen.
-    ) -> None:
-        self.asks, self.mix, self.plate, self.front = asks, mix, plate, front
-        self.window, self.inner = window, inner
-        self._drawn: dict[int, tuple[Layer, ...]] = {}
-        # Layers of the band that is being composed, made before it was known how they are laid.
-        self._ready: tuple[Layer, ...] | None = None
+    asks: list[Ask]  # The effects that lie over the background, back to front.
+    mix: Mix
+    plate: Array  # The background's window, and that of what stands in front.
+    front: Front
+    window: Window
+    inner: Window | None  # The part in which the weather can be seen.
+    shown: list[Layer] | None = None  # What lay over the background, if asked for.
+    # What draws the whole for any part of it, and layers of the band that is being composed, made
+    # before it was known how they are laid.
+    _drawn: dict[int, tuple[Layer, ...]] = field(default_factory=dict)
+    _ready: tuple[Layer, ...] | None = None
 
     def compose(self, band: Window, into: Array | None) -> Array:
         """Return the composite of a band, written to `into` where that is given."""
@@ -88,10 +83,10 @@ class Picture:
         if band != self.window:
             place = within(band, self.window)
             plate = crop(plate, place)
-            front = None if front is None else front.window(place)
+            front = front.window(place)
             part = None if part is None else common(band, part)
         part = part if self.asks else None
-        alone = self.asks[0] if len(self.asks) == 1 and front is None and part == band else None
+        alone = self.asks[0] if len(self.asks) == 1 and front.empty and part == band else None
         # Only what is lit by places may go over bytes at once: else its layer waits in memory.
         if alone is not None and _by_places(alone) and mix.bytes_of(plate):
             made = self._layers(0, alone, _narrow(alone, band), band)
@@ -99,21 +94,19 @@ class Picture:
                 with current.get().stage("composite"):
                     done = mix.in_bytes(made[0], plate, into)
                 if done is not None:
+                    self._note(made[0])
                     return done
             self._ready = made
         with current.get().stage("composite"):
             light = mix.decode(plate)
-        if front is not None:
-            light = front.behind(light, linear=mix.linear)
-        if part is not None and front is None:
+        light = front.behind(light, linear=mix.linear)
+        if part is not None and front.empty:
             # The last layer lies over the rest in the frame itself.
             light = self._over(part, light, None, into if mix.same else None)
-        elif part is not None and front is not None:
+        elif part is not None:
             inside = within(part, band)
-            over = np.ascontiguousarray(crop(light, inside))
-            cover = front.cover
-            cover = None if cover is None else crop(cover, inside)
-            over = self._over(part, over, cover, None)
+            cover = None if front.cover is None else crop(front.cover, inside)
+            over = self._over(part, np.ascontiguousarray(crop(light, inside)), cover, None)
             with current.get().stage("composite"):
                 if over.shape == light.shape:
                     light = over
@@ -121,9 +114,7 @@ class Picture:
                     light = light if light.flags.writeable else light.copy()
                     crop(light, inside)[...] = over
         with current.get().stage("composite"):
-            if front is not None:
-                light = front.over(light, linear=mix.linear)
-            return mix.encode(light, plate, into)
+            return mix.encode(front.over(light, linear=mix.linear), plate, into)
 
     def _over(self, part: Window, over: Array, cover: Array | None, into: Array | None) -> Array:
         """Return all layers over what lies behind them, the last one in `into` if it can be."""
@@ -134,11 +125,15 @@ class Picture:
                 last = number + 1 == len(self.asks) and place + 1 == len(layers)
                 with current.get().stage("composite"):
                     shown = layer if cover is None else behind(layer, cover)
+                    self._note(shown)
                     over = self.mix.over(over, shown, into if last else None)
         return over
 
+    def _note(self, layer: Layer) -> None:
+        if self.shown is not None:
+            self.shown.append(layer)
+
     def _layers(self, number: int, ask: Ask, frame: Frame, part: Window) -> tuple[Layer, ...]:
-        """Return an effect's layers of a part of the picture."""
         if self._ready is not None:
             ready, self._ready = self._ready, None
             return ready
@@ -195,7 +190,6 @@ def draw(effect: Any, frame: Frame) -> tuple[Layer, ...]:
 
 
 def _drawn(effect: Any, frame: Frame) -> tuple[Layer, ...]:
-    """Return the layers of an effect."""
     shape = shape_of(frame.window)
     if hasattr(effect, "needs"):
         return layers_of(effect.render(frame), effect, shape)

@@ -12,7 +12,6 @@ import numpy as np
 from flurries._threads import threads
 from flurries._trace import Span, Trace, tracing
 from flurries.frame import planes
-from flurries.frame.bands import whole
 from flurries.frame.mixing import free_name
 from flurries.frame.needs import LeftOut, needs_of
 from flurries.frame.picture import images, shown_type
@@ -56,7 +55,7 @@ def plan_of(program: Program, numbers: Sequence[int], *, probe: bool = True) -> 
         rest = 1e3 * float(np.mean([trace.outside.seconds for trace in warm]))
         total = rest + sum(s.share * (s.milliseconds or 0.0) for s in steps if not s.once)
     return Plan(
-        size=program.shape[::-1],
+        size=program.base.shape[::-1],
         frames=(numbers[0], numbers[-1], len(numbers)),
         steps=tuple(steps),
         strengths=tuple(_strengths(program, (numbers[0], middle, numbers[-1]))),
@@ -113,7 +112,7 @@ def _strengths(program: Program, frames: Sequence[int]) -> Iterator[tuple[str, i
 
 def _keyed(program: Program) -> set[int]:
     """Return the frames at which a number of the scene has a key."""
-    holders = [*program.effects, *program.lights, program.lens]
+    holders = [*program.effects, *program.base.lights, program.base.lens]
     values = [value for one in holders for value in getattr(one, "__dict__", {}).values()]
     return {round(frame) for keys in values if isinstance(keys, Keys) for frame, _ in keys.keys}
 
@@ -126,14 +125,14 @@ def _looks(program: Program, numbers: Sequence[int], keyed: set[int]) -> list[_L
 
 
 def _time(program: Program, number: int) -> float:
-    """Return the time that a frame shows."""
-    return float(number) if program.lap is None else program.lap.place(float(number))
+    lap = program.base.lap
+    return float(number) if lap is None else lap.place(float(number))
 
 
 def _look(program: Program, number: int) -> _Look:
     t, front = _time(program, number), program.front(_time(program, number))
     plate = program.backdrop.frame(t)
-    window = program.open_part(whole(program.shape), front)
+    window = program.open_part(program.base.window, front)
     camera, left_out, asks = program.camera(None, t), list[LeftOut](), list[Ask]()
     if window is not None:
         asks = program.asks(t, camera, window, shown_type(plate), read=False)
@@ -160,7 +159,7 @@ def _look(program: Program, number: int) -> _Look:
         for step in needs.steps:
             steps[ask.part.place, step.name] = step.once and ask.frame.settled
     steps[_COMPOSITE] = False
-    height, width = program.shape
+    height, width = program.base.shape
     layers = f"{len(asks)} layer{'s' * (len(asks) != 1)}"
     sizes = {(-1, "background"): f"{width} x {height} px, {plate.dtype}", _COMPOSITE: layers}
     return _Look(number, steps, sizes, left_out)
@@ -203,7 +202,7 @@ def _traces(program: Program, probed: Sequence[int]) -> tuple[list[Trace], list[
 
     def traced(number: int, *, memory: bool) -> Trace:
         with tracing(memory=memory) as trace:
-            images(own, _time(own, number), [None], whole(own.shape))
+            images(own, _time(own, number), [None], own.base.window)
         return trace
 
     cold = []

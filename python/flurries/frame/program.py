@@ -19,16 +19,13 @@ from flurries._contract import Array
 from flurries._kept import Kept
 from flurries._trace import current
 from flurries.camera.lens import Camera
-from flurries.camera.optics import Lens
-from flurries.camera.path import CameraPath
-from flurries.frame.bands import Window, bands_of, whole
+from flurries.frame.bands import Window, bands_of
 from flurries.frame.edges import Edges
-from flurries.frame.matte import Front
+from flurries.frame.matte import NOTHING_IN_FRONT, Front
 from flurries.frame.mixing import Mix
 from flurries.frame.needs import LeftOut, Needs, has_keys, needs_of, renderer_of
-from flurries.frame.view import Frame, Lap
+from flurries.frame.view import Frame
 from flurries.io.color import linear_to_srgb
-from flurries.light.lamp import Lamp, Sun
 from flurries.light.plate import PlateLight, cell_sums, plate_light
 from flurries.light.shot import Light, light_of
 
@@ -53,7 +50,6 @@ class Part(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The name of the effect for people."""
         return getattr(self.effect, "NAME", "") or type(self.effect).__name__.lower()
 
 
@@ -70,45 +66,38 @@ class Program:
     """The steps that run for each frame of a scene. All else is as in the scene."""
 
     effects: Sequence[Any]
-    shape: tuple[int, int]
-    fps: float
-    path: CameraPath
+    base: Frame  # The view of an effect that draws no random numbers, without depth and light.
     seed: int
-    sun: Sun | None
     backdrop: Any  # Has frame(t), encoding ("display" or "linear") and count (None for a still).
     distance: Any  # None, or has frame(t) and still: whether every frame has the same.
     # None, or has frame(t), a `Front`, and still and deep: whether any of it has a depth.
     mattes: Any
     linear: bool  # Whether layers are mixed in linear light.
     primaries: Array | None = None  # See `Mix`.
-    lights: tuple[Lamp, ...] = ()
     light: Light | None = None  # Of the shot, where the scene says it.
-    lens: Lens | None = None
-    lap: Lap | None = None
-    still: bool = False  # Whether it is one picture, exposed as a photograph is.
     # In the background's last frame; all scenes derived from one share it.
     found: dict[str, tuple[Any, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.parts: list[Part] = []
         self.left_out: list[LeftOut] = []
-        self.fixed = all(part is None or part.still for part in (self.distance, self.mattes))
-        self.settled = self.path.still and self.fixed
-        self.deep = self.distance is not None or (self.mattes is not None and self.mattes.deep)
-        self.settled = self.settled and not (has_keys(self.lens) or has_keys(self.lights))
-        self._window = whole(self.shape)
-        self._kept = Kept(4 * len(bands_of(self._window)) + 8)
+        base, kept = self.base, None
+        if all(part is None or part.still for part in (self.distance, self.mattes)):
+            kept = Kept(4 * len(bands_of(base.window)) + 8)
+        moves = not base.path.still or has_keys(base.lens) or has_keys(base.lights)
+        deep = self.distance is not None or (self.mattes is not None and self.mattes.deep)
+        self.base = base.derive(kept=kept, settled=kept is not None and not moves, deep=deep)
         for index, effect in enumerate(self.effects):
             self._add(index, effect)
 
     def _add(self, index: int, effect: Any) -> None:
         needs, renderer = None, renderer_of(effect)
         if not has_keys(effect):
+            # What an effect needs does not depend on the seed.
             needs = needs_of(effect, self.frame(0.0))
             if not needs.steps:
                 self.left_out += needs.left_out
                 return
-            needs = None if needs.varies else needs
         own = getattr(effect, "seed", None)
         seed = effect_seed(self.seed, index) if own is None else own
         self.parts.append(Part(effect, renderer, index, seed, needs))
@@ -120,27 +109,13 @@ class Program:
 
     def camera(self, eye: Camera | None, t: float) -> Camera:
         """Return an eye, or the path's own camera, as it is at `t`."""
-        return self.path.pose(self.path.camera if eye is None else eye, t)
+        path = self.base.path
+        return path.pose(path.camera if eye is None else eye, t)
 
     def frame(self, t: float, camera: Camera | None = None, window: Window | None = None) -> Frame:
         """Return the view of an effect that draws no random numbers, without depth and light."""
-        return Frame(
-            shape=self.shape,
-            window=self._window if window is None else window,
-            t=t,
-            fps=self.fps,
-            camera=self.camera(None, t) if camera is None else camera,
-            path=self.path,
-            # What an effect needs must not depend on the seed: one view serves all of them.
-            seed=0,
-            sun=self.sun,
-            lights=self.lights,
-            lens=self.lens,
-            lap=self.lap,
-            still=self.still,
-            settled=self.settled,
-            deep=self.deep,
-        )
+        camera = self.camera(None, t) if camera is None else camera
+        return self.base.derive(t=t, camera=camera, window=window or self.base.window)
 
     def asks(
         self, t: float, camera: Camera, window: Window, dtype: np.dtype[Any] | None, *,
@@ -155,18 +130,18 @@ class Program:
         reads = frozenset[str]().union(*(needs.reads for _, needs in runs)) if read else ()
         depth, edges = self._depths_at(t) if "depth" in reads else (None, None)
         ambient = self._ambient(t) if "ambient" in reads else None
-        front = self.front(t) if runs else None
-        visible = None if front is None or dtype is None else front.visible
-        sides = (edges and edges.front, front.deep if front is not None and read else None)
+        front = self.front(t)
+        visible = None if dtype is None else front.visible
+        sides = (edges and edges.front, front.deep if read else None)
         nearer = tuple(deep for deep in sides if deep is not None)
         plate = self._plate(t, depth) if "plate" in reads else None
-        found, airs = [], [air_of(part.renderer, t) if self.lights else 0.0 for part, _ in runs]
+        airs = [air_of(part.renderer, t) if base.lights else 0.0 for part, _ in runs]
+        found = []
         for number, (part, needs) in enumerate(runs):
             frame = base.derive(
                 seed=part.seed,
                 air=(sum(airs), sum(airs[:number])),
                 steps={step.name: step for step in needs.steps},
-                kept=self._kept if self.fixed else None,
                 visible=visible,
                 whole=dtype is None,
                 depth=depth if "depth" in needs.reads else None,
@@ -179,7 +154,7 @@ class Program:
 
     def views(self, t: float) -> list[tuple[Any, Frame]]:
         """Return the effects that run at `t`, each with its exact view of the whole frame."""
-        asks = self.asks(t, self.camera(None, t), self._window, None)
+        asks = self.asks(t, self.camera(None, t), self.base.window, None)
         return [(ask.part.effect, ask.frame) for ask in asks]
 
     def _parts_in(self, frame: Frame, dtype: np.dtype[Any] | None) -> list[tuple[Part, Needs]]:
@@ -201,25 +176,21 @@ class Program:
                 total += change
         return shown
 
-    def front(self, t: float) -> Front | None:
-        """Return the mattes in front of the weather at `t`."""
-        if self.mattes is None:
-            return None
-        found: Front = self.mattes.frame(t)
+    def front(self, t: float) -> Front:
+        found: Front = NOTHING_IN_FRONT if self.mattes is None else self.mattes.frame(t)
         return found
 
-    def open_part(self, window: Window, front: Front | None) -> Window | None:
+    def open_part(self, window: Window, front: Front) -> Window | None:
         """Return the part of a window in which the weather can be seen at all."""
-        if not self.parts:
-            return None
-        visible = None if front is None else front.visible
-        return window if visible is None else visible.within(window)
+        if not self.parts or front.visible is None:
+            return window if self.parts else None
+        return front.visible.within(window)
 
     def depth_at(self, t: float) -> Array | None:
         """Return the background's depth at `t`, (H, W) float32, or None."""
         if self.distance is None:
             # What stands in the air before nothing needs one all the same.
-            return np.full(self.shape, np.inf, np.float32) if self.deep else None
+            return np.full(self.base.shape, np.inf, np.float32) if self.base.deep else None
         with current.get().stage("depth"):
             depth: Array = self.distance.frame(t)
         return depth
@@ -240,7 +211,6 @@ class Program:
         return light_of(sums, keyed=keyed)
 
     def _light(self) -> Light:
-        """Return the light of the shot, as the scene says it or found once."""
         if self.light is None and "light" not in self.found:
             self.found["light"] = (), self.find_light()
         light: Light = self.light or self.found["light"][1]
@@ -268,7 +238,6 @@ class Program:
         return answer
 
     def _picture(self, t: float) -> tuple[Array, str]:
-        """Return the background at `t` and its encoding, in the primaries of Rec. 709."""
         picture = self.backdrop.frame(t)
         if self.primaries is not None:
             # Effects' colors are of Rec. 709's primaries.

@@ -80,7 +80,6 @@ class Plan:
         return "\n".join(lines[1:])
 
     def _repr_html_(self) -> str:
-        """Return tables, with a bar for each step's share of the time."""
         times = [step.milliseconds or 0.0 for step in self.steps]
         longest = max(times, default=0.0) or 1.0
         bars = ["", *("█" * round(20.0 * time / longest) for time in times)]
@@ -91,7 +90,6 @@ class Plan:
         return f"<div>{''.join(tables)}</div>"
 
     def _tables(self) -> list[tuple[str, list[tuple[str, ...]]]]:
-        """Return the steps, what is left out and what accuracy costs, with titles."""
         rows = [("step", "what", f"{'ms':>8}", f"{'MiB':>8}", "")]
         for step in self.steps:
             rare = f"in {100.0 * step.share:.0f} % of the frames" if step.share < 1.0 else ""

@@ -13,8 +13,9 @@ from flurries._trace import current
 from flurries.camera.lens import Camera
 from flurries.frame.bands import Window, crop
 from flurries.frame.layer import Layer
-from flurries.frame.mixing import behind, free_name
-from flurries.frame.picture import draw
+from flurries.frame.matte import Front
+from flurries.frame.mixing import Mix, free_name
+from flurries.frame.picture import Picture
 from flurries.frame.program import Program
 from flurries.frame.show import figure, listing
 from flurries.frame.view import Shared
@@ -138,27 +139,15 @@ def _truth(
 ) -> Rendered:
     with current.get().stage("background"):
         plate = crop(program.backdrop.frame(t), window)
-    parts = [
-        layer
+    front = program.front(t).window(window)
+    asks = [
+        ask._replace(frame=ask.frame.derive(shared=shared, whole=known))
         for ask in program.asks(t, camera, window, None)
-        for layer in draw(ask.part.renderer, ask.frame.derive(shared=shared, whole=known))
     ]
-    whole_front = program.front(t)
-    front = None if whole_front is None else whole_front.window(window)
-    if front is not None and front.cover is not None:
-        # A mask keeps the weather from the background's own pixels in front.
-        parts = [behind(part, front.cover) for part in parts]
     mix = program.mix(plate)
-    with current.get().stage("composite"):
-        light = mix.decode(plate)
-        if front is not None:
-            light = front.behind(light, linear=mix.linear)
-        back = light
-        for part in parts:
-            light = mix.over(light, part)
-        if front is not None:
-            light = front.over(light, linear=mix.linear)
-        image = mix.encode(light, plate)
+    picture = Picture(asks, mix, plate, front, window, window)
+    parts = picture.shown = []
+    image = picture.compose(window, None)
     names: dict[str, Layer] = {}
     for part in parts:
         names[free_name(part.name, names)] = part
@@ -180,12 +169,17 @@ def _truth(
         motion=_chosen([part.motion for part in parts], most, 0.0),
         backward=_chosen([part.backward for part in parts], most, 0.0),
         weather_depth=_chosen([part.depth for part in parts], most, np.inf),
-        background=mix.plate(plate)
-        if front is None or front.deep is None
-        else to_single(to_unit(back)),
-        foreground=None if front is None else front.rgba(linear=mix.linear),
+        background=_behind(front, mix, plate),
+        foreground=front.rgba(linear=mix.linear),
         linear=mix.linear,
     )
+
+
+def _behind(front: Front, mix: Mix, plate: Array) -> Array:
+    """Return a plate in the light of the mix, with what stands in the weather over it."""
+    if front.deep is None:
+        return mix.plate(plate)
+    return to_single(to_unit(front.behind(mix.decode(plate), linear=mix.linear)))
 
 
 def _most(alphas: Sequence[Array]) -> list[Array]:

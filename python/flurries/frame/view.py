@@ -56,7 +56,6 @@ class Lap(NamedTuple):
 
     @property
     def end(self) -> int:
-        """The frame that is the first again."""
         return self.first + self.frames
 
     def place(self, t: float) -> float:
@@ -172,7 +171,8 @@ class Frame:
             with current.get().stage(name):
                 return make()
 
-        if self.kept is None or self.steps is None or not self.steps[name].once:
+        once = self.settled and self.steps is not None and self.steps[name].once
+        if not once or self.kept is None:
             return made()
         key = id(owner), name, self.camera, self.window, self.whole, self.side, reproducible()
         return self.kept.once(key, lambda: _read_only(made()))
@@ -180,13 +180,15 @@ class Frame:
     def standing(self, owner: object, key: Hashable, make: Callable[[], _Made]) -> _Made:
         """Return what is made of the depth over the window and a key; of one that stays, once."""
         # A frame in bands makes it anew: it would be as large as many of its bands.
-        if self.kept is None or self.banded:
+        if self.banded:
             return make()
+        if self.kept is None:
+            return self.once(owner, key, make, depth=True)
         key = id(owner), key, self.window, self.side, reproducible()
         return self.kept.once(key, make)
 
     def once(
-        self, owner: object, name: str, make: Callable[[], _Made], *, eye: bool = False,
+        self, owner: object, name: Hashable, make: Callable[[], _Made], *, eye: bool = False,
         depth: bool = False,
     ) -> _Made:  # fmt: skip
         """Return what `make` returns; for a second eye or band what it returned for the first."""
@@ -223,7 +225,6 @@ class Frame:
 
     @property
     def size(self) -> tuple[int, int]:
-        """(h, w) of the window."""
         return shape_of(self.window)
 
     def crop(self, plane: Array) -> Array:
@@ -255,10 +256,6 @@ class Frame:
         """
         return self.path.relative(self.t, fps=self.fps, fall=fall, wind=wind)[0]
 
-    def velocity(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
-        """Return camera minus what falls in the wind, house axes, (3,) world units per frame."""
-        return self.path.relative(self.t, fps=self.fps, fall=fall, wind=wind)[1]
-
     def travel(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
         """Return P, camera minus air since frame 0, (3,) world units in the eye's turning axes."""
         return self.to_camera(self.path.travel(self.t, fps=self.fps, fall=fall, wind=wind))
@@ -277,7 +274,6 @@ class Frame:
 
 
 def _read_only(found: _Made) -> _Made:
-    """Return what all frames share, so that none writes to it."""
     for part in (found, getattr(found, "alpha", None), getattr(found, "rgb", None)):
         if isinstance(part, np.ndarray):
             part.flags.writeable = False

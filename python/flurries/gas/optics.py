@@ -85,12 +85,8 @@ def extinction(
     space = check.real("volume", volume, low=SMALLEST, high=LARGEST)
     size = check.real("radius", radius, low=SMALLEST, high=LARGEST)
     opacity = check.real("density", density, low=0.0, high=1.0)
-    return (
-        number
-        / space
-        * opacity
-        * (AREAS[check.choice("edge", edge, tuple(AREAS))] * (size / 3.0) ** 2)
-    )
+    area = AREAS[check.choice("edge", edge, tuple(AREAS))] * (size / 3.0) ** 2
+    return number / space * opacity * area
 
 
 def visibility(beta: float, *, contrast: float = 0.05) -> float:

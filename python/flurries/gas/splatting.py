@@ -137,7 +137,6 @@ def _drawn(
     shape: tuple[int, int], gas: Gas, colors: Float64 | None, camera: Camera,
     manner: tuple[Any, ...], depth: npt.ArrayLike | None, dtype: npt.DTypeLike, out: Array | None,
 ) -> Array:  # fmt: skip
-    """Return the light and alpha of a gas of colors, or its alpha alone."""
     size = check.shape_of("shape", shape)
     kind = check.float_dtype(dtype)
     sight = lens_of(camera, size), manner_of(kind, *manner)
@@ -197,7 +196,6 @@ def colors_of(color: npt.ArrayLike, count: int) -> Float64:
 def lens_of(
     camera: Camera, size: tuple[int, int]
 ) -> tuple[float, float, float, tuple[float, float, float]]:
-    """Return the camera as plain numbers."""
     view = expect_camera(camera)
     x, y = view.principal(size)
     return (view.focal, x, y, view.offset)
@@ -207,7 +205,6 @@ def manner_of(
     kind: np.dtype[Any], footprint: str, edge: str, near: float, near_mode: str, occlusion: str,
     error: float | None,
 ) -> tuple[str, str, float, str, bool, float]:  # fmt: skip
-    """Return the manner in which gas is drawn, as plain values."""
     limit = (
         FINISHED[kind.name] if error is None else check.real("error", error, low=0.0, high=0.999)
     )

@@ -127,7 +127,7 @@ def _set_camera(camera: Any, pose: Any, scene: Scene, number: int, Gf: Any) -> N
     eye = program.camera(None, t)
     height, width = scene.shape
     turn = _UP[:, None] * eye.matrix() * _UP
-    place = program.path.place(t, fps=scene.fps) + eye.matrix() @ eye.offset
+    place = program.base.path.place(t, fps=scene.fps) + eye.matrix() @ eye.offset
     matrix = np.eye(4)
     matrix[:3, :3], matrix[3, :3] = turn.T, place * _UP
     pose.Set(Gf.Matrix4d(matrix.tolist()), float(number))

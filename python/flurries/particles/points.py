@@ -190,7 +190,6 @@ def _read(
     opacity: npt.ArrayLike, velocity: npt.ArrayLike | None, shutter: float, near: float,
     depth: npt.ArrayLike | None,
 ) -> tuple[tuple[Any, ...], list[npt.NDArray[Any]]]:  # fmt: skip
-    """Return flakes as the kernels read them, and the arrays that no output may overlap."""
     place = check.rows_of("points", points, 3)
     aspect = expect_camera(camera, stretched=True).aspect
     width, cover = (

@@ -81,7 +81,6 @@ class Sizes:
         return at, half * _WEIGHTS * rate
 
     def mean_of(self, law: Law) -> float:
-        """Return the mean of what a law makes of the diameters."""
         at, share = self.nodes(self.smallest, self.largest)
         return float(share @ law(at))
 
@@ -91,7 +90,6 @@ class Sizes:
 
 
 def _mean_of(smallest: float, slope: float, largest: float) -> float:
-    """Return the mean of exp(-slope D) between two diameters."""
     width = largest - smallest
     x = slope * width
     if abs(x) < 1e-3:

@@ -54,7 +54,6 @@ def number_or_none(name: str, value: Any, *, low: int) -> int | None:
 
 
 def parse_region(region: Any, shape: tuple[int, int]) -> Window:
-    """Return the window of two slices."""
     wanted = "region must be two slices, as from np.s_[100:200, 50:80]"
     try:
         (top, bottom, down), (left, right, along) = map(slice.indices, region, shape)
@@ -71,7 +70,6 @@ def require_few(name: str, given: Sequence[object], most: int) -> None:
 
 
 def effects_of(given: Effect | Sequence[Effect]) -> tuple[Effect, ...]:
-    """Return the effects of a scene, or refuse what is none."""
     listed: Any = (given,) if renderer_of(given) is not None else given
     if not isinstance(listed, (list, tuple)):
         raise TypeError(f"effects must be a sequence of effects, got {listed!r}")
@@ -83,7 +81,6 @@ def effects_of(given: Effect | Sequence[Effect]) -> tuple[Effect, ...]:
 
 
 def lights_of(lights: Any) -> tuple[Lamp, ...]:
-    """Return the lamps of a scene, or refuse what is none."""
     if isinstance(lights, Lamp):
         return (lights,)
     if not isinstance(lights, (list, tuple)) or not all(isinstance(one, Lamp) for one in lights):

@@ -14,6 +14,7 @@ from flurries.io import fit, open_background
 from flurries.io.color import parse_hex
 from flurries.io.colorspace import ColorSpace
 from flurries.io.files import file_of
+from flurries.io.sequences import Span
 from flurries.scene.numbered import Display, Numbered, Planes, pixels_of, read_only
 
 _DEFAULT_SIZE = (1024, 768)
@@ -41,9 +42,9 @@ class Backdrop:
 
     def sampled(self, most: int) -> list[int]:
         """Return the numbers of frames spread evenly over all there are."""
-        if self.files is None or self.files.span is None:
+        span = self.span
+        if self.files is None or span is None:
             return [0]
-        span = self.files.span
         count = span.last - span.first + 1
         most = min(most, count)
         numbers = [span.first + (2 * k + 1) * count // (2 * most) for k in range(most)]
@@ -53,8 +54,12 @@ class Backdrop:
     @property
     def deep(self) -> bool:
         """Whether it has more than 8 bits a color, as its first frame says."""
-        first = 0 if self.files is None or self.files.span is None else self.files.span.first
-        return self.frame(first).dtype != np.uint8
+        return self.frame(0 if self.span is None else self.span.first).dtype != np.uint8
+
+    @property
+    def span(self) -> Span | None:
+        """The numbers of its frames; None of a still."""
+        return None if self.files is None else self.files.span
 
     def decoded(self, space: ColorSpace) -> Backdrop:
         """Return the same as light of a color space's working space."""
@@ -77,7 +82,6 @@ class Backdrop:
 
     @property
     def files(self) -> Numbered | None:
-        """The files of the background, where it is a source."""
         return self.source.files
 
 

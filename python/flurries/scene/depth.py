@@ -111,7 +111,6 @@ class Distance(Planes):
         return depth
 
     def edges(self, t: float) -> Edges | None:
-        """Return its edges, if it has any."""
         edges: Edges | None = super().frame(t)[1]
         return edges
 

@@ -6,8 +6,9 @@ import errno
 import math
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -20,8 +21,9 @@ from flurries.io.pictures.slate import Slate, read_slate
 from flurries.io.sequences import Span, words_of
 from flurries.io.sources import Source, VideoSource
 from flurries.scene.background import Backdrop
+from flurries.scene.depth import Distance
 from flurries.scene.foreground import Mattes
-from flurries.scene.numbered import Numbered, Planes
+from flurries.scene.numbered import Numbered
 
 if TYPE_CHECKING:
     from flurries.scene.rendering import Rendering
@@ -29,20 +31,26 @@ if TYPE_CHECKING:
 # Which frames: "1-60", a number, numbers, or all there are.
 Frames: TypeAlias = str | int | Iterable[int] | None
 
+Extend: TypeAlias = Literal["stop", "hold", "loop"]
+
+# "raw.1001.exr".
+NUMBERED = r".+\.(-?[0-9]{2,9})\.[^.]+"
+
 # Three seconds of film, where neither the caller nor the background says how long.
 DEFAULT_SECONDS = 3.0
 
 
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Sources:
     """The part of a scene that answers for its files: background, depth, mattes and camera."""
 
     size: tuple[int, int]
     fps: float
     camera: CameraPath
-    extend: Any
-    _backdrop: Backdrop
-    _mattes: Mattes | None
-    _distance: Planes | None
+    extend: Extend
+    _backdrop: Backdrop = field(init=False)
+    _mattes: Mattes | None = field(init=False)
+    _distance: Distance | None = field(init=False)
 
     def _slate(self, t: float) -> Slate:
         """Return the slate of the background's frame floor(t), at the scene's rate."""
@@ -68,22 +76,10 @@ class Sources:
         return found.at(rate, None if code is None else code.later(beyond))
 
     @property
-    def _frames(self) -> int | None:
-        """The number of the background's frames; None for a still."""
-        return self._backdrop.count
-
-    @property
-    def _number(self) -> int | None:
-        """The frame that the name of a still says that it is, as "raw.1001.exr"."""
-        name = Path(getattr(self._source, "spec", "")).name
-        found = re.fullmatch(r".+\.(-?[0-9]{2,9})\.[^.]+", name)
-        return None if found is None else int(found[1])
-
-    @property
     def range(self) -> tuple[int, int] | None:
         """The numbers of the background's first and last frame; None for a still."""
-        files = self._backdrop.files
-        return None if files is None or files.span is None else (files.span.first, files.span.last)
+        span = self._backdrop.span
+        return None if span is None else (span.first, span.last)
 
     @property
     def _spans(self) -> list[Span]:
@@ -137,8 +133,7 @@ class Sources:
     @property
     def _held(self) -> set[int]:
         """Frames rendered so far whose background is that of an earlier one."""
-        files = self._backdrop.files
-        first = 0 if files is None or files.span is None else files.span.first
+        first = 0 if self.range is None else self.range[0]
         return {first + place for place in getattr(self._source, "held", ())}
 
     @property
@@ -161,10 +156,11 @@ def frames_of(scene: Rendering, frames: Frames, *, film: bool = False) -> list[i
         # The camera is the last of them, and goes before depth and foreground.
         for span in reversed(scene._spans):
             return list(range(span.first, span.last + 1))
-        number = scene._number
-        if number is not None and not film:
-            return [number]
-        first = 1 if number is None else number
+        # The frame that the name of a still says that it is.
+        name = re.fullmatch(NUMBERED, Path(getattr(scene._source, "spec", "")).name)
+        if name is not None and not film:
+            return [int(name[1])]
+        first = 1 if name is None else int(name[1])
         return list(range(first, first + math.ceil(DEFAULT_SECONDS * scene.fps)))
     if isinstance(frames, str):
         numbers: Sequence[int] = frame_range(frames)

@@ -19,7 +19,7 @@ from flurries.effects.motion import STILL
 from flurries.io import Pattern
 from flurries.motion.keys import Keys
 from flurries.scene.depth import DepthMap
-from flurries.scene.foreground import listed
+from flurries.scene.foreground import called, listed
 from flurries.scene.scene import Scene, expect_scene
 from flurries.scene.toml.writer import describe
 
@@ -147,12 +147,10 @@ def _rest_of_way(path: CameraPath) -> tuple[object, ...]:
 
 
 def short_hash(value: object) -> str:
-    """Return a hash of what a value's `repr` says."""
     return hashlib.sha256(repr(value).encode()).hexdigest()[:16]
 
 
 def hash_of(path: Path) -> str:
-    """Return the SHA-256 of a file."""
     with path.open("rb") as file:
         digest = hashlib.sha256()
         while block := file.read(1 << 20):
@@ -226,13 +224,12 @@ def _values(scene: Scene) -> dict[str, Any]:
     found = {"background": scene.background, "depth": scene.depth}
     mattes = [] if scene.foreground is None else listed(scene.foreground)
     for number, matte in enumerate(mattes, 1):
-        name = "foreground" if number == 1 else f"foreground{number}"
+        name = called(number)
         found |= {name: matte.source, f"{name} depth": matte.depth}
     return found
 
 
 def _specs(scene: Scene) -> dict[str, str]:
-    """Return the files that a scene reads, by the argument that names them."""
     found = {name: files.source for name, files in scene._files.items()}
     return {
         name: str(Path(source.spec).absolute())
@@ -242,7 +239,6 @@ def _specs(scene: Scene) -> dict[str, str]:
 
 
 def _files(spec: str) -> list[Path]:
-    """Return the files of a picture, a film or a sequence's pattern."""
     if Path(spec).is_file():
         return [Path(spec)]
     pattern = Pattern(spec)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Array, finite, shares, suggesting
+from flurries._kept import Kept
 from flurries._warnings import warn_of_levels
 from flurries.frame.matte import Deep, Front, Matte
 from flurries.io import fit, open_background
@@ -18,7 +19,7 @@ from flurries.io.files import file_of
 from flurries.io.pictures.reader import Picture, luminance
 from flurries.io.sources import open_matte
 from flurries.scene.depth import distance_of
-from flurries.scene.numbered import Display, Last, Numbered, Planes, pixels_of, placed
+from flurries.scene.numbered import Display, Numbered, Planes, pixels_of, placed, read_only
 
 __all__ = ["Foreground"]
 
@@ -66,46 +67,43 @@ class Mattes:
 
     # Back to front, each a plane and whether it came as integers, with its depth.
     parts: tuple[tuple[Planes, Planes | None], ...]
-    _last: Last = field(default_factory=Last)
+    _kept: Kept = field(default_factory=partial(Kept, 1))
 
     @property
     def still(self) -> bool:
-        """Whether every frame has the same."""
         return all(part.still and (far is None or far.still) for part, far in self.parts)
 
     @property
     def deep(self) -> bool:
-        """Whether one has a depth."""
         return any(far is not None for _, far in self.parts)
 
     def frame(self, t: float) -> Front:
         """Return the mattes at frame floor(t); the very same object while it is kept."""
-        found = [
-            (*part.frame(t), None if far is None else far.frame(t)) for part, far in self.parts
-        ]
-        # Planes that are kept are the very same again.
-        planes = tuple(plane for each in found for plane in each)
-        return self._last.of(planes, lambda: _front(found))
+        places = tuple(plane.place(t) for pair in self.parts for plane in pair if plane is not None)
+
+        def make() -> Front:
+            return _front([(*part.frame(t), far and far.frame(t)) for part, far in self.parts])
+
+        return self._kept.once(places, make)
 
     def sources(self) -> dict[str, Numbered]:
         """Return the files, by what they are called."""
-        found = {}
+        found: dict[str, Planes | None] = {}
         for number, (part, far) in enumerate(self.parts, 1):
-            name = "foreground" if number == 1 else f"foreground{number}"
-            if part.files is not None:
-                found[name] = part.files
-            if far is not None and far.files is not None:
-                found[f"{name} depth"] = far.files
-        return found
+            found |= {called(number): part, f"{called(number)} depth": far}
+        return {name: one.files for name, one in found.items() if one and one.files}
+
+
+def called(number: int) -> str:
+    """Return the name of a scene's first, second and further matte."""
+    return "foreground" if number == 1 else f"foreground{number}"
 
 
 def frozen(value: Any) -> Any:
     """Return an argument as nobody can change it: of an array that can be, a copy."""
     if not isinstance(value, np.ndarray) or (value.base is None and not value.flags.writeable):
         return value
-    own = value.copy()
-    own.flags.writeable = False
-    return own
+    return read_only(value.copy())
 
 
 def listed(value: Any) -> list[Foreground]:
@@ -178,7 +176,6 @@ def _of_array(value: Any, shape: tuple[int, int]) -> tuple[Array, bool]:
 
 
 def _front(parts: Sequence[tuple[Array, bool, Array | None]]) -> Front:
-    """Return planes, each whether of integers and with its depth, as what a frame needs."""
     flat: list[Matte] = []
     deep: list[tuple[Matte, Array]] = []
     for plane, whole, depth in parts:

@@ -54,7 +54,6 @@ class Looped(NamedTuple):
 
 
 def looped_scene(scene: Rendering, lap: Lap) -> Looped:
-    """Return the parts of a scene that repeats."""
     effects, path, lights, fps = scene.effects, scene._path, scene.lights, scene.fps
     bent: list[str] = []
 
@@ -104,7 +103,7 @@ def looped_scene(scene: Rendering, lap: Lap) -> Looped:
     tilts = any(isinstance(effect, (ConeRain, ConeSnow)) for effect in effects)
     path, of_camera = looped_path(path, lap.first, lap.frames, fps, stays=stays, tilts=tilts)
     bent += of_camera
-    if scene._frames is not None:
+    if scene._backdrop.count is not None:
         bent.append(
             f"background: it is shown from frame {lap.first} to {lap.end - 1} and begins again"
         )
@@ -220,11 +219,9 @@ class Earlier:
     NAME: str  # For people.
 
     def needs(self, frame: Frame) -> Needs:
-        """Return the needs of the effect."""
         return needs_of(self.effect, self.then(frame))
 
     def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
-        """Return its layer."""
         made: Layer | tuple[Layer, ...] = renderer_of(self.effect).render(self.then(frame))
         return made
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from flurries._contract import Array, rectangular
+from flurries._kept import Kept
 from flurries.io.sequences import Span
 from flurries.io.sources import VideoSource
-
-_Made = TypeVar("_Made")
 
 # (left, top, width, height), px.
 Display = tuple[int, int, int, int]
@@ -65,28 +65,6 @@ class Numbered:
         return [number for number, own in numbers.items() if own in missing]
 
 
-class Last:
-    """What was made of the last frame's parts; in a copy or another process it begins anew."""
-
-    def __init__(self) -> None:
-        self.kept: tuple[tuple[Any, ...], Any] | None = None
-
-    def of(self, parts: tuple[Any, ...], make: Callable[[], _Made]) -> _Made:
-        """Return what `make` makes of numbers, or of objects that are the very same."""
-        kept = self.kept
-        if kept is None or not all(map(_same, parts, kept[0])):
-            kept = self.kept = parts, make()
-        made: _Made = kept[1]
-        return made
-
-    def __reduce__(self) -> tuple[type[Last], tuple[()]]:
-        return Last, ()
-
-
-def _same(one: object, other: object) -> bool:
-    return one is other or (type(one) is int and one == other)
-
-
 @dataclass(frozen=True, eq=False)
 class Planes:
     """What is made of one picture, or of each of some files; the last one is kept."""
@@ -94,29 +72,32 @@ class Planes:
     given: Any  # The picture, where there are no files.
     files: Numbered | None = None
     steps: tuple[Callable[[Any], Any], ...] = ()
-    last: Last = field(default_factory=Last)
+    kept: Kept = field(default_factory=partial(Kept, 1))
 
     @property
     def still(self) -> bool:
-        """Whether every frame has the same."""
         return self.files is None or self.files.span is None
 
     def then(self, step: Callable[[Any], Any]) -> Planes:
-        """Return the same with one step more."""
-        return replace(self, steps=(*self.steps, step), last=Last())
+        return Planes(self.given, self.files, (*self.steps, step))
 
     def frame(self, t: float) -> Any:
         """Return what frame floor(t) has."""
         if self.files is None and not self.steps:
             return self.given
-        place = None if self.files is None else self.files.place(t)
-        return self.last.of((place,), lambda: self._made(place))
+        place = self.place(t)
 
-    def _made(self, place: int | None) -> Any:
-        made = self.given if self.files is None else self.files.source.frame(place)
-        for step in self.steps:
-            made = step(made)
-        return made
+        def make() -> Any:
+            made = self.given if self.files is None else self.files.source.frame(place)
+            for step in self.steps:
+                made = step(made)
+            return made
+
+        return self.kept.once(place, make)
+
+    def place(self, t: float) -> int:
+        """Return which of the files frame floor(t) is made of; 0 of one picture."""
+        return 0 if self.files is None else self.files.place(t)
 
 
 def pixels_of(name: str, value: object, wanted: str, *more: type) -> Array:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from flurries._contract import Array, real
 from flurries.camera.lens import Camera
@@ -20,7 +20,7 @@ from flurries.frame.needs import renderer_of
 from flurries.frame.picture import images
 from flurries.frame.program import Program
 from flurries.frame.truth import Rendered, truth
-from flurries.frame.view import Lap
+from flurries.frame.view import Frame, Lap
 from flurries.io.colorspace import ColorSpace
 from flurries.light.lamp import Lamp, Sun
 from flurries.light.shot import Light
@@ -39,23 +39,26 @@ if TYPE_CHECKING:
     from flurries.output.write import Summary
 
 Region: TypeAlias = tuple[slice, slice]
+Space: TypeAlias = Literal["auto", "display", "linear"]
 
 
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Rendering(Sources):
     """The part of a scene that makes its frames."""
 
     effects: tuple[Any, ...]
-    loop: int | None
     seed: int
+    space: Space
     sun: Sun | None
+    colorspace: str | None
     lights: tuple[Lamp, ...]
     light: Light | None
     lens: Lens | None
-    _still: bool
-    space: str
-    colorspace: str | None
-    _path: CameraPath
-    _found: dict[str, tuple[Any, ...]]
+    loop: int | None
+    _still: bool = field(init=False)  # Whether it is one picture, exposed as a photograph is.
+    _path: CameraPath = field(init=False)
+    # What was found in the background, such as its light: also of scenes derived from this one.
+    _found: dict[str, tuple[Any, ...]] = field(init=False, compare=False)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -65,7 +68,6 @@ class Rendering(Sources):
 
     @cached_property
     def _color(self) -> ColorSpace | None:
-        """The background's color space, where it is said."""
         return None if self.colorspace is None else ColorSpace.of("colorspace", self.colorspace)
 
     @property
@@ -76,7 +78,6 @@ class Rendering(Sources):
 
     @property
     def _linear(self) -> bool:
-        """Whether layers are mixed in linear light."""
         if self.space == "auto":
             local = any(is_local(getattr(effect, "color", None)) for effect in self.effects)
             return local or bool(self.lights) or self._backdrop.encoding == "linear"
@@ -117,13 +118,16 @@ class Rendering(Sources):
         """The program of each frame, resolved when it is first asked for."""
         parts = (self.effects, self._path, self.lights, self.light, self.lens)
         effects, path, lights, light, lens = parts if self.loop is None else self._looped[:5]
+        base = Frame(
+            shape=self.shape, window=whole(self.shape), t=0.0, fps=self.fps, camera=path.camera,
+            path=path, seed=0, sun=self.sun, lights=lights, lens=lens, lap=self._lap,
+            still=self._still,
+        )  # fmt: skip
         return Program(
-            effects=effects, shape=self.shape, fps=self.fps, path=path, seed=self.seed,
-            sun=self.sun, backdrop=self._backdrop, distance=self._distance, mattes=self._mattes,
-            linear=self._linear,
+            effects=effects, base=base, seed=self.seed, backdrop=self._backdrop,
+            distance=self._distance, mattes=self._mattes, linear=self._linear,
             primaries=None if self._color is None else self._color.working.from_rec709(),
-            lights=lights, light=light, lens=lens, lap=self._lap, still=self._still,
-            found=self._found,
+            light=light, found=self._found,
         )  # fmt: skip
 
     def render(self, t: float, *, region: Region | None = None, eye: Camera | None = None) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -25,20 +25,19 @@ from flurries.io.sources import Source
 from flurries.light.lamp import Lamp, Sun
 from flurries.light.shot import Light
 from flurries.scene.arguments import effects_of, lights_of, number_or_none, one_or_none, parse_size
-from flurries.scene.background import Backdrop, backdrop
+from flurries.scene.background import backdrop
 from flurries.scene.depth import DepthMap, Distance, distance_of
-from flurries.scene.foreground import Foreground, Mattes, frozen, mattes_of
+from flurries.scene.files import Extend
+from flurries.scene.foreground import Foreground, frozen, mattes_of
 from flurries.scene.numbered import Display
 from flurries.scene.output import Output
-from flurries.scene.rendering import Rendering
+from flurries.scene.rendering import Rendering, Space
 from flurries.scene.words import line_of, page_of
 
 __all__ = ["Rendered", "Scene"]
 
 Background: TypeAlias = str | Path | Sequence[float] | Array | Source
 Depth: TypeAlias = float | Array | str | Path | DepthMap
-Space: TypeAlias = Literal["auto", "display", "linear"]
-Extend: TypeAlias = Literal["stop", "hold", "loop"]
 Matte: TypeAlias = str | Path | Array | Foreground
 Front: TypeAlias = Matte | Sequence[Matte] | None
 
@@ -132,30 +131,10 @@ class Scene(Rendering):
     """
 
     background: Background
-    size: tuple[int, int]
-    camera: CameraPath
-    effects: tuple[Any, ...]
-    fps: float
-    seed: int
     foreground: Front
-    space: Space
     depth: Depth | None
-    sun: Sun | None
-    extend: Extend
     start: int | None
-    colorspace: str | None
-    lights: tuple[Lamp, ...]
-    light: Light | None
-    lens: Lens | None
-    _still: bool = field(init=False)  # Whether it is one picture, exposed as a photograph is.
-    loop: int | None
     output: Output
-    _backdrop: Backdrop = field(init=False)
-    _mattes: Mattes | None = field(init=False)
-    # What was found in the background, such as its light: also of scenes derived from this one.
-    _found: dict[str, tuple[Any, ...]] = field(init=False, compare=False)
-    _distance: Distance | None = field(init=False)
-    _path: CameraPath = field(init=False)
 
     def __init__(
         self, background: Background = "#000000", *, size: tuple[int, int] | None = None,
@@ -331,7 +310,6 @@ def find_light(scene: Scene, *, keyed: bool = False) -> Light:
 
 
 def expect_scene(scene: object) -> Scene:
-    """Return a scene, or refuse what is none."""
     if not isinstance(scene, Scene):
         raise TypeError(f"scene must be a flurries.Scene, got {type(scene).__name__}")
     return scene

@@ -64,7 +64,7 @@ class Session:
             "height": height,
             "full": list(self.scene.size or ()),
             "fps": self.scene.fps,
-            "frames": self.scene._frames,
+            "frames": self.scene._backdrop.count,
             "effects": names(self.scene),
             "textured": [field_of(effect) is not None for effect in self.scene.effects],
             "controls": [asdict(control) for control in controls],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 import sys
@@ -36,7 +37,7 @@ else:
 # The number that files say, raised where an older file would mean something else.
 FORMAT = 3
 
-SCENE = tuple(f.name for f in fields(Scene) if f.init)
+SCENE = tuple(inspect.signature(Scene).parameters)
 # Tables that are objects, by their keys.
 PARTS: dict[str, Any] = {"sun": Sun, "light": Light, "lens": Lens, "output": Output}
 DEPTH = ("source", "near", "far", "white", "law")

@@ -15,7 +15,7 @@ from flurries.io import replacing
 from flurries.motion.keys import Keys
 from flurries.motion.wind import Wind
 from flurries.scene.depth import DepthMap
-from flurries.scene.foreground import listed
+from flurries.scene.foreground import called, listed
 from flurries.scene.scene import Scene, expect_scene
 from flurries.scene.toml.reader import DEPTH, FORMAT, WAY
 
@@ -99,7 +99,7 @@ def _mattes(value: Any, folder: Path | None, leave_out: tuple[str, ...]) -> Any:
     """Return the foreground: a file, or a table for each."""
     tables = []
     for number, matte in enumerate(listed(value), 1):
-        name = "foreground" if number == 1 else f"foreground{number}"
+        name = called(number)
         entry = {} if name in leave_out else {"source": _background(name, matte.source, folder)}
         if matte.depth is not None:
             bare = f"{name} depth" in leave_out
