@@ -130,7 +130,7 @@ UNUSUAL = {"temporal_filter alias": "cut", "random_phase tile": (0, 0)}
 def test_defaults_are_the_papers():
     spectral = {name: getattr(fl.spectral, name) for name in (
         "field", "alpha", "opacity", "temporal_filter", "Texture", "tent_rate", "band_amplitude",
-        "random_phase", "blend_tiles", "inverse_transform",
+        "random_phase", "blend_tiles", "inverse_transform", "loop", "volume",
     )}  # fmt: skip
     for name, function in {**spectral, "tile_drift": fl.camera.tile_drift}.items():
         for key, parameter in inspect.signature(function).parameters.items():
