@@ -14,8 +14,7 @@ from measure import frame_of
 Camera, Keys, Scene, Snow = fl.camera.Camera, fl.Keys, fl.Scene, fl.effects.TentSnow
 LENS = Camera(300.0)
 FPS = 24.0
-W, H, GRAY = 90, 70, "#404448"
-FORWARD = np.array([0.0, 0.0, 1.0])
+W, H = 90, 70
 PLACES = np.random.default_rng(4).normal(size=(9, 3)).cumsum(axis=0)
 KEYED = fl.Keys([(2, (0.0, 1.0, 5.0)), (5, (3.0, 1.0, 4.0)), (11, (3.0, -2.0, 9.0))])
 PATHS: dict[str, fl.CameraPath] = {
@@ -68,7 +67,7 @@ def test_outside_it_goes_on_with_the_end_rates():
     ({"position": fl.Keys([(0, (0, 0, 5)), (3, (1, 0, 6))])}, True),
 ])  # fmt: skip
 def test_whether_it_goes_forward(arguments: dict[str, Any], forward: bool):
-    assert fl.CameraPath(LENS, **arguments).goes_along(FORWARD) is forward
+    assert fl.CameraPath(LENS, **arguments).goes_along(np.array([0.0, 0.0, 1.0])) is forward
 
 
 def asked(snow: fl.effects.TentSnow, frame: fl.effects.Frame) -> Any:
@@ -86,6 +85,7 @@ def test_the_longest_wave_moves_as_a_flake_at_its_depth(wind: Any, fall: float):
     assert np.abs(requests[1].drift - requests[0].drift - speed).max() < 1e-12
     assert np.abs(requests[0].velocity - speed).max() < 1e-12
     assert requests[0].wavelengths == snow.parts.texture.field.band((H, W))
+    assert asked(Snow(overlap=40, wavelengths=(2.0, 8.0)), frame_of(scene, 4.0)).overlap == 23
 
 
 def test_a_million_frames_are_exact():

@@ -26,9 +26,7 @@ _PIXELS, _BYTES = 2**28, 2**32
 
 
 def _limit(variable: str, default: int) -> int:
-    text = os.environ.get(variable, "").strip()
-    if not text:
-        return default
+    text = os.environ.get(variable, "").strip() or str(default)
     if not text.isascii() or not text.isdigit() or not 0 < len(text) <= 18 or int(text) == 0:
         raise ValueError(f"{variable} must be a whole number above 0, got {text[:40]!r}")
     return int(text)
@@ -156,3 +154,5 @@ def require_whole_png(path: Path, what: str) -> None:
                 ChunkStream(stream).verify()
             except (OSError, SyntaxError, ValueError) as error:
                 raise OSError(f"{what}: {error}") from error
+            if stream.read(4) != b"\xae\x42\x60\x82":  # The sum of the last chunk.
+                raise OSError(f"{what}: it lacks its end")
