@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from flurries.motion.keys import Keys
     from flurries.motion.wind import Wind
     from flurries.scene import Scene, open
-    from flurries.scene.flakes import flakes
+    from flurries.scene.scene import flakes
     from flurries.viewer import view
 
     __version__: str
@@ -52,7 +52,7 @@ __all__ = [
 _MODULES = {
     "camera": ("Camera",), "camera.path": ("CameraPath",), "effects": ("Mist", "Rain", "Snow"),
     "motion.keys": ("Keys",), "motion.wind": ("Wind",), "scene": ("Scene", "open"),
-    "scene.flakes": ("flakes",), "viewer": ("view",),
+    "scene.scene": ("flakes",), "viewer": ("view",),
 }  # fmt: skip
 _FROM = {name: module for module, names in _MODULES.items() for name in names}
 # Names of 0.2: who asks for one is told where it is.

@@ -14,17 +14,7 @@ import numpy as np
 
 from flurries._contract import real, seed_of, vector
 from flurries._warnings import warn
-from flurries.effects.checks import (
-    length,
-    one_of,
-    optional,
-    pair,
-    part_of,
-    settle,
-    share,
-    shutter,
-    wind,
-)  # fmt: skip
+from flurries.effects import checks
 from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color
 from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flake_texture import FlakeTexture
@@ -50,24 +40,24 @@ Shape: TypeAlias = Literal["natural", "round"]
 POPULATION: dict[str, Any] = {
     "density": partial(as_number, low=0.0, high=1e6),
     "opacity": lambda name, value: real(name, value, low=0.0, high=OPAQUE),
-    "amount": share,
-    "emission": share,
-    "fall": optional(as_number),
-    "wind": wind,
+    "amount": checks.share,
+    "emission": checks.share,
+    "fall": checks.optional(as_number),
+    "wind": checks.wind,
     "color": lambda _, value: as_color(value, (AMBIENT, LOCAL)),
-    "haze": share,
-    "shutter": optional(shutter),
-    "sway": pair,
-    "near": length,
-    "far": length,
-    "backdrop": optional(length),
-    "cloud": length,
-    "handover": optional(length),
-    "method": one_of(get_args(Method)),
-    "shape": one_of(get_args(Shape)),
+    "haze": checks.share,
+    "shutter": checks.optional(checks.shutter),
+    "sway": checks.pair,
+    "near": checks.length,
+    "far": checks.length,
+    "backdrop": checks.optional(checks.length),
+    "cloud": checks.length,
+    "handover": checks.optional(checks.length),
+    "method": checks.one_of(get_args(Method)),
+    "shape": checks.one_of(get_args(Shape)),
     "gain": partial(as_number, low=0.0, high=100.0),
-    "look": one_of(("v2",)),
-    "seed": optional(lambda _, value: seed_of(value)),
+    "look": checks.one_of(("v2",)),
+    "seed": checks.optional(lambda _, value: seed_of(value)),
 }
 
 
@@ -132,7 +122,7 @@ class Falling(metaclass=Described):
     strength = strength_of
 
     def __post_init__(self, *_: Any) -> None:
-        settle(self, {**POPULATION, self.SIZES: size_law})
+        checks.settle(self, {**POPULATION, self.SIZES: size_law})
 
     @cached_property
     def parts(self) -> Precipitation | Mixture:
@@ -159,7 +149,7 @@ class Falling(metaclass=Described):
         speed = self.MATTER.speed
         mean = float(speed(np.array([law.mean]))[0])
         motion = Motion(mean if self.fall is None else self.fall, self.wind, self.shutter)
-        weather = part_of(
+        weather = checks.part_of(
             Weather, self, population=Population(most, law, self.opacity, speed), motion=motion,
             sway=getattr(self, "sway", (0.0, 0.0)), simulated=self.method == "simulated",
             shape=self.NATURAL if self.shape == "natural" else "round",

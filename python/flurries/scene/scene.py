@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from flurries._contract import Array, choice, flag, rate_of, seed_of, suggesting
 from flurries._warnings import warn
@@ -17,6 +18,7 @@ from flurries.camera.extent import holding
 from flurries.camera.lens import Camera
 from flurries.camera.optics import USUAL, Lens
 from flurries.camera.path import CameraPath, as_path
+from flurries.effects.drawn import FLAKE, drawn_of
 from flurries.frame.needs import Effect
 from flurries.frame.truth import Rendered
 from flurries.io import open_background
@@ -307,6 +309,40 @@ def find_light(scene: Scene, *, keyed: bool = False) -> Light:
     """
     found: Light = expect_scene(scene)._program.find_light(keyed=flag("keyed", keyed))
     return found
+
+
+def flakes(scene: Scene, t: float = 0.0) -> npt.NDArray[Any]:
+    """Return the flakes and drops of a frame that are drawn one by one.
+
+    Parameters
+    ----------
+    scene : Scene
+    t : float
+        Frame number.
+
+    Returns
+    -------
+    (n,) structured array
+        ``id`` (uint64, below 2^53): the same in every frame, eye, crop and size of the picture, and
+        that of EXR files and USD points. ``place`` (3,): metres, x right, y down, z ahead, from the
+        camera's place at frame 0. ``pixel`` (x, y), of the middle of the exposure; a flake of which
+        only a part reaches into the picture lies outside. ``depth``: metres. ``diameter``: metres.
+        ``opacity``: mean over the disc of the resting flake, fading included.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> scene = fl.Scene(size=(320, 180), effects=[fl.Snow()])
+    >>> flakes = fl.flakes(scene, 3)
+    >>> bool((flakes["depth"] > 0.3).all())
+    True
+    """
+    expect_scene(scene)
+    program, time = scene._program, scene._time_of(t)
+    frame = program.frame(time)
+    found = [drawn_of(part.effect, replace(frame, seed=part.seed)) for part in program.parts]
+    known = [one for one in found if one is not None]
+    return np.concatenate(known) if known else np.empty(0, FLAKE)
 
 
 def expect_scene(scene: object) -> Scene:
