@@ -34,12 +34,15 @@ def pictures(folder: Path, count: int = 5, size: int = 96) -> Path:
     return folder
 
 
+CARD = ("README.md", "metadata.jsonl")
+
+
 def contents(folder: Path) -> dict[str, str]:
     """Return hashes of all files but the journal by their names."""
     return {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and not is_journal(path.name)
+        if path.is_file() and not is_journal(path.name) and path.name not in CARD
     }
 
 
@@ -61,7 +64,10 @@ def test_what_is_made(source: Path, tmp_path: Path):
     assert contents(source) == before
     names = {path.relative_to(out).as_posix() for path in made.written}
     assert {"snow/1/0.png", "fog/4/below/photo.jpg", "snow/4/below/light.exr"} <= names
-    assert set(lines(out)) == names and check(out)[1] == []
+    copies = {path.relative_to(out).as_posix() for path in made.copied}
+    assert copies == {f"{kind}/{level}/notes.txt" for kind in ("snow", "fog") for level in (1, 4)}
+    assert all((out / name).read_text() == "no picture" for name in copies)
+    assert set(lines(out)) == names | copies and check(out)[1] == []
     # What the journal says of a picture is what it is.
     entry = lines(out)["snow/4/2.png"]
     want = fl.augment.replay(entry["record"])(read_picture(source / "2.png").pixels)
@@ -85,7 +91,7 @@ def test_one_set_whatever_the_workers(source: Path, tmp_path: Path):
         sets[name] = contents(tmp_path / name)
     assert len({json.dumps(found) for found in sets.values()}) == 1
     # No duplicates: each picture its own weather.
-    said = lines(tmp_path / "1").values()
+    said = [entry for entry in lines(tmp_path / "1").values() if "record" in entry]
     assert len({entry["record"]["weather_seed"] for entry in said}) == 14
     assert [path.name for path in (tmp_path / "3").glob("flurries*")] == [NAME]
 
@@ -115,11 +121,18 @@ def test_it_goes_on(source: Path, tmp_path: Path):
     assert found["snow/1/1.png"] == want["snow/1/1.png"]
     assert found["snow/2/2.png"] == want["snow/2/2.png"]
     assert corrupt(source, out, severity=(1, 2, 3), workers=1).written == []
+    # The card and the table are of all runs; a card of somebody's own stays.
+    table = [json.loads(line) for line in (out / "metadata.jsonl").read_text().splitlines()]
+    assert {row["file_name"] for row in table} == {name for name in found if "notes" not in name}
+    assert all(row["severity"] == int(row["file_name"].split("/")[1]) for row in table)
+    assert "| `snow/3` | snow | 3 | natural | 7 |" in (out / "README.md").read_text()
+    (out / "README.md").write_text("mine")
     write_picture(source / "3.png", data.coffee()[:96, :96])
     with pytest.raises(ValueError, match=r"snow/1/3\.png .* was made over other pictures"):
         corrupt(source, out, severity=(1, 2, 3), workers=1)
     assert contents(out) == found
     assert len(corrupt(source, out, severity=1, workers=1, overwrite=True).written) == 7
+    assert (out / "README.md").read_text() == "mine"
 
 
 KILLED = """
@@ -209,6 +222,8 @@ def test_the_command(source: Path, tmp_path: Path, capsys: pytest.CaptureFixture
     assert words.out.strip() == str(out / NAME) and "7 pictures written" in words.err
     assert main([*line, "--workers", "1"]) == 0
     assert "7 were there already" in capsys.readouterr().err
+    assert main([*line, "--dry-run", "--depths", "in:depth"]) == 0
+    assert "1 file: .jpg in weather" in capsys.readouterr().err
     assert main([*line, "--severity", "9"]) == 2
     assert "severity" in capsys.readouterr().err
     (source / "bad.png").write_bytes(b"nonsense")
@@ -275,9 +290,12 @@ def test_webp_bmp_and_gif_are_read_and_what_is_left_out_is_counted(tmp_path: Pat
     made = corrupt(source, tmp_path / "out", severity="2,4", workers=1)
     names = {path.relative_to(tmp_path / "out").as_posix() for path in made.written}
     assert names == {f"snow/{s}/{n}.png" for s in (2, 4) for n in ("a", "b", "c")}
-    assert made.skipped == {
-        ".csv is not read": 1, ".gif that moves: render it as a film": 1, "hidden": 1,
-        "another picture has its name": 1, ".png of numbers, such as a mask or a depth": 2,
+    assert made.skipped == {"hidden": 1} and made.layout == "plain"
+    assert made.found == {
+        ".gif in weather": 1, ".png in weather": 1, ".webp in weather": 2,
+        ".csv: copied": 1, ".gif that moves: render it as a film: copied": 1,
+        "another picture has its name: copied": 1,
+        ".png of numbers, such as a mask or a depth: copied": 2,
     }  # fmt: skip
     assert set(made.failed) == {"broken.webp"}
     files = lines(tmp_path / "out")

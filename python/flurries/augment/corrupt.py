@@ -1,94 +1,128 @@
-"""Whole folders of pictures in weather: parallel, resumable; a picture's weather is of its name."""
+"""Whole data sets in weather: parallel, resumable; a picture's weather is of its name."""
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from flurries import augment
-from flurries._contract import choice, flag, integer, seed_of
+from flurries._contract import choice, flag, integer, rate_of, real, seed_of
 from flurries.augment.calibration import PROFILES, Profile
-from flurries.augment.weather import replay
-from flurries.io import linear_to_srgb, read_picture, srgb_to_linear, write_picture
+from flurries.augment.card import write_card
+from flurries.augment.layouts import LAYOUTS, READ, SUFFIXES, files_of, layout_of, members_of
+from flurries.augment.sets import COPY, TRUTH, WEATHERS, Members, Part, Pictures
 from flurries.output.cluster import cluster
 from flurries.output.crew import make, processes
-from flurries.output.folder import Store
-from flurries.output.journal import NAME, Mark
-from flurries.output.sequence import Job, run
-from flurries.scene.fingerprint import Hashes
+from flurries.output.journal import NAME
+from flurries.output.sequence import run
 
 __all__ = ["Corrupted", "corrupt"]
 
-WEATHERS = {"snow": "Snowfall", "rain": "Rainfall", "fog": "Fog"}
-SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
-# These are read, and written as PNG.
-READ = (".webp", ".bmp", ".gif")
 # Most pictures of one task: their work is to be long against a task's own cost.
 _CHUNK = 8
 
 
 @dataclass(frozen=True)
 class Corrupted:
-    """The pictures that were made.
+    """What became of a set's files.
 
     Attributes
     ----------
     written, kept : list of Path
-        Made now; and there already.
+        Pictures, and planes of truth, made now; and there already.
+    copied : list of Path
+        Copies of the set's other files, made now or there already.
     failed : dict of str to str
-        Pictures that could not be read or written, and why.
+        Files that could not be read or written, and why.
     skipped : dict of str to int
-        How many files are no pictures to be read, and why.
+        How many files were left out, and why.
+    layout : str
+        The layout of the set.
+    found : dict of str to int
+        How many files get weather or are copied, and why.
     journal : Path
         ``flurries.jsonl``: of each file its source, weather, severity, record and hash.
     """
 
     written: list[Path]
     kept: list[Path]
+    copied: list[Path]
     failed: dict[str, str]
     skipped: dict[str, int]
+    layout: str
+    found: dict[str, int]
     journal: Path
 
 
 def corrupt(
     folder: str | os.PathLike[str], out: str | os.PathLike[str], *,
     weather: str | Sequence[str] = "snow", severity: int | str | Sequence[int] = (1, 2, 3, 4, 5),
-    profile: Profile = "natural", seed: int = 0, workers: int | None = None,
-    dask: str | None = None, overwrite: bool = False,
+    profile: Profile = "natural", seed: int = 0, layout: str | None = None,
+    include: str | Sequence[str] = (), exclude: str | Sequence[str] = (),
+    films: bool | None = None, pairs: bool | None = None, fps: float | None = None,
+    focal: float | None = None, distance: float | None = None,
+    depths: tuple[str, str] | None = None, depth_unit: float = 1.0,
+    truth: str | Sequence[str] = (), workers: int | None = None, dask: str | None = None,
+    overwrite: bool = False, dry_run: bool = False,
     progress: Callable[[Iterable[Any]], Iterable[Any]] | None = None,
 ) -> Corrupted:  # fmt: skip
-    """Write every picture of a folder in weather.
+    """Write a data set in weather: its pictures changed, all its other files copied.
+
+    Frames of a film have one weather that goes on, and so have both pictures of a stereo pair.
 
     Parameters
     ----------
     folder : path
-        Pictures in it and in folders below: .png, .jpg, .tif, .exr, .webp, .bmp, .gif. Symbolic
-        links, pictures that move, palettes in PNG and planes of 16 bits or floats are left out.
+        Pictures in it and in folders below: .png, .jpg, .tif, .exr, .webp, .bmp, .gif. Palettes in
+        PNG, planes of 16 bits or floats, pictures that move and folders of labels are copied;
+        symbolic links and hidden files are left out.
     out : path
-        Where to write; not inside `folder`. Names and formats stay, so that labels by file name
-        hold; JPEG is written with quality 95, and WebP, BMP and GIF as PNG: ``a.webp`` is
-        ``a.png`` then, and left out where the folder has another of that name.
+        Where to write; not inside `folder`. Each weather and severity gets a whole set,
+        ``out/snow/3/...``. Names, formats, grey and the orientation that a camera has noted stay,
+        so that labels hold; JPEG is written with quality 95, and WebP, BMP and GIF as PNG:
+        ``a.webp`` is ``a.png`` then, and copied where the folder has another of that name.
+        ``README.md`` is a card, and ``metadata.jsonl`` a table that Hugging Face's loaders read.
     weather : {"snow", "rain", "fog"} or several
     severity : int, "1-5", "2,4" or several
         See :func:`flurries.augment.contrast_loss`.
     profile : {"natural", "hard"}
         See :class:`flurries.augment.Snowfall`.
     seed : int
+    layout : {"cityscapes", "coco", "kitti", "nuscenes", "voc", "yolo", "plain"}, optional
+        Where the set has its pictures, films and pairs; told by its folders if not given.
+    include, exclude : str or several
+        Patterns of paths in `folder`, such as ``"val/*"``: of files that are taken alone, or left
+        out. A ``*`` also stands for slashes.
+    films : bool, optional
+        Whether pictures whose names differ in a running number are frames of a film; if not given
+        the layout says so, and in a plain folder the name ``frame_0001``.
+    pairs : bool, optional
+        False takes left and right for two pictures.
+    fps, focal, distance : float, optional
+        Frames per second, focal length in widths of the picture, and metres between the eyes; the
+        layout's if not given.
+    depths : (str, str), optional
+        A text in the path of a picture, and what stands there in the path of its depth, such as
+        ``("rgb", "depth")``; any of .exr, .tif, .png and .npy.
+    depth_unit : float
+        Metres of one step of the depths; 0 and NaN are unknown.
+    truth : str or several of {"alpha", "depth", "disparity", "motion"}
+        Planes of :class:`flurries.augment.Weathered` to be written in ``out/snow/3-alpha/...``:
+        opacity as PNG of 16 bits; `weather_disparity`, the weather's `motion`, and the `depth` that
+        was given with the weather's as EXR.
     workers : int, optional
         Processes; as many as there are cores if not given. 1 works in this one.
     dask : str, optional
         Address of a Dask scheduler in place of own processes; "" starts a cluster here.
     overwrite : bool
         Replace what is there, whatever it is.
+    dry_run : bool
+        Make nothing; say what would be made.
     progress : callable, optional
         Wraps the tasks, as tqdm does.
 
@@ -101,30 +135,59 @@ def corrupt(
         raise NotADirectoryError(20, "Is not a folder", str(source))
     if target.resolve().is_relative_to(source.resolve()):
         raise ValueError(f"out must not be inside {source}, got {target}")
-    kinds = tuple(
-        choice("weather", kind, tuple(WEATHERS))
-        for kind in ([weather] if isinstance(weather, str) else weather)
-    )
+    kinds = tuple(choice("weather", kind, tuple(WEATHERS)) for kind in _several(weather))
+    planes = tuple(choice("truth", plane, tuple(TRUTH)) for plane in _several(truth))
     levels = _levels(severity)
-    scale = choice("profile", profile, PROFILES)
+    choice("profile", profile, PROFILES)
     start = seed_of(seed)
-    again = flag("overwrite", overwrite)
+    again, dry = flag("overwrite", overwrite), flag("dry_run", dry_run)
     count = os.cpu_count() or 1 if workers is None else integer("workers", workers, low=1, high=256)
     if not (dask is None or isinstance(dask, str)):
         raise TypeError(
             f"dask must be an address, '' for a cluster here, or None, got {dask!r:.60}"
         )
-    names, skipped = _names(source)
-    if not names:
+    skipped: Counter[str] = Counter()
+    files = files_of(source, _several(include), _several(exclude), skipped)
+    told = layout_of(files) if layout is None else choice("layout", layout, tuple(LAYOUTS))
+    by = LAYOUTS[told]
+    rate = by.fps if fps is None else rate_of(fps)
+    pictures, others = members_of(source, files, by, fps=rate, films=films, pairs=pairs)
+    if not pictures:
         raise ValueError(f"{source}: no pictures ({', '.join(SUFFIXES + READ)})")
-    parts = [(name, kind, level) for name in names for kind in kinds for level in levels]
-    job = _Pictures(source.absolute(), target.absolute(), parts, start, scale, overwrite=again)
+    members = Members(
+        source.absolute(), {one.name: one for one in pictures}, rate,
+        by.lens[0] if focal is None else real("focal", focal, low=0.05, high=1e3),
+        by.lens[1] if distance is None else real("distance", distance, low=0.0, high=1e3),
+        _swap(depths), real("depth_unit", depth_unit, above=0.0),
+    )  # fmt: skip
+    found = Counter(one.words for one in pictures)
+    found.update(f"{why}: copied" for why in others.values())
+    made = Corrupted([], [], [], {}, dict(sorted(skipped.items())), told, dict(found),
+                     target / NAME)  # fmt: skip
+    if dry:
+        return made
+    parts = []
+    for _, group in groupby(pictures, lambda one: (one.weather, one.time, one.eyes)):
+        views = list(group)
+        parts += [
+            Part(one.name, kind, level, plane)
+            for kind in kinds for level in levels for one in views for plane in ("", *planes)
+        ]  # fmt: skip
+    # Labels of pictures with nothing on them are often empty files, about which there is no line.
+    empty = {name for name in others if not (source / name).stat().st_size}
+    for name in sorted(others):
+        copies = [Part(name, kind, level, COPY) for kind in kinds for level in levels]
+        for part in copies if name in empty else ():
+            _make_empty(target / part.path)
+        parts += [] if name in empty else copies
+    motion = not {"disparity", "motion"}.isdisjoint(planes)
+    job = Pictures(target.absolute(), members, parts, start, profile, again, motion)
     # All of them now: a worker may have a folder to itself no more than another.
     target.mkdir(exist_ok=True)
     for part in parts:
-        (target / _path(part)).parent.mkdir(parents=True, exist_ok=True)
-    each = len(kinds) * len(levels)
-    size = each * max(min(_CHUNK, len(names) // (4 * count)), 1)
+        (target / part.path).parent.mkdir(parents=True, exist_ok=True)
+    each = len(kinds) * len(levels) * (1 + len(planes))
+    size = each * max(min(_CHUNK, len(pictures) // (4 * count)), 1)
     wanted = list(range(len(parts)))
     groups = [wanted[first : first + size] for first in range(0, len(wanted), size)]
     bar = progress or iter
@@ -134,12 +197,16 @@ def corrupt(
         crew_of = processes(job, count) if dask is None else cluster(job, dask, count=count)
         with crew_of as crew:
             done = run(job, wanted, bar, partial(make, crew, groups))
-    failed = {names[index // each]: why for index, why in done.failed.items()}
-    files = [target / _path(part) for part in parts]
-    return Corrupted(
-        sorted(files[index] for index in done.written), sorted(files[index] for index in done.kept),
-        failed, skipped, target / NAME,
-    )  # fmt: skip
+    for indices, among in ((done.written, made.written), (done.kept, made.kept)):
+        for index in indices:
+            part = parts[index]
+            (made.copied if part.plane == COPY else among).append(target / part.path)
+    for paths in (made.written, made.kept, made.copied):
+        paths.sort()
+    if made.written or made.kept:
+        write_card(target)
+    made.failed.update({parts[index].name: why for index, why in done.failed.items()})
+    return made
 
 
 def _levels(severity: int | str | Sequence[int]) -> tuple[int, ...]:
@@ -160,129 +227,20 @@ def _range(part: str) -> range:
     return range(int(first), int(last or first) + 1)
 
 
-def _names(folder: Path) -> tuple[list[str], dict[str, int]]:
-    """Return the pictures below a folder, by their ways from it, sorted; and what is skipped."""
-    found: list[str] = []
-    skipped: Counter[str] = Counter()
-    for here, folders, files in os.walk(folder):
-        folders[:] = [f for f in folders if not f.startswith(".")]
-        for file in files:
-            path = Path(here) / file
-            if file.startswith("."):
-                skipped["hidden"] += 1
-            elif path.suffix.lower() not in SUFFIXES + READ:
-                skipped[f"{path.suffix.lower() or 'no suffix'} is not read"] += 1
-            elif path.is_symlink():
-                skipped["a symbolic link"] += 1
-            elif why := _no_picture(path):
-                skipped[f"{path.suffix.lower()} {why}"] += 1
-            else:
-                found.append(path.relative_to(folder).as_posix())
-    names: dict[str, str] = {}
-    # What keeps its format goes first.
-    for name in sorted(found, key=lambda name: (Path(name).suffix.lower() in READ, name)):
-        if names.setdefault(_kept(name), name) != name:
-            skipped["another picture has its name"] += 1
-    return sorted(names.values()), dict(sorted(skipped.items()))
+def _make_empty(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.exists() and path.stat().st_size:
+        raise FileExistsError(17, "Is there already and not empty, as it is in the set", str(path))
+    path.touch()
 
 
-def _no_picture(path: Path) -> str:
-    """Return why a file gets no weather; nothing where it does, or fails when it is read."""
-    from PIL import Image
-
-    with suppress(OSError, ValueError, Image.DecompressionBombError), Image.open(path) as opened:
-        mode = opened.mode.partition(";")[0]
-        if path.suffix.lower() in READ and getattr(opened, "n_frames", 1) > 1:
-            return "that moves: render it as a film"
-        if mode in ("1", "I", "F") or (mode == "P" and opened.format == "PNG"):
-            return "of numbers, such as a mask or a depth"
-    return ""
+def _several(value: str | Sequence[str]) -> tuple[str, ...]:
+    return (value,) if isinstance(value, str) else tuple(value)
 
 
-def _kept(name: str) -> str:
-    """Return the name that a picture is written under."""
-    path = Path(name)
-    return (path.with_suffix(".png") if path.suffix.lower() in READ else path).as_posix()
-
-
-@dataclass
-class _Pictures(Job):
-    """Pictures, each in all its weathers after each other."""
-
-    source: Path
-    folder: Path
-    parts: list[tuple[str, str, int]]
-    seed: int
-    profile: str = "natural"
-    overwrite: bool = False
-    tolerant: bool = True
-    store: Store = field(default_factory=Store)
-    _hashes: Hashes = field(default_factory=Hashes)
-    _last: tuple[str, str, Any] = ("", "", None)
-
-    def path_of(self, index: int) -> Path:
-        """Return the path that a picture is written to."""
-        return self.folder / _path(self.parts[index])
-
-    def mark_of(self, index: int) -> Mark:
-        """Return the mark that a picture must bear."""
-        name, kind, level = self.parts[index]
-        content = self._hashes[self.source / name]
-        scale = "" if self.profile == "natural" else f"-{self.profile}"
-        return Mark(f"{kind}-{level}-{self.seed}{scale}", _index(name, kind, level), content)
-
-    def make(self, index: int) -> Any:
-        """Return a picture in its weather."""
-        picture, drawn = self._read(self.parts[index][0]), replay(self._record(index))
-        pixels, cover = picture.pixels, None
-        if picture.alpha is not None and picture.premultiplied:
-            # Weather falls on the color; how much of it shows stays as it was.
-            cover = picture.alpha[..., None].astype(pixels.dtype)
-            pixels = np.divide(pixels, cover, out=np.zeros_like(pixels), where=cover > 0.0)
-        if picture.encoding == "linear":
-            # Weather is mixed in display values; what is brighter than white stays so.
-            pixels = srgb_to_linear(drawn(linear_to_srgb(pixels)))
-        else:
-            pixels = drawn(pixels)
-        return picture, pixels if cover is None else pixels * cover
-
-    def _read(self, name: str) -> Any:
-        content = self._hashes[self.source / name]
-        if self._last[:2] != (name, content):
-            self._last = name, content, read_picture(self.source / name)
-        return self._last[2]
-
-    def save(self, path: Path, made: Any, header: dict[str, Any]) -> None:
-        """Write a picture as its source is."""
-        picture, pixels = made
-        write_picture(
-            path, pixels, alpha=picture.alpha, encoding=picture.encoding, metadata=header,
-            premultiplied=None if picture.alpha is None else picture.premultiplied,
-        )  # fmt: skip
-
-    def notes(self, index: int) -> dict[str, Any]:
-        """Return the journal's notes of a picture."""
-        name, kind, level = self.parts[index]
-        record = self._record(index)
-        return {"source": name, "weather": kind, "severity": level, "record": record}
-
-    def _record(self, index: int) -> dict[str, Any]:
-        name, kind, level = self.parts[index]
-        weather = getattr(augment, WEATHERS[kind])
-        drawn = weather(severity=level, seed=self.seed, profile=self.profile)
-        return dict(drawn.record(index=_index(name, kind, level)))
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "_last": ("", "", None)}
-
-
-def _path(part: tuple[str, str, int]) -> str:
-    """Return a picture's path from the folder of the set."""
-    name, kind, level = part
-    return (Path(kind) / str(level) / _kept(name)).as_posix()
-
-
-def _index(name: str, kind: str, level: int) -> int:
-    """Return the number of a picture's weather: a hash of its name, not of its place in a list."""
-    digest = hashlib.sha256(f"{name}\0{kind}\0{level}".encode()).digest()
-    return int.from_bytes(digest[:8], "little") >> 1
+def _swap(depths: tuple[str, str] | None) -> tuple[str, str] | None:
+    if depths is None:
+        return None
+    if not (isinstance(depths, (tuple, list)) and len(depths) == 2 and all(depths)):
+        raise ValueError(f"depths must be two texts, such as ('rgb', 'depth'), got {depths!r:.60}")
+    return str(depths[0]), str(depths[1])

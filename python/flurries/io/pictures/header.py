@@ -202,7 +202,7 @@ class Opened:
             y, x = max(-top, 0), max(-left, 0)
             framed[y : y + part.shape[0], x : x + part.shape[1]] = part
             values = framed
-        return _upright(values, self.orientation)
+        return upright(values, self.orientation)
 
 
 def read_header(
@@ -339,7 +339,7 @@ def rate_of(specification: Any) -> Fraction | None:
     return None
 
 
-def _upright(values: Array, orientation: int) -> Array:
+def upright(values: Array, orientation: int) -> Array:
     """Turn and mirror an array as its EXIF orientation asks."""
     if orientation in (5, 7):
         values = values.swapaxes(0, 1)

@@ -61,7 +61,8 @@ FORMATS = {
 # PNG's filter that stores each pixel's difference from the one before, as libpng counts them.
 _SUB = 0x10
 
-_DESCRIPTION, _SOFTWARE, _MOMENT = 0x010E, 0x0131, 0x0132  # Tags of EXIF.
+# Tags of EXIF.
+_DESCRIPTION, _ORIENTATION, _SOFTWARE, _MOMENT = 0x010E, 0x0112, 0x0131, 0x0132
 _LONGEST_TEXT = 60_000
 
 # How EXR packs pixels, and whether all bits survive it.
@@ -149,7 +150,8 @@ def write_picture(
     if form.name == "jpeg":
         try:
             profile = said.profile if said.encoding == "display" else None
-            data = _encode_jpeg(band(0, color.shape[0]), int(quality), strings, profile)
+            turned = said.value("Orientation") or 1
+            data = _encode_jpeg(band(0, color.shape[0]), int(quality), strings, profile, turned)
         except OSError as error:
             raise OSError(f"{os.fspath(path)}: cannot be encoded: {error}") from error
         write_whole(path, Part(specification, band), data)
@@ -171,7 +173,7 @@ def write_picture(
 
 
 def _encode_jpeg(
-    pixels: Array, quality: int, strings: Mapping[str, str], profile: bytes | None
+    pixels: Array, quality: int, strings: Mapping[str, str], profile: bytes | None, orientation: int
 ) -> bytes:
     """Return a baseline JPEG of (H, W, 1 or 3) uint8, colors not subsampled."""
     # OpenImageIO's writer leaves errors to libjpeg's own handler, and that one ends the process:
@@ -185,6 +187,8 @@ def _encode_jpeg(
         raise ValueError(f"metadata of {len(text)} characters do not fit into a JPEG; use EXR")
     if text:
         tags[_DESCRIPTION] = text
+    if orientation != 1:
+        tags[_ORIENTATION] = orientation
     tags[_SOFTWARE], tags[_MOMENT] = "flurries", strings["DateTime"]
     buffer = io.BytesIO()
     image.save(

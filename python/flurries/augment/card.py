@@ -1,0 +1,48 @@
+"""The card of a set in weather, for people; and a table of its pictures, for loaders."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+
+from flurries import __version__
+from flurries.io import replacing
+from flurries.output.folder import Store
+from flurries.output.journal import Journal
+
+_CARD, _TABLE = "README.md", "metadata.jsonl"
+_OURS = "<!-- written by flurries corrupt -->"
+
+
+def write_card(folder: Path) -> None:
+    """Write what a folder's journal says of its pictures, where no card of somebody's own is."""
+    card = folder / _CARD
+    if card.exists() and _OURS not in card.read_text("utf-8", "replace"):
+        return
+    journal = Journal(Store(), folder)
+    rows, counts = [], Counter[tuple[str, int, str]]()
+    for name in journal.names():
+        line = journal.lines(name)[-1]
+        if "record" not in line or line.get("plane"):
+            continue
+        record = line["record"]
+        said = {key: line[key] for key in ("source", "weather", "severity")}
+        said |= {key: record[key] for key in ("profile", "amount", "weather_seed")}
+        rows.append(json.dumps({"file_name": name, **said}))
+        counts[line["weather"], line["severity"], record["profile"]] += 1
+    table = [
+        f"| `{weather}/{severity}` | {weather} | {severity} | {profile} | {count} |"
+        for (weather, severity, profile), count in sorted(counts.items())
+    ]
+    lines = [
+        "---", "tags: [weather, robustness]", "---", _OURS, f"# {folder.name}", "",
+        f"Pictures in weather, by flurries {__version__}. Each folder is a whole set, whose labels are",
+        f"copies. `{_TABLE}` lists the pictures, and `flurries.jsonl` has the record of each, from",
+        "which `flurries.augment.replay` makes its weather again.", "",
+        "| folder | weather | severity | profile | pictures |", "| --- | --- | --- | --- | --- |",
+        *table,
+    ]  # fmt: skip
+    for path, text in ((card, lines), (folder / _TABLE, rows)):
+        with replacing(path) as temporary:
+            temporary.write_text("\n".join(text) + "\n", encoding="utf-8")

@@ -1,0 +1,184 @@
+"""Data sets of every layout: what gets weather, what is copied, and what has one weather."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from skimage import data
+
+import flurries as fl
+from flurries.augment.corrupt import corrupt
+from flurries.io import read_layers, read_picture
+from test_augment_corrupt import contents, lines
+
+RANDOM = np.random.default_rng(5)
+H, W = 40, 64
+
+# By layout: pictures and what each shares its weather with, and others, which are copied.
+SETS: dict[str, tuple[dict[str, str], list[str]]] = {
+    "kitti": (
+        {"training/image_2/000001.png": "1", "training/image_3/000001.png": "1",
+         "training/image_2/000002.png": "2", "training/image_2/000007_10.png": "flow",
+         "training/image_2/000007_11.png": "flow",
+         "2011/drive_1/image_02/data/0000000000.png": "drive",
+         "2011/drive_1/image_02/data/0000000001.png": "drive",
+         "2011/drive_1/image_03/data/0000000001.png": "drive"},
+        ["training/label_2/000001.txt", "training/disp_occ_0/000001_10.png",
+         "training/semantic/000001_10.png", "2011/drive_1/velodyne/0000000000.bin"],
+    ),
+    "cityscapes": (
+        {"leftImg8bit/val/aachen/aachen_000000_000019_leftImg8bit.png": "a",
+         "rightImg8bit/val/aachen/aachen_000000_000019_rightImg8bit.png": "a",
+         "leftImg8bit_sequence/val/aachen/aachen_000000_000018_leftImg8bit.png": "a",
+         "leftImg8bit/val/aachen/aachen_000001_000019_leftImg8bit.png": "b"},
+        ["gtFine/val/aachen/aachen_000000_000019_gtFine_color.png",
+         "gtFine/val/aachen/aachen_000000_000019_gtFine_polygons.json",
+         "disparity/val/aachen/aachen_000000_000019_disparity.png"],
+    ),
+    "nuscenes": (
+        {"samples/CAM_FRONT/n1__CAM_FRONT__1532402927612460.jpg": "front",
+         "sweeps/CAM_FRONT/n1__CAM_FRONT__1532402927695000.jpg": "front",
+         "samples/CAM_BACK/n1__CAM_BACK__1532402927612460.jpg": "back"},
+        ["v1.0-mini/sample.json", "samples/LIDAR_TOP/n1.pcd.bin", "maps/basemap.png"],
+    ),
+    "coco": (
+        {"train2017/000000000009.jpg": "9", "val2017/000000000010.jpg": "10"},
+        ["annotations/instances_train2017.json", "annotations/panoptic_train2017/000000000009.png",
+         "stuff_masks/000000000009.png"],
+    ),
+    "yolo": (
+        {"train/images/a.jpg": "a", "train/images/b.jpg": "b"},
+        ["data.yaml", "train/labels/a.txt", "train/labels/empty.txt", "cover.png"],
+    ),
+    "voc": (
+        {"VOC2012/JPEGImages/2007_000027.jpg": "27", "VOC2012/JPEGImages/2007_000032.jpg": "32"},
+        ["VOC2012/Annotations/2007_000027.xml", "VOC2012/SegmentationClass/2007_000032.png"],
+    ),
+    "plain": (
+        {"walk/frame_0001.png": "walk", "walk/frame_0002.png": "walk", "left/7.png": "7",
+         "right/7.png": "7", "photo1.jpg": "p1", "photo2.jpg": "p2"},
+        ["masks/photo1.png", "depth/walk/frame_0001.png", "notes.csv"],
+    ),
+}  # fmt: skip
+
+
+def make_set(folder: Path, kind: str) -> Path:
+    pictures, others = SETS[kind]
+    for name in (*pictures, *others):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.suffix in (".png", ".jpg"):
+            top = int(RANDOM.integers(200))
+            Image.fromarray(data.astronaut()[top : top + H, 100 : 100 + W]).save(path)
+        else:
+            path.write_bytes(b"" if path.stem == "empty" else name.encode())
+    return folder
+
+
+@pytest.mark.parametrize("kind", SETS)
+def test_a_set_of_each_layout(kind: str, tmp_path: Path):
+    source, out = make_set(tmp_path / "in", kind), tmp_path / "out"
+    pictures, others = SETS[kind]
+    plan = corrupt(source, out, severity=4, seed=2, workers=1, dry_run=True)
+    assert plan.layout == kind and sum(plan.found.values()) == len(pictures) + len(others)
+    assert not out.exists()
+    made = corrupt(source, out, severity=4, seed=2, workers=1)
+    base = out / "snow" / "4"
+    assert {path.relative_to(base).as_posix() for path in made.written} == set(pictures)
+    before, after = contents(source), contents(base)
+    assert after.keys() == before.keys()
+    # Labels are equal by their bytes, empty ones too; no picture is.
+    assert all(after[name] == before[name] for name in others)
+    assert all(after[name] != before[name] for name in pictures)
+    # Pictures of one film or pair have one weather, and no others.
+    said = lines(out)
+    seeds: dict[str, set[int]] = {}
+    for name, group in pictures.items():
+        seeds.setdefault(group, set()).add(said[f"snow/4/{name}"]["record"]["weather_seed"])
+    assert all(len(found) == 1 for found in seeds.values())
+    assert len({*map(frozenset, seeds.values())}) == len(seeds)
+    again = corrupt(source, out, severity=4, seed=2, workers=1)
+    assert again.written == [] and len(again.kept) == len(pictures)
+
+
+def test_films_and_pairs_are_those_of_the_transforms(tmp_path: Path):
+    source, out = make_set(tmp_path / "in", "kitti"), tmp_path / "out"
+    corrupt(source, out, severity=5, workers=1, truth=("alpha", "motion"))
+    record = lines(out)["snow/5/training/image_2/000007_10.png"]["record"]
+    names = [f"training/image_2/000007_{k}.png" for k in (10, 11)]
+    frames = [read_picture(source / name).pixels for name in names]
+    want = fl.augment.replay(record).clip(np.stack(frames), fps=10.0, time=1.0)
+    for name, frame in zip(names, want, strict=True):
+        assert np.array_equal(read_picture(out / "snow/5" / name).pixels, frame)
+    pair = [f"training/image_{k}/000001.png" for k in (2, 3)]
+    eyes = [read_picture(source / name).pixels for name in pair]
+    record = lines(out)[f"snow/5/{pair[1]}"]["record"]
+    both = fl.augment.replay(record).apply(tuple(eyes), motion=True, fps=10.0, distance=0.54)
+    for name, seen in zip(pair, both, strict=True):
+        assert np.array_equal(read_picture(out / "snow/5" / name).pixels, seen.image)
+        alpha = Image.open(out / "snow/5-alpha" / name)
+        assert np.abs(np.asarray(alpha) / 65535.0 - seen.alpha).max() < 1e-5
+        layer = read_layers((out / "snow/5-motion" / name).with_suffix(".exr"))["motion"]
+        assert np.array_equal(layer, seen.motion)
+
+
+def test_a_set_s_depth_and_unit_are_used(tmp_path: Path):
+    source = make_set(tmp_path / "in", "plain")
+    far = np.linspace(2.0, 60.0, H * W).reshape(H, W)
+    Image.fromarray((far * 100).astype(np.uint16)).save(source / "depth/walk/frame_0001.png")
+    with pytest.raises(ValueError, match="depths"):
+        corrupt(source, tmp_path / "out", depths=("walk",), workers=1)  # type: ignore[arg-type]
+    how = {"depths": ("walk/", "depth/walk/"), "depth_unit": 0.01, "severity": 5, "weather": "fog"}
+    made = corrupt(source, tmp_path / "out", include="walk/*", workers=1, **how)  # type: ignore[arg-type]
+    # The second frame has no depth: that is said, and nothing is made up.
+    assert list(made.failed) == ["walk/frame_0002.png"] and "depth" in made.failed.popitem()[1]
+    entry = lines(tmp_path / "out")["fog/5/walk/frame_0001.png"]
+    picture = read_picture(source / "walk/frame_0001.png").pixels
+    fog = fl.augment.replay(entry["record"])
+    want = fog(picture, depth=np.floor(far * 100) / 100, time=1 / 30)
+    assert np.abs(read_picture(made.written[0]).pixels.astype(int) - want.astype(int)).max() <= 1
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_the_orientation_a_camera_noted_and_grey_stay(orientation: int, tmp_path: Path):
+    tags = Image.Exif()
+    tags[0x0112] = orientation
+    (tmp_path / "in").mkdir()
+    stored = Image.fromarray(data.camera()[100 : 100 + H, 180 : 180 + W])
+    stored.save(tmp_path / "in" / "a.jpg", exif=tags, quality=98)
+    corrupt(tmp_path / "in", tmp_path / "out", severity=1, weather="fog", workers=1)
+    found = Image.open(tmp_path / "out/fog/1/a.jpg")
+    assert found.size == stored.size and found.mode == "L"
+    assert found.getexif().get(0x0112, 1) == orientation
+    # The same scene lies where it lay: it is its own picture more than any turned one.
+    before, after = (np.asarray(one, float) for one in (stored, found))
+    assert np.corrcoef(before.ravel(), after.ravel())[0, 1] > 0.9
+    seen = read_picture(tmp_path / "out/fog/1/a.jpg").pixels
+    want = fl.augment.replay(lines(tmp_path / "out")["fog/1/a.jpg"]["record"])(
+        read_picture(tmp_path / "in/a.jpg").pixels
+    )
+    # Weather comes from above as it is seen.
+    assert np.abs(seen.astype(int) - want.astype(int)).mean() < 3.0
+
+
+def test_two_hundred_files_three_of_them_broken(tmp_path: Path):
+    source, out = tmp_path / "in", tmp_path / "out"
+    (source / "images").mkdir(parents=True)
+    (source / "labels").mkdir()
+    for number in range(100):
+        picture = Image.fromarray(data.astronaut()[number : number + 24, :32])
+        picture.save(source / f"images/{number}.jpg")
+        (source / f"labels/{number}.txt").write_text("0 .5 .5 .1 .1" * (number % 3 > 0))
+    for number in (3, 50, 99):
+        path = source / f"images/{number}.jpg"
+        path.write_bytes(path.read_bytes()[: 40 * number % 300])
+    before = contents(source)
+    made = corrupt(source, out, severity=2, workers=2)
+    assert set(made.failed) == {f"images/{number}.jpg" for number in (3, 50, 99)}
+    after = contents(out / "snow/2")
+    assert after.keys() == before.keys() - made.failed.keys()
+    assert all(after[name] == before[name] for name in before if name.startswith("labels"))
+    shutil.rmtree(source / "labels")
+    assert corrupt(source, out, severity=2, workers=1, layout="yolo").written == []
