@@ -37,9 +37,9 @@ def write_card(folder: Path) -> None:
     ]
     lines = [
         "---", "tags: [weather, robustness]", "---", _OURS, f"# {folder.name}", "",
-        f"Pictures in weather, by flurries {__version__}. Each folder is a whole set, whose labels are",
-        f"copies. `{_TABLE}` lists the pictures, and `flurries.jsonl` has the record of each, from",
-        "which `flurries.augment.replay` makes its weather again.", "",
+        f"Pictures in weather, by flurries {__version__}. Each folder is a whole set whose",
+        f"labels are copies. `{_TABLE}` lists the pictures, and `flurries.jsonl` holds the",
+        "record of each, from which `flurries.augment.replay` makes its weather again.", "",
         "| folder | weather | severity | profile | pictures |", "| --- | --- | --- | --- | --- |",
         *table,
     ]  # fmt: skip
