@@ -159,7 +159,7 @@ class Opened:
         return made
 
     def bands(
-        self, channels: Sequence[int], kind: str, *, part: int | None = None
+        self, channels: Sequence[int], kind: str, *, part: int | None = None, step: int = 0
     ) -> Iterator[tuple[slice, Array]]:
         """Yield channels of a part as stored, some rows at a time: where, and (rows, w, c)."""
         number = self.part if part is None else part
@@ -172,7 +172,7 @@ class Opened:
         first, last = min(channels), max(channels) + 1
         wanted = [channel - first for channel in channels]
         in_order = wanted == list(range(last - first))
-        step = max(_CHUNK // spec.width // _ROWS, 1) * _ROWS
+        step = step or max(_CHUNK // spec.width // _ROWS, 1) * _ROWS
         if spec.tile_height:
             step = -(-step // spec.tile_height) * spec.tile_height
         for top in range(0, spec.height, step):

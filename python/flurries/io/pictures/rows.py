@@ -140,7 +140,7 @@ def _verify(
                 if sorted(order) != list(range(one.nchannels)):
                     order = sorted(range(one.nchannels))
                 found = 0
-                for _, rows in opened.bands(order, kind, part=number):
+                for _, rows in opened.bands(order, kind, part=number, step=_ROWS):
                     found = zlib.crc32(np.ascontiguousarray(rows).data, found)
                 if lossless and found != checksum:
                     raise OSError("its pixels are not those that were written")
