@@ -38,8 +38,8 @@ def drawn(
         )  # fmt: skip
         return _core.fall(Air(
             seed=number, opacity=0.9, images=images_of(0.9), classes=[one], eyes=[eye] * 3,
-            sway=0.0, waves=None, shape=SHAPE, window=(0, SHAPE[0], 0, SHAPE[1]), room=2.0,
-            near=0.05, closeup=closeup,
+            sway=0.0, waves=None, clumps=None, shape=SHAPE, window=(0, SHAPE[0], 0, SHAPE[1]),
+            room=2.0, near=0.05, closeup=closeup,
         ))  # fmt: skip
 
     # A flake of the air, and the camera where that flake lies at the place; no other is as deep.
@@ -157,7 +157,7 @@ def flakes(**more: Any) -> fl.Scene:
 
 def test_a_lens_keeps_what_snow_covers():
     def thickness(film: fl.Scene) -> float:
-        return sum(-np.log1p(-cover(film, t).clip(0.0, 0.999)).mean() for t in range(0, 80, 20))
+        return sum(-np.log1p(-cover(film, t).clip(0.0, 0.999)).mean() for t in range(0, 160, 20))
 
     sums = [thickness(flakes(lens=one)) for one in (None, fl.camera.Lens(focus=3.0, f_stop=2.0))]
     assert abs(sums[1] / sums[0] - 1.0) < 0.05

@@ -127,3 +127,8 @@ def test_representation_and_plan_say_the_numbers():
     plan = fl.Scene(size=(32, 24), effects=[mist, snow]).plan(probe=False)
     assert f"snow  frame 1  {said}" in str(plan) and "visibility 300 m, covers 45.1 %" in str(plan)
     assert plan.to_dict()["strengths"][1][2]["rate"] == pytest.approx(2.0)
+
+
+def test_thin_rain_is_brighter_than_rain_that_pours():
+    thin, pours = (fl.Rain(severity=severity).parts.brightness for severity in (1, 5))
+    assert 4.0 > thin > 3.7 and 2.2 > pours > 1.9

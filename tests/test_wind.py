@@ -214,33 +214,6 @@ def test_a_profile_of_factors_scales_the_mean():
     assert np.allclose(moved[:, 0] * 30.0, 60.0 * (np.array([0.5, 1.75, 3.0]) - 1.0))
 
 
-def test_gusts_in_the_view_of_a_turning_camera():
-    # Straight ahead the texture's displacement is the integral in turning axes.
-    path = fl.CameraPath(
-        LENS, velocity=(0.3, 0.0, 1.0), orientation=[(0, 0, 0), (0.0, 0.02, 0.005)]
-    )
-    snow = Snow(wind=WINDS["both"])
-    ahead = np.array([(0.0, 0.0, 15.0), (0.0, 0.0, 40.0)])
-
-    def displaced(t: float) -> np.ndarray:
-        return wind_at(snow.parts.motion, frame_of(scene(snow, camera=path), t), ahead)[0]
-
-    waves = snow.wind.waves
-
-    def rate(t: float, _: np.ndarray) -> np.ndarray:
-        turn = path.turn(t)
-        world = path.place(t, fps=30.0) + ahead @ turn.T
-        return (waves.at(world, np.exp(-1j * waves.omega * t / 30.0)) @ turn / 30.0).ravel()
-
-    for t in (0.4, 50.0, 200.7, -70.25):
-        want = solve_ivp(rate, (0.0, t), np.zeros(6), rtol=1e-10, atol=1e-11).y[:, -1]
-        # A frame by its middle errs by (w step)^2 / 24 of what it adds.
-        assert np.abs(displaced(t).ravel() - want).max() < 2e-3 * max(1.0, np.abs(want).max())
-    # No step where a frame begins.
-    assert np.abs(displaced(64.0 + 1e-9) - displaced(64.0 - 1e-9)).max() < 1e-8
-    assert np.abs(displaced(1e-9)).max() < 1e-9
-
-
 def test_equal_winds_are_equal():
     assert Wind((1, 2, 3), gusts=1.0) == Wind((1.0, 2.0, 3.0), gusts=1) != Wind((1, 2, 3))
     assert Wind(field=GRID) == Wind(field=GRID.copy()) != Wind(field=GRID + 1)

@@ -221,6 +221,7 @@ def sheet_read(
     drawn: tuple[_Array, float] | None = None,
     veil: _Array | None = None,
     haze: float = 0.0,
+    gains: tuple[_Array, Sequence[int], tuple[int, int]] | None = None,
 ) -> None: ...
 
 @final

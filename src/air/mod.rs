@@ -89,30 +89,3 @@ fn add_waves<const LEVEL: u8>(
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use ndarray::Array2;
-
-    #[test]
-    fn waves_add_up_at_every_point() {
-        let (count, waves, channels) = (LANES + 3, 5, 3);
-        let points = Array2::from_shape_fn((count, 3), |(i, a)| (i as f64 - 20.0) * 0.7 + a as f64);
-        let k =
-            Array2::from_shape_fn((waves, 3), |(m, a)| 0.11 * (m as f64 + 1.0) - 0.2 * a as f64);
-        let weights =
-            Array2::from_shape_fn((waves, 2 * channels), |(m, c)| (m as f64 - c as f64) * 0.3);
-        let mut out = Array2::from_elem((count, channels), f64::NAN);
-        sum(out.view_mut(), points.view(), k.view(), weights.view(), &Cancel::new()).unwrap();
-        for ((i, c), &got) in out.indexed_iter() {
-            let want: f64 = (0..waves)
-                .map(|m| {
-                    let phase = std::f64::consts::TAU * k.row(m).dot(&points.row(i));
-                    weights[(m, c)] * phase.cos() - weights[(m, channels + c)] * phase.sin()
-                })
-                .sum();
-            assert!((got - want).abs() < 1e-12, "{i} {c}: {got} {want}");
-        }
-    }
-}

@@ -72,6 +72,17 @@ pub struct Class {
     pub profile: Vec<[Table; 2]>,
 }
 
+/// Where flakes are denser than on the mean: by 1 + strength s / sqrt(1 + s^2), with s a sum of waves.
+#[derive(Debug, Clone)]
+pub struct Clumps {
+    /// (m, 3): cycles per metre, along the house's axes.
+    pub waves: Vec<f64>,
+    /// (m, 2): real and imaginary parts at the camera.
+    pub weights: Vec<f64>,
+    /// 0 to 1.
+    pub strength: f64,
+}
+
 /// The flakes before an eye.
 #[derive(Debug, Clone)]
 pub struct Air {
@@ -85,6 +96,8 @@ pub struct Air {
     pub sway: f64,
     /// Waves of the wind, (m, 3) cycles per metre.
     pub waves: Vec<f64>,
+    /// With them the classes have the densities of the densest places.
+    pub clumps: Option<Clumps>,
     /// Pixels of the whole picture, (height, width).
     pub shape: (usize, usize),
     /// The pixels that are wanted: top, bottom, left, right.

@@ -418,7 +418,7 @@ mod tests {
             let layer = Layer { sheet: &sheet, shift, gain: 0.7, base: 0.0, near: 0.0, far: 1.0 };
             let mut want = Array2::zeros((300, 200));
             let others = Some(Others::default());
-            layers::read(want.view_mut(), [0, 0], &[layer], None, others, &CANCEL).unwrap();
+            layers::read(want.view_mut(), [0, 0], &[layer], None, others, None, &CANCEL).unwrap();
             assert!((&got - &want).iter().all(|off| off.abs() < 1e-6), "{x} {y}");
         }
     }

@@ -12,7 +12,7 @@ use crate::particles::balls::Balls;
 use crate::particles::closeup::aperture::VARIANCE_OF_DISC;
 use crate::particles::closeup::near::{Closeup, DISC};
 use crate::particles::closeup::patch::Patch;
-use crate::particles::closeup::shape::{Kind, Look, Near};
+use crate::particles::closeup::shape::{Kind, Look, Near, Tumble};
 use crate::particles::sorted::Sorted;
 use crate::particles::sprite::{Lens, Sprite};
 
@@ -28,8 +28,8 @@ pub struct Images {
     pub sorted: Sorted,
     /// Pictures of those that are near or out of focus.
     pub patches: Vec<Patch>,
-    /// By the flakes' places in the list, the light of lamps on each over that on the mean.
-    pub glints: Vec<f32>,
+    /// Of flakes that glint before lamps.
+    pub tumble: Option<Tumble>,
 }
 
 /// The images of balls of an opacity.
@@ -82,9 +82,8 @@ impl Images {
             })?;
         }
         let crystals = closeup.filter(|closeup| closeup.kind == Some(Kind::Aggregate));
-        let glint = |id: u64| crystals.map_or(1.0, |closeup| closeup.tumble.glint(id as i64));
-        let glints = collected(list.flakes.iter().map(|flake| glint(flake.id)))?;
-        Ok(Self { sorted, patches: patches.into_iter().flatten().collect(), glints })
+        let tumble = crystals.map(|closeup| closeup.tumble);
+        Ok(Self { sorted, patches: patches.into_iter().flatten().collect(), tumble })
     }
 }
 

@@ -4,8 +4,9 @@
 //! in quarters of a pixel. The sum goes over the layers in their order, pixel by pixel: bits don't depend
 //! on threads, windows or parts.
 
-use ndarray::{ArrayView2, ArrayViewMut2};
+use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2};
 
+use super::bent::APART;
 use super::sheet::Sheet;
 use crate::base::error::{Cancel, Error, finite, layout, pushed};
 use crate::base::normal::{Normal, least, most, polynomial_at};
@@ -42,6 +43,51 @@ pub struct Others<'a> {
     pub drawn: Option<(ArrayView2<'a, f32>, f32)>,
     pub veil: Option<ArrayView2<'a, f32>>,
     pub haze: f32,
+}
+
+/// Factors of optical depths by place, for groups of layers one after the other.
+#[derive(Clone, Copy)]
+pub struct Gains<'a> {
+    /// Of each group, (groups, rows, columns), at the nodes of a lattice over the whole picture.
+    pub nodes: ArrayView3<'a, f32>,
+    /// Layers of each group.
+    pub counts: &'a [usize],
+    /// The picture's row and column of the first pixel.
+    pub corner: (usize, usize),
+}
+
+impl Gains<'_> {
+    fn check(&self, (height, width): (usize, usize), layers: usize) -> Result<(), Error> {
+        let (groups, rows, cols) = self.nodes.dim();
+        let fits = groups == self.counts.len()
+            && self.counts.iter().sum::<usize>() == layers
+            && rows >= (self.corner.0 + height) / APART + 3
+            && cols >= (self.corner.1 + width) / APART + 3;
+        if fits { Ok(()) } else { Err(Error::Internal("no gains look like that".into())) }
+    }
+
+    /// Adds a group's sums along a row, each times the factor of its place.
+    #[inline(always)]
+    fn add(&self, group: usize, at: (usize, usize), out: &mut [f32], sums: &[f32]) {
+        let (y, x) = (self.corner.0 + at.0, self.corner.1 + at.1);
+        let down = (y % APART) as f32 / APART as f32;
+        let node = |col: usize| {
+            let [low, high] = [1, 2].map(|row| self.nodes[[group, y / APART + row, col]]);
+            low + down * (high - low)
+        };
+        let mut done = 0;
+        while done < out.len() {
+            let (col, from) = ((x + done) / APART, (x + done) % APART);
+            let run = (APART - from).min(out.len() - done);
+            let (low, high) = (node(col + 1), node(col + 2));
+            let slope = (high - low) / APART as f32;
+            let pixels = out[done..done + run].iter_mut().zip(&sums[done..]);
+            for (step, (out, sum)) in (from as u16..).zip(pixels) {
+                *out += sum * (low + slope * f32::from(step));
+            }
+            done += run;
+        }
+    }
 }
 
 /// A layer at the place that a picture reads.
@@ -105,8 +151,10 @@ pub fn read(
     layers: &[Layer<'_>],
     depth: Option<ArrayView2<'_, f32>>,
     others: Option<Others<'_>>,
+    gains: Option<Gains<'_>>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
+    gains.map_or(Ok(()), |gains| gains.check(out.dim(), layers.len()))?;
     let (drawn, veil) = others.map_or((None, None), |others| (others.drawn, others.veil));
     let planes = [depth, drawn.map(|drawn| drawn.0), veil];
     if planes.iter().flatten().any(|plane| plane.dim() != out.dim()) {
@@ -128,7 +176,7 @@ pub fn read(
             for (index, out) in out.chunks_mut(BLOCK).enumerate() {
                 let own = index * BLOCK..index * BLOCK + out.len();
                 let lines = lines.map(|line| line.map(|line| &line[own.clone()]));
-                block(out, (row, own.start), &sights, lines, beside);
+                block(out, (row, own.start), &sights, lines, gains, beside);
             }
         }
         Ok(())
@@ -143,9 +191,51 @@ fn block<const LEVEL: u8>(
     at: (usize, usize),
     sights: &[Sight<'_>],
     lines: [Option<&[f32]>; 3],
+    gains: Option<Gains<'_>>,
     beside: Option<(f32, f32)>,
 ) {
     let [depth, drawn, veil] = lines;
+    if let Some(gains) = gains {
+        out.fill(0.0);
+        let (mut sums, mut rest) = ([0.0; BLOCK], sights);
+        for (group, &count) in gains.counts.iter().enumerate() {
+            let (own, after) = rest.split_at(count);
+            let sums = &mut sums[..out.len()];
+            depths::<LEVEL>(sums, at, own, depth);
+            gains.add(group, at, out, sums);
+            rest = after;
+        }
+    } else {
+        depths::<LEVEL>(out, at, sights, depth);
+    }
+    let Some((gain, clear)) = beside else { return };
+    if let Some(drawn) = drawn {
+        for (out, &drawn) in out.iter_mut().zip(drawn) {
+            *out -= gain * ln::<LEVEL>(1.0 - drawn);
+        }
+    }
+    match veil {
+        Some(veil) => {
+            for (out, &veil) in out.iter_mut().zip(veil) {
+                *out = 1.0 - clear * (1.0 - veil) * left::<LEVEL>(*out);
+            }
+        }
+        None => {
+            for out in out {
+                *out = 1.0 - clear * left::<LEVEL>(*out);
+            }
+        }
+    }
+}
+
+/// The sum of layers' optical depths along some pixels of a row.
+#[inline(always)]
+fn depths<const LEVEL: u8>(
+    out: &mut [f32],
+    at: (usize, usize),
+    sights: &[Sight<'_>],
+    depth: Option<&[f32]>,
+) {
     // Without walls all layers' bases are one number.
     let bases = if depth.is_none() { sights.iter().map(|sight| sight.base).sum() } else { 0.0 };
     out.fill(bases);
@@ -184,24 +274,6 @@ fn block<const LEVEL: u8>(
                 out.iter_mut().for_each(|out| *out += sight.base);
             }
             (done, col) = (done + run, (col + run) % sight.period.1);
-        }
-    }
-    let Some((gain, clear)) = beside else { return };
-    if let Some(drawn) = drawn {
-        for (out, &drawn) in out.iter_mut().zip(drawn) {
-            *out -= gain * ln::<LEVEL>(1.0 - drawn);
-        }
-    }
-    match veil {
-        Some(veil) => {
-            for (out, &veil) in out.iter_mut().zip(veil) {
-                *out = 1.0 - clear * (1.0 - veil) * left::<LEVEL>(*out);
-            }
-        }
-        None => {
-            for out in out {
-                *out = 1.0 - clear * left::<LEVEL>(*out);
-            }
         }
     }
 }
@@ -253,92 +325,5 @@ fn weighed<const LEVEL: u8>(out: &mut [f32], bytes: &[u8], depth: &[f32], sight:
         let share = if depth < sight.far { share } else { 1.0 };
         *out = multiply_add::<f32, LEVEL>(f32::from(byte), sight.gain * share, *out);
         *out += sight.base * share;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use ndarray::Array2;
-
-    use super::super::sheet::tests::law;
-    use super::super::stamp::Law;
-    use super::*;
-
-    static CANCEL: Cancel = Cancel::new();
-
-    /// Three layers before a wall with gaps, of pictures of 70 x 1300.
-    fn scene(sheets: &[Sheet]) -> (Vec<Layer<'_>>, Array2<f32>) {
-        let layer = |(i, sheet)| {
-            let i: usize = i;
-            let near = 2.0 + i as f32;
-            Layer {
-                sheet,
-                shift: [i as f64 * 7.3, -2.0],
-                gain: 0.7,
-                base: 0.0,
-                near,
-                far: near + 1.0,
-            }
-        };
-        let depth = Array2::from_shape_fn((70, 1300), |(row, col)| match (row + col) % 11 {
-            0 if row % 3 == 0 => f32::NAN,
-            1 if row % 5 == 0 => f32::INFINITY,
-            _ => 1.0 + col as f32 / 300.0,
-        });
-        (sheets.iter().enumerate().map(layer).collect(), depth)
-    }
-
-    fn sheets() -> Vec<Sheet> {
-        let one = |i: usize| Law {
-            seed: i as u64,
-            ..law(0.2, &[0.6, 1.2], [1.0, 2.0], (150 + i, 400 - 31 * i))
-        };
-        (0..3).map(|i| Sheet::new(one(i)).unwrap()).collect()
-    }
-
-    #[test]
-    fn a_wall_hides_what_lies_behind_it() {
-        let sheets = sheets();
-        let (layers, depth) = scene(&sheets);
-        let mut out = Array2::zeros(depth.dim());
-        read(out.view_mut(), [0, 0], &layers, Some(depth.view()), Some(Others::default()), &CANCEL)
-            .unwrap();
-        let alone = |&layer: &Layer<'_>| {
-            let mut out = Array2::from_elem(depth.dim(), f32::NAN);
-            read(out.view_mut(), [0, 0], &[layer], None, None, &CANCEL).unwrap();
-            out
-        };
-        let each: Vec<_> = layers.iter().map(alone).collect();
-        for (at, &got) in out.indexed_iter() {
-            let share = |layer: &Layer<'_>| {
-                let share = f64::from((depth[at] - layer.near) / (layer.far - layer.near));
-                if share.is_nan() { 1.0 } else { share.clamp(0.0, 1.0) }
-            };
-            let sum: f64 = layers.iter().zip(&each).map(|(l, e)| share(l) * f64::from(e[at])).sum();
-            assert!((f64::from(got) + (-sum).exp_m1()).abs() < 1e-6, "{at:?} {got} {sum}");
-        }
-    }
-
-    #[test]
-    fn it_hides_what_the_product_of_all_does() {
-        let sheets = sheets();
-        let (layers, _) = scene(&sheets);
-        let plane =
-            |k: usize| Array2::from_shape_fn((9, 1150), |(i, j)| ((k * i + j) % 17) as f32 / 16.0);
-        let (drawn, veil) = (plane(3), plane(5));
-        let mut sum = Array2::zeros(drawn.dim());
-        read(sum.view_mut(), [0, 0], &layers, None, None, &CANCEL).unwrap();
-        for gain in [1.0, 2.7, 40.0] {
-            let both =
-                Others { drawn: Some((drawn.view(), gain)), veil: Some(veil.view()), haze: 0.1 };
-            let mut out = Array2::zeros(drawn.dim());
-            read(out.view_mut(), [0, 0], &layers, None, Some(both), &CANCEL).unwrap();
-            for (at, &got) in out.indexed_iter() {
-                let flakes = (1.0 - f64::from(drawn[at])).powf(gain.into());
-                let left = 0.9 * (1.0 - f64::from(veil[at])) * flakes;
-                let wanted = 1.0 - left * (-f64::from(sum[at])).exp();
-                assert!((f64::from(got) - wanted).abs() < 1e-6, "{at:?} {got} {wanted}");
-            }
-        }
     }
 }

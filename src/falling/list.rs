@@ -98,8 +98,8 @@ impl List {
                     {
                         return;
                     }
-                    failed = if class.waves.is_empty() {
-                        self.see(&places, &born, None)
+                    failed = if class.waves.is_empty() && air.clumps.is_none() {
+                        self.see(&places, &born, None, 1.0)
                     } else {
                         pushed(&mut found, (places, born))
                     };
@@ -107,22 +107,44 @@ impl List {
                 failed?;
             }
         }
-        let blown = blown(air, class, &found, cancel)?;
-        for ((places, born), own) in found.iter().zip(blown.chunks_exact(3 * air.eyes.len())) {
-            self.see(places, born, Some(own))?;
+        if found.is_empty() {
+            return Ok(());
+        }
+        let mut points = collected(std::iter::repeat_n(0.0, 3 * found.len()))?;
+        let at = |points: &mut [f64], of: &dyn Fn(&Places<'_>, &Born) -> Vector| {
+            for (point, (places, born)) in points.chunks_exact_mut(3).zip(&found) {
+                point.copy_from_slice(&of(places, born));
+            }
+        };
+        at(&mut points, &|places, born| places.in_air(NOW, born));
+        let channels = if class.waves.is_empty() { 0 } else { 3 * air.eyes.len() };
+        let blown = sums(&points, &air.waves, &class.waves, channels, cancel)?;
+        let Some(clumps) = &air.clumps else {
+            for ((places, born), own) in found.iter().zip(blown.chunks_exact(channels)) {
+                self.see(places, born, Some(own), 1.0)?;
+            }
+            return Ok(());
+        };
+        at(&mut points, &|places, born| places.resting(NOW, born));
+        let sums = sums(&points, &clumps.waves, &clumps.weights, 1, cancel)?;
+        for (index, ((places, born), s)) in found.iter().zip(sums).enumerate() {
+            let denser = 1.0 + clumps.strength * s / (1.0 + s * s).sqrt();
+            let own = (channels > 0).then(|| &blown[channels * index..][..channels]);
+            self.see(places, born, own, denser / (1.0 + clumps.strength))?;
         }
         Ok(())
     }
 
-    /// Adds a flake, if any of it shows, and where it is at the other times.
+    /// Adds a flake, if any of it shows, and where it is at the other times. `part` of its like are there.
     #[inline]
     fn see(
         &mut self,
         places: &Places<'_>,
         born: &Born,
         blown: Option<&[f64]>,
+        part: f64,
     ) -> Result<(), Error> {
-        let Some(flake) = places.flake(born, blown) else { return Ok(()) };
+        let Some(flake) = places.flake(born, blown, part) else { return Ok(()) };
         pushed(&mut self.flakes, flake)?;
         for time in CLOSE + 1..places.air.eyes.len() {
             let (px, depth) = places.air.eyes[time].seen(places.point(time, born, blown));
@@ -147,31 +169,26 @@ fn runs(lines: &[Line]) -> Result<Vec<&[Line]>, Error> {
     Ok(runs)
 }
 
-/// How far the waves of the wind have carried flakes at all times: three numbers for each time and flake.
-fn blown(
-    air: &Air,
-    class: &Class,
-    found: &[(Places<'_>, Born)],
+/// Sums of waves at points: so many numbers for each, all times' displacements by the wind or one of clumps.
+fn sums(
+    points: &[f64],
+    waves: &[f64],
+    weights: &[f64],
+    channels: usize,
     cancel: &Cancel,
 ) -> Result<Vec<f64>, Error> {
-    if class.waves.is_empty() || found.is_empty() {
-        return Ok(Vec::new());
+    let (count, number) = (points.len() / 3, waves.len() / 3);
+    let mut out = collected(std::iter::repeat_n(0.0, channels * count))?;
+    if channels > 0 {
+        let shape = |error: ndarray::ShapeError| Error::Internal(error.to_string());
+        air::sum(
+            ArrayViewMut2::from_shape((count, channels), &mut out).map_err(shape)?,
+            ArrayView2::from_shape((count, 3), points).map_err(shape)?,
+            ArrayView2::from_shape((number, 3), waves).map_err(shape)?,
+            ArrayView2::from_shape((number, 2 * channels), weights).map_err(shape)?,
+            cancel,
+        )?;
     }
-    let channels = 3 * air.eyes.len();
-    let mut points = collected(std::iter::repeat_n(0.0, 3 * found.len()))?;
-    for (point, (places, born)) in points.chunks_exact_mut(3).zip(found) {
-        point.copy_from_slice(&places.in_air(NOW, born));
-    }
-    let mut out = collected(std::iter::repeat_n(0.0, channels * found.len()))?;
-    let shape = |error: ndarray::ShapeError| Error::Internal(error.to_string());
-    let waves = air.waves.len() / 3;
-    air::sum(
-        ArrayViewMut2::from_shape((found.len(), channels), &mut out).map_err(shape)?,
-        ArrayView2::from_shape((found.len(), 3), &points).map_err(shape)?,
-        ArrayView2::from_shape((waves, 3), &air.waves).map_err(shape)?,
-        ArrayView2::from_shape((waves, 2 * channels), &class.waves).map_err(shape)?,
-        cancel,
-    )?;
     Ok(out)
 }
 
@@ -252,7 +269,7 @@ impl<'a> Places<'a> {
 
     /// The flake, if any of it shows.
     #[inline]
-    fn flake(&self, born: &Born, blown: Option<&[f64]>) -> Option<Flake> {
+    fn flake(&self, born: &Born, blown: Option<&[f64]>, part: f64) -> Option<Flake> {
         let (air, class) = (self.air, self.class);
         let point = self.point(NOW, born, blown);
         let eye = &air.eyes[NOW];
@@ -269,7 +286,7 @@ impl<'a> Places<'a> {
             return None;
         }
         let below = self.corner[1] + born.inside[1] * self.side;
-        let amount = class.amount.at(below);
+        let amount = part * class.amount.at(below);
         let rank = born.arrival / class.density;
         let (first, last) = class.ranks;
         share *= presence(rank, amount * last)

@@ -325,7 +325,7 @@ pub mod tests {
 
     fn picture(shape: (usize, usize), origin: [i64; 2], layers: &[Layer<'_>]) -> Array2<f32> {
         let mut out = Array2::from_elem(shape, f32::NAN);
-        read(out.view_mut(), origin, layers, None, None, &CANCEL).unwrap();
+        read(out.view_mut(), origin, layers, None, None, None, &CANCEL).unwrap();
         out
     }
 
@@ -403,7 +403,8 @@ pub mod tests {
         for shift in [f64::NAN, f64::INFINITY, 1e308] {
             let layers = [plain(&sheet, [shift, 0.0])];
             let out = &mut Array2::zeros((4, 4));
-            let error = read(out.view_mut(), [0, 0], &layers, None, None, &CANCEL).unwrap_err();
+            let error =
+                read(out.view_mut(), [0, 0], &layers, None, None, None, &CANCEL).unwrap_err();
             assert!(error.to_string().starts_with("shift"));
         }
     }

@@ -2,7 +2,7 @@
 
 use ndarray::{ArrayView3, ArrayViewMut3, Axis};
 
-use crate::base::error::{Cancel, Error};
+use crate::base::error::{Cancel, Error, layout};
 use crate::base::pool;
 
 /// What a cell of a plate sums up.
@@ -55,19 +55,19 @@ pub fn cells<S: Light>(
     if cell == 0 || out.dim() != (rows, width.div_ceil(cell), 4) || !(3..=4).contains(&channels) {
         return Err(Error::Internal("the cells do not fit the picture".into()));
     }
-    let most = S::cover as fn(S) -> f32;
     let tasks: Vec<_> = out.axis_iter_mut(Axis(0)).enumerate().collect();
     pool::for_each(tasks, |(row, mut sums)| {
         cancel.check()?;
         sums.fill(0.0);
         for y in row * cell..((row + 1) * cell).min(height) {
             let line = picture.index_axis(Axis(0), y);
-            for (column, mut sum) in sums.outer_iter_mut().enumerate() {
+            let line = line.to_slice().ok_or_else(layout)?;
+            let sums = sums.as_slice_mut().ok_or_else(layout)?.as_chunks_mut::<4>().0;
+            for (sum, pixels) in sums.iter_mut().zip(line.chunks(channels * cell)) {
                 let mut found = [0.0_f32; 4];
-                for x in column * cell..((column + 1) * cell).min(width) {
-                    let cover = if channels == 4 { most(line[[x, 3]]) } else { 1.0 };
-                    let rgb: [f32; 3] =
-                        std::array::from_fn(|channel| line[[x, channel]].light(table, cover));
+                for pixel in pixels.chunks_exact(channels) {
+                    let cover = pixel.get(3).map_or(1.0, |&cover| cover.cover());
+                    let rgb = [pixel[0], pixel[1], pixel[2]].map(|own| own.light(table, cover));
                     if rgb.iter().all(|v| v.is_finite()) {
                         (0..3).for_each(|channel| found[channel] += rgb[channel]);
                         found[3] += cover;

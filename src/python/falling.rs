@@ -11,11 +11,11 @@ use super::gate::{self, attribute, from_attributes};
 use super::particles::SortedFlakes;
 use crate::base::ball::middle_depth;
 use crate::base::error::{collected, reserve};
-use crate::falling::air::{Air, Class, Eye};
+use crate::falling::air::{Air, Class, Clumps, Eye};
 use crate::falling::bent::{self, Group};
 use crate::falling::draw::{Images, balls_of, lens_of};
 use crate::falling::law::{Sizes, Table};
-use crate::falling::layers::{self, Layer, Others};
+use crate::falling::layers::{self, Gains, Layer, Others};
 use crate::falling::list::List;
 use crate::falling::sheet::Sheet;
 use crate::falling::stamp::Law;
@@ -48,14 +48,23 @@ from_attributes!(Class {
     },
 } of class);
 
+from_attributes!(Clumps {
+    strength;
+    waves: waves(clumps)?,
+    weights: numbers(attribute!(clumps, weights))?,
+} of clumps);
+
 from_attributes!(Air {
-    seed, opacity, classes, eyes, sway, shape, window, room, near;
+    seed, opacity, classes, eyes, sway, clumps, shape, window, room, near;
     waves: waves(air)?,
 } of air);
 
 /// Numbers of waves, row by row; none where there are no waves.
 fn waves(object: Borrowed<'_, '_, PyAny>) -> PyResult<Vec<f64>> {
-    let array: Option<PyReadonlyArray2<'_, f64>> = attribute!(object, waves);
+    numbers(attribute!(object, waves))
+}
+
+fn numbers(array: Option<PyReadonlyArray2<'_, f64>>) -> PyResult<Vec<f64>> {
     Ok(array.map(|array| array.as_slice().map(<[f64]>::to_vec)).transpose()?.unwrap_or_default())
 }
 
@@ -75,8 +84,8 @@ pub fn fall(py: Python<'_>, request: &Bound<'_, PyAny>) -> PyResult<SortedFlakes
         Ok((list, images))
     })?;
     let nanoseconds = (air.shape.0 * air.shape.1) as f64 + 300.0 * list.flakes.len() as f64;
-    let Images { sorted, patches, glints } = images;
-    Ok(SortedFlakes { sorted, patches, glints, lens: lens_of(&air), nanoseconds, list })
+    let Images { sorted, patches, tumble } = images;
+    Ok(SortedFlakes { sorted, patches, tumble, lens: lens_of(&air), nanoseconds, list })
 }
 
 /// A rough estimate of listing the flakes, nanoseconds.
@@ -157,11 +166,15 @@ impl FlakeSheet {
 /// lies.
 type LayerValues<'py> = (PyRef<'py, FlakeSheet>, [f64; 2], (f32, f32), f32, f32);
 
+/// Factors (groups, rows, columns) of optical depths, how many layers each group has, and the picture's row and column
+/// of the first pixel.
+type GainValues<'py> = (PyReadonlyArray3<'py, f32>, Vec<usize>, (usize, usize));
+
 /// Writes the optical depth of sheets over `out` (h, w), or their opacity. `origin` is the row and the column
 /// of the first pixel from the principal point; `depth` (h, w) is that of the scene. To an opacity add drawn
 /// flakes, which are an opacity and a factor of their optical depth, a veil, and the opacity of an even one.
 #[pyfunction]
-#[pyo3(signature = (out, origin, sheets, depth, opacity, drawn=None, veil=None, haze=0.0))]
+#[pyo3(signature = (out, origin, sheets, depth, opacity, drawn=None, veil=None, haze=0.0, gains=None))]
 pub fn sheet_read(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, f32>,
@@ -172,6 +185,7 @@ pub fn sheet_read(
     drawn: Option<(PyReadonlyArray2<'_, f32>, f32)>,
     veil: Option<PyReadonlyArray2<'_, f32>>,
     haze: f32,
+    gains: Option<GainValues<'_>>,
 ) -> PyResult<()> {
     let layers = sheets.iter().map(|&(ref sheet, shift, (gain, base), near, far)| Layer {
         sheet: &sheet.0,
@@ -188,8 +202,15 @@ pub fn sheet_read(
         veil: veil.as_ref().map(|plane| plane.as_array()),
         haze,
     });
+    let gains = gains.as_ref().map(|(nodes, counts, corner)| Gains {
+        nodes: nodes.as_array(),
+        counts,
+        corner: *corner,
+    });
     let nanoseconds = 0.3 * (out.len() * (given.len() + 1)) as f64;
-    gate::run(py, nanoseconds, |cancel| layers::read(out, origin, &given, depth, others, cancel))
+    gate::run(py, nanoseconds, |cancel| {
+        layers::read(out, origin, &given, depth, others, gains, cancel)
+    })
 }
 
 /// The sheets of one depth with their nodes, the ways at the nodes, and the depths between which they lie.

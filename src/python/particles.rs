@@ -97,7 +97,7 @@ pub struct SortedFlakes {
     /// What is near or out of focus.
     pub patches: Vec<Patch>,
     /// See `Images`.
-    pub glints: Vec<f32>,
+    pub tumble: Option<Tumble>,
     pub lens: Lens,
     /// A rough estimate of drawing all of them.
     pub nanoseconds: f64,
@@ -167,8 +167,11 @@ pub fn particle_draw_lit(
     let (height, width) = flakes.sorted.shape();
     let share = out.len() as f64 / (height as f64 * width as f64).max(1.0);
     let (sorted, patches) = (&flakes.sorted, &flakes.patches[..]);
-    let glints = &flakes.glints[..];
-    let lit = lit::Scene { sorted, patches, lens: flakes.lens, lamps: &lamps, glints };
+    let glint = |number: i32| {
+        let own = flakes.tumble.zip(flakes.list.flakes.get(number as usize));
+        own.map_or(1.0, |(tumble, flake)| tumble.glint(flake.id as i64))
+    };
+    let lit = lit::Scene { sorted, patches, lens: flakes.lens, lamps: &lamps, glint: &glint };
     let behind = behind.as_ref().map(|(alpha, shade)| laid(alpha, shade, None));
     let behind = behind.as_ref().map(|behind| Behind::of(behind, out.dim())).transpose()?;
     gate::run(py, 3.0 * flakes.nanoseconds * share, |cancel| {

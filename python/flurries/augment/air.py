@@ -200,6 +200,7 @@ class Here:
         eye = Eye(_STILL, camera.focals, camera.principal(self.view.shape), camera.offset)
         return Request(
             seed=air.seed, opacity=OPACITY, images=images_of(OPACITY), classes=[one],
-            eyes=[eye] * len(times), sway=falling.sway[0], waves=None, shape=self.view.shape,
-            window=(0, height, 0, width), room=0.0, near=NEAREST, closeup=None,
+            eyes=[eye] * len(times), sway=falling.sway[0], waves=None, clumps=None,
+            shape=self.view.shape, window=(0, height, 0, width), room=0.0, near=NEAREST,
+            closeup=None,
         )  # fmt: skip

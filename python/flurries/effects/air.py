@@ -20,6 +20,7 @@ from flurries._kept import kept
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur
 from flurries.camera.path import CameraPath
+from flurries.effects.clumps import Clumps, clumps_of
 from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
 from flurries.effects.maps import TUNED
 from flurries.effects.motion import Motion
@@ -54,6 +55,7 @@ class Flakes:
 
     shape: ClassVar[str] = "round"
     emission: ClassVar[float] = 1.0
+    clumps: ClassVar[float] = 0.0
     near: ClassVar[float] = 0.0
 
     @cached_property
@@ -91,7 +93,7 @@ def _shares(
 NEAREST = 0.1
 
 # Sigma of a flake's image in px between which it gets a shape: below, no shape can be told.
-SWITCH = (2.5, 3.5)
+SWITCH = (3.7, 4.1)
 
 # Places along the view at which a wind of depth is looked up, and heights at which the amount of
 # flakes is while they begin or cease to fall.
@@ -150,6 +152,7 @@ class Air(NamedTuple):
     eyes: list[Eye]  # At each time.
     sway: float  # Metres.
     waves: Float64 | None  # (m, 3): cycles per metre.
+    clumps: Clumps | None  # With them the densities of classes are those of the densest places.
     shape: tuple[int, int]  # (H, W): of the whole picture, pixels.
     window: tuple[int, int, int, int]  # (top, bottom, left, right): the pixels that are wanted.
     room: float  # Metres around the view in which blurred flakes may be seen.
@@ -202,7 +205,7 @@ def air_of(
         if wind is not None and wind.waves is not None:
             waves = wave_weights(share.motion, fps, times, np.array(at[0]))
         classes.append(Class(
-            number=number, density=share.size.density,
+            number=number, density=share.size.density * (1.0 + weather.clumps),
             sizes=(share.size.smallest, share.size.largest), slope=slope,
             shown=share.shown, by_size=isinstance(weather, Flakes), heights=(-end, end),
             amounts=[min(one / (1.0 - part), 1.0) for one in amounts], ranks=(part, 1.0), at=at,
@@ -212,7 +215,7 @@ def air_of(
         seed=frame.seed, opacity=opacity, images=images_of(opacity), classes=classes, eyes=eyes,
         sway=weather.sway[0],
         waves=None if wind is None or wind.waves is None else cycles_of(wind.waves),
-        shape=frame.shape,
+        clumps=clumps_of(weather, frame), shape=frame.shape,
         window=frame.window if frame.shared is None else frame.shared.window,
         room=room, near=NEAREST, closeup=closeup,
     )  # fmt: skip

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import Array, Float64
+from flurries.effects.clumps import APART, clumps_of, denser, rays_of
 from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
 from flurries.effects.sheets import SHEAR, SHEETS, areas_of, circles_of, key_of, sheets_of
 from flurries.effects.weather import Film, Layer, Weather, amounts_at
@@ -38,9 +39,6 @@ _SLANT = 0.1
 
 # Pixels that a streak is long at most, along an axis.
 LONGEST = 120.0
-
-# Pixels from node to node, as the kernel has them; the first ones lie so far before the picture.
-_APART = 64
 
 # Radians that a camera turns, and by which logarithm a lens zooms, before other planes are seen. A
 # whole number of the first make a round.
@@ -95,6 +93,13 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
         rungs = [_rungs(weather, frame, layer, amount, eyes) for layer in film.layers]
     else:
         rungs = [[(amount * weather.emission, np.ones((1, 1)))]] * len(slabs)
+    clumps = clumps_of(weather, frame)
+    if clumps is not None:
+        rays = eyes.rays.mean(axis=0)
+        rungs = [
+            [(rung, part * denser(clumps, frame, rays, slab)) for rung, part in each]
+            for each, slab in zip(rungs, slabs, strict=True)
+        ]
     focals = np.array(frame.camera.focals) * (frame.path.longest_focal / frame.camera.focal)
     areas = [
         _smaller(area, slab.count / many)
@@ -187,21 +192,16 @@ def _rungs(
 
 def _eyes_of(frame: Frame, film: Film, times: tuple[float, float]) -> Eyes:
     bends = frame.path.turns or frame.path.zooms
-    height, width = (math.ceil(length / _APART) + 3 for length in frame.shape)
-    rays, path, fps = np.ones((2, height, width, 3)), frame.path, frame.fps
+    rays, path, fps = list[Float64](), frame.path, frame.fps
     shares = {layer.share: layer.share.motion for layer in film.layers}
     ways = {share: motion.places(path, fps, [*times]) for share, motion in shares.items()}
     rates = {share: motion.rate(path, fps, times[1]) for share, motion in shares.items()}
     eye = np.stack([ways[layer.share] for layer in film.layers], axis=1)
     for number, t in enumerate(times):
         camera = frame.later(t - frame.t).camera if bends else frame.camera
-        x, y = camera.principal(frame.shape)
-        rays[number, ..., 0] = (_APART * np.arange(-1, width - 1) - x) / camera.focals[0]
-        rays[number, ..., 1] = (_APART * np.arange(-1, height - 1)[:, None] - y) / camera.focals[1]
-        axes = camera.matrix()
-        rays[number] = rays[number] @ axes.T
-        eye[number] += axes @ np.array(camera.offset)
-    return Eyes(rays, eye, np.array([rates[layer.share] for layer in film.layers]))
+        rays.append(rays_of(camera, frame.shape))
+        eye[number] += camera.matrix() @ np.array(camera.offset)
+    return Eyes(np.stack(rays), eye, np.array([rates[layer.share] for layer in film.layers]))
 
 
 def _planes_of(frame: Frame, film: Film, eyes: Eyes) -> Iterator[Plane]:
@@ -292,8 +292,8 @@ def _places(
         ahead, aside = ahead + turned[..., 2:], turned[..., :2]
     at = eye[:, None, None, :2] + ahead * (ray[..., :2] / np.maximum(ray[..., 2:], _SLANT))
     at = (at - aside) * scale
-    at[..., 0] -= _APART * np.arange(-1, at.shape[2] - 1)
-    at[..., 1] -= _APART * np.arange(-1, at.shape[1] - 1)[:, None]
+    at[..., 0] -= APART * np.arange(-1, at.shape[2] - 1)
+    at[..., 1] -= APART * np.arange(-1, at.shape[1] - 1)[:, None]
     return np.asarray(at), grown
 
 
@@ -335,8 +335,8 @@ def moved_by_wind(weather: Weather, weights: Float64, frame: Frame, other: Frame
     mean = np.einsum("l,lrca->rca", nearness, found[:, 1] - found[:, 0])
     seen = other.to_camera(mean)[..., :2] * np.array(other.camera.focals)
     top, bottom, left, right = frame.window
-    columns, at = np.arange(left, right) + 0.5, _APART * np.arange(-1, seen.shape[1] - 1)
-    down = (np.arange(top, bottom) + 0.5) / _APART + 1.0
+    columns, at = np.arange(left, right) + 0.5, APART * np.arange(-1, seen.shape[1] - 1)
+    down = (np.arange(top, bottom) + 0.5) / APART + 1.0
     low = np.minimum(down.astype(int), len(seen) - 2)
     part = (down - low)[:, None]
     result = np.empty((len(down), len(columns), 2), np.float32)

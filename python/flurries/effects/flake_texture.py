@@ -20,6 +20,7 @@ from flurries.camera.lens import axes_of
 from flurries.camera.optics import Blur
 from flurries.camera.path import CameraPath
 from flurries.effects.bent import moved_by_wind, read_bent
+from flurries.effects.clumps import gains_of
 from flurries.effects.lighting import lamp_shade
 from flurries.effects.motion import Motion
 from flurries.effects.passes import plane_motion
@@ -108,7 +109,8 @@ def _read(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
         gain = (many**0.5, (many - many**0.5) * sheet.mean)
         layers.append((sheet, way, gain, slab.near, slab.far))
     depth = None if frame.depth is None else frame.crop(frame.depth)
-    _core.sheet_read(result, (row, column), layers, depth, True)
+    gains = gains_of(weather, frame, film.slabs)
+    _core.sheet_read(result, (row, column), layers, depth, True, gains=gains)
     SHEETS.trim(len(layers))
     return result
 

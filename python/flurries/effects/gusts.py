@@ -22,9 +22,6 @@ from flurries.motion.keys import Course, Integral, course_of, integral_to, value
 from flurries.motion.waves import Waves, carry
 from flurries.motion.wind import Wind
 
-# Frames whose sum is kept where nothing closed is known: a film asks for the same ones again.
-BLOCK = 64
-
 # Frames that the integral of a profile takes together.
 _TOGETHER = 4096
 
@@ -32,23 +29,21 @@ _TOGETHER = 4096
 def wind_at(motion: Motion, frame: Frame, ahead: Float64) -> tuple[Float64, Float64]:
     """Return the air's way and velocity beyond the mean wind at places (..., 3), eye's axes."""
     wind = _varied(motion)
+    if wind.profile is not None and frame.path.turns:
+        # What is behind what would change.
+        raise ValueError("wind: a profile over depth needs a camera that does not turn")
     points = np.ascontiguousarray(ahead.reshape(-1, 3))
     moved, rate = _profile_at(wind, frame, points[:, 2])
     if wind.waves is not None:
         waves, path, fps = wind.waves, frame.path, frame.fps
         world = path.place(frame.t, fps=fps) + points @ frame.camera.matrix().T
-        now = _phasor(waves, frame.t, fps)
-        if path.turns:
-            rate = rate + frame.to_camera(waves.at(world, now))
-            depths, which = np.unique(points[:, 2], return_inverse=True)
-            moved = moved + _ahead_while_turning(waves, frame, depths)[which]
-        else:
-            # Of the flake that is at the place now.
-            way, sums = carry(waves, path.course(fps), fps)
-            back = np.exp(-1j * (waves.k @ way.to(frame.t)))
-            both = waves.at(world, np.asarray(_complex(sums.to(frame.t)) * back / fps), now)
-            moved = moved + frame.to_camera(both[:, :3])
-            rate = rate + frame.to_camera(both[:, 3:])
+        now = np.exp(-1j * waves.omega * frame.t / fps) / fps
+        # Of the flake that is at the place now.
+        way, sums = carry(waves, path.course(fps), fps)
+        back = np.exp(-1j * (waves.k @ way.to(frame.t)))
+        both = waves.at(world, np.asarray(_complex(sums.to(frame.t)) * back / fps), now)
+        moved = moved + frame.to_camera(both[:, :3])
+        rate = rate + frame.to_camera(both[:, 3:])
     return moved.reshape(ahead.shape), rate.reshape(ahead.shape)
 
 
@@ -105,54 +100,10 @@ def _complex(parts: Float64) -> Any:
     return parts[:half] + 1j * parts[half:]
 
 
-def _phasor(waves: Waves, time: float, fps: float) -> Any:
-    """Return the factors of the waves' amplitudes at a time, for metres per frame."""
-    return np.exp(-1j * waves.omega * time / fps) / fps
-
-
-def _ahead_while_turning(waves: Waves, frame: Frame, depths: Float64) -> Float64:
-    """Return the displacement of the air straight ahead of a camera that turns, (n, 3)."""
-    mount = frame.path.rig(frame.t).T @ frame.camera.matrix()
-    # Turned back by a frame's own orientation it has lost some bits: the mount is one for a film.
-    view = waves, frame.path, frame.fps, np.round(mount, 12).tobytes(), depths.tobytes()
-    whole = math.trunc(frame.t)
-    sign = -1 if frame.t < 0.0 else 1
-    blocks, rest = divmod(abs(whole), BLOCK)
-    total = np.zeros((len(depths), 3))
-    for number in range(blocks):
-        total += _block(*view, sign, number)
-    for number in range(blocks * BLOCK, blocks * BLOCK + rest):
-        total += sign * _velocity(*view, sign * (number + 0.5))
-    part = frame.t - whole
-    return np.asarray(total + part * _velocity(*view, whole + 0.5 * part) if part else total)
-
-
-def _velocity(
-    waves: Waves, path: CameraPath, fps: float, mount: bytes, depths: bytes, time: float
-) -> Float64:
-    """Return the velocity of the air straight ahead of a camera at depths, (n, 3)."""
-    turn = path.rig(time) @ np.frombuffer(mount).reshape(3, 3)
-    world = path.place(time, fps=fps) + np.frombuffer(depths)[:, None] * turn[:, 2]
-    return np.asarray(waves.at(world, _phasor(waves, time, fps)) @ turn)
-
-
-@kept(4096)
-def _block(
-    waves: Waves, path: CameraPath, fps: float, mount: bytes, depths: bytes, sign: int, number: int
-) -> Float64:
-    """Return the sum over a block of whole frames, by their middles."""
-    middles = (sign * (number * BLOCK + step + 0.5) for step in range(BLOCK))
-    ways = (sign * _velocity(waves, path, fps, mount, depths, middle) for middle in middles)
-    return np.asarray(sum(ways))
-
-
 def _profile_at(wind: Wind, frame: Frame, depth: Float64) -> tuple[Float64, Float64]:
     """Return the profile's displacement and velocity at fixed depths (n,), each (n, 3)."""
     if wind.profile is None:
         return np.zeros((len(depth), 3)), np.zeros((len(depth), 3))
-    if frame.path.turns:
-        # What is behind what would change.
-        raise ValueError("wind: a profile over depth needs a camera that does not turn")
     factor, own = wind.extra(depth)
     mean = integral_to(wind.steady, frame.t) / frame.fps
     now = np.array(value_at(wind.steady, frame.t)) / frame.fps

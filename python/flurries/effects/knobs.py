@@ -31,10 +31,8 @@ class Described(type):
 Law = Callable[[Mapping[str, Any], Mapping[str, Any]], dict[str, Any]]
 
 
-def knobs(
-    *names: str, law: Law, apart: tuple[str, ...] = ()
-) -> Callable[[type[_Kind]], type[_Kind]]:
-    """Give a dataclass arguments that set fields of it, but none of those `apart` from them."""
+def knobs(*names: str, law: Law) -> Callable[[type[_Kind]], type[_Kind]]:
+    """Give a dataclass arguments that set fields of it."""
 
     def turnable(kind: type[_Kind]) -> type[_Kind]:
         plain = kind.__init__
@@ -48,8 +46,6 @@ def knobs(
                     f"{next(iter(turned))} sets fields of a new effect, {kind.__name__}(...); in a "
                     "copy all of them are given"
                 )
-            for name in set(apart) & set(given) if turned else ():
-                raise TypeError(f"{next(iter(turned))} and {name} say the same: give one of them")
             given |= law(turned, given) if turned else {}
             plain(self, *others, **given)
 

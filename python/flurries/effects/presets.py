@@ -10,9 +10,13 @@ SnowLook: TypeAlias = Literal[
 SNOW_LOOKS: dict[str, dict[str, Any]] = {
     "light": {"density": 12.0, "flake_size": (0.003, 0.006, 0.018)},
     "moderate": {},
-    "heavy": {"density": 90.0, "flake_size": (0.003, 0.008, 0.025), "wind": (0.5, 0.0, 0.0)},
+    "heavy": {
+        "density": 90.0, "flake_size": (0.003, 0.008, 0.025), "wind": (0.5, 0.0, 0.0),
+        "clumps": 0.4,
+    },
     "blizzard": {
         "density": 300.0, "flake_size": (0.002, 0.005, 0.016), "wind": (6.0, 0.0, 0.0),
+        "clumps": 0.7,
     },
     # Half melted: small, fast and glassy.
     "sleet": {

@@ -26,17 +26,18 @@ class Rain(Falling):
 
     Parameters
     ----------
-    preset, density, opacity, amount, emission, fall, wind, haze, shutter, near, far, backdrop, \
-cloud, handover, method, look, seed, severity, rate, visibility
+    preset, density, opacity, amount, emission, fall, wind, haze, shutter, clumps, near, far, \
+backdrop, cloud, handover, method, look, seed, severity, rate, visibility
         As in :class:`Snow`.
     color : float, (r, g, b), "#rrggbb", "ambient" or "local"
         As in :class:`Snow`. "local" is the light that a drop bends towards the camera, and `gain`
         does not count.
     drop_size : (smallest, mean, largest)
         As `flake_size` of :class:`Snow`.
-    gain : float
+    gain : float, optional
         Light that a drop sends, divided by `color`. A drop shows the sky ahead, most of it higher
-        than what the picture has: under clouds twice as bright as at the horizon. Keyed.
+        than what the picture has: under clouds twice as bright as at the horizon. If not given, 2
+        where it pours, 4 in thin rain. Keyed.
     shape : {"natural", "round"}
         Shape of a drop near the camera: "natural" is flattened by its fall, with a rim through
         which little light comes; "round" is a round dot.
@@ -46,7 +47,7 @@ cloud, handover, method, look, seed, severity, rate, visibility
     density: Number = 700.0
     drop_size: tuple[float, float, float] | Keys = (0.0005, 0.0009, 0.006)
     wind: Vector | Wind = (0.6, 0.0, 0.0)
-    gain: Number = 2.0
+    gain: Number | None = None
 
     NAME: ClassVar[str] = "rain"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = RAIN_LOOKS

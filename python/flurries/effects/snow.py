@@ -60,6 +60,9 @@ class Snow(Falling):
     sway : (amplitude, rate)
         Amplitude in metres and rate in radians per second. Each near flake swings with a phase of
         its own.
+    clumps : float
+        Differences of the density over its mean, 0 to 1: in clumps of 3 to 14 m that fall with the
+        flakes, and in fronts of 20 to 70 m that the wind drives.
     near, far : float
         Depths in metres between which there are flakes. All that is farther away is seen through
         all of them, whatever its depth.
@@ -75,7 +78,7 @@ class Snow(Falling):
         "simulated" draws every flake one by one, which is slow. "tent" makes a
         :class:`flurries.effects.TentSnow`, "cone" a `ConeSnow`, by looks and fields of these.
     shape : {"natural", "round"}
-        Shape of a flake whose image has a sigma above some 3 pixels: "natural" is an aggregate of
+        Shape of a flake whose image has a sigma above some 4 pixels: "natural" is an aggregate of
         crystals that tumbles as it falls, "round" a round dot like farther flakes.
     look : {"v2"}
         Version of the presets.

@@ -7,109 +7,27 @@ has none that moves: tiles grow with the speed.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import InitVar, dataclass, field, fields, replace
+from dataclasses import InitVar, dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
-import numpy as np
-
-from flurries._contract import flag, real
+from flurries._contract import flag, real, suggesting
 from flurries.effects import checks
 from flurries.effects.air import Flakes
 from flurries.effects.color import Color
 from flurries.effects.field import Field
-from flurries.effects.knobs import Described, knobs, looks
+from flurries.effects.knobs import Described, looks
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import TENT_RAIN, TENT_SNOW, RainLook, TentSnowLook
-from flurries.effects.severity import rate_of
 from flurries.effects.texture import Texture
 from flurries.effects.veil import Veil
 from flurries.motion.keys import Keys, Number, Vector
 from flurries.motion.wind import Wind
-from flurries.particles.sizes import SNOW, Sizes
 from flurries.spectral.tables import Aliasing
 from flurries.spectral.tiles import Blend
 
 _density: checks.Check = checks.optional(lambda name, value: real(name, value, low=0.0, high=1e6))
-
-# Cubic metres that a lens of 1.2 widths sees of 12 m, the picture as high as wide: for which the
-# presets' numbers of flakes in view were tuned.
-_TUNED_VIEW = 12.0**3 / (3.0 * 1.2**2)
-
-# How far away the background of rain without a depth stands, metres. The presets' veils are those
-# of 55 to 80 m.
-_VEILED = 60.0
-
-# The rates, mm/h, of which the presets' drops are about those; and diameters that are drawn, mm.
-_RAIN_RATES, _DRAWN_DROPS = (3.0, 10.0, 25.0), (2.5, 4.0)
-
-
-def _snow_of_rate(turned: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of snow of a liquid-equivalent rate, mm/h, that are not given."""
-    rate, known = real("rate", rate_of(turned, "snow")), ("light", "moderate", "heavy")
-    sizes, falls = (_tuned(TentSnow, known, name) for name in ("flake_size", "fall"))
-    rates = [
-        number / _TUNED_VIEW * _flux(size, fall)
-        for number, size, fall in zip(_tuned(TentSnow, known, "flakes"), sizes, falls, strict=True)
-    ]
-    look = {
-        name: _between(rate, rates, _tuned(TentSnow, known, name))
-        for name in ("texture", "mean", "spread", "exponent", "haze", "fall")
-    }
-    # So little snow is few flakes.
-    look["texture"] *= min(rate / rates[0], 1.0)
-    largest = _between(rate, rates, [large for _, large in sizes])
-    found = {"flake_size": (sizes[0][0], largest), **look, **given}
-    fall = real("fall", found["fall"], above=0.0)
-    each = _flux(checks.sizes("flake_size", found["flake_size"]), fall)
-    return {**found, "flake_density": rate / each}
-
-
-def _rain_of_rate(turned: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of rain of a rate, mm/h, that are not given."""
-    # All drops are those of Marshall and Palmer 1948, N(D) = 8000 exp(-4.1 R^-0.21 D) per m3 and
-    # mm. The largest are drawn, and the veil has the extinction of all, 2 pi/4 D^2 each.
-    rate, known = real("rate", rate_of(turned, "rain")), ("drizzle", "rain", "downpour")
-    slope = 4.1 * rate**-0.21
-    # In light rain the drops are as much smaller as its whole distribution is.
-    part = min((rate / 10.0) ** 0.21, 1.0)
-    own = given.get("drop_size", tuple(1e-3 * part * size for size in _DRAWN_DROPS))
-    low, high = (1e3 * size for size in checks.sizes("drop_size", own))
-    number = 8000.0 / slope * (math.exp(-slope * low) - math.exp(-slope * high))
-    extinction = 1e-6 * math.pi * 8000.0 / slope**3
-    texture, mean = (
-        _between(rate, _RAIN_RATES, _tuned(TentRain, known, name)) for name in ("texture", "mean")
-    )
-    return {
-        "drop_density": number,
-        "drop_size": own,
-        "fall": 9.65 - 10.3 * math.exp(-0.6 * 0.5 * (low + high)),
-        "texture": texture * min(rate / _RAIN_RATES[0], 1.0),
-        "mean": mean,
-        "haze": 1.0 - math.exp(-extinction * _VEILED),
-        **given,
-    }
-
-
-def _tuned(kind: Any, presets: Sequence[str], name: str) -> list[Any]:
-    """Return a field of some presets."""
-    (usual,) = (f.default for f in fields(kind) if f.name == name)
-    return [kind.PRESETS[preset].get(name, usual) for preset in presets]
-
-
-def _between(rate: float, rates: Sequence[float], values: Sequence[float]) -> float:
-    """Return a number between those of some rates, by their logarithms."""
-    return float(np.interp(math.log(rate), np.log(rates), values))
-
-
-def _flux(sizes: tuple[float, float], fall: float) -> float:
-    """Return the mm/h of one flake per m3, of even sizes in metres that fall alike."""
-    low, high = sizes
-    law = Sizes(low, 0.5 * (low + high), high)
-    return replace(SNOW, speed=np.ones_like).flux(law) * fall
-
 
 _CHECKS = {
     **checks.TENT, "flakes": checks.population, "flake_density": _density,
@@ -142,8 +60,6 @@ class _Tent(metaclass=Described):
     depth_mode: checks.DepthMode = "tile"
     look: str = "v1"
     seed: int | None = None
-    severity: InitVar[int | None] = None
-    rate: InitVar[float | None] = None
 
     NAME: ClassVar[str]
 
@@ -162,7 +78,7 @@ class _Tent(metaclass=Described):
 
 
 @looks
-@knobs("rate", "severity", law=_snow_of_rate, apart=("flakes", "flake_density"))
+@suggesting
 @dataclass(frozen=True, kw_only=True)
 class TentSnow(_Tent):
     """Falling snow as Langer's texture.
@@ -175,7 +91,7 @@ class TentSnow(_Tent):
         Strength of the whole effect, 0 to 1; scales flakes, texture and haze. Keyed.
     fall : float
         Fall speed in still air, metres per second. Keyed.
-    preset, color, sway, seed, severity
+    preset, color, sway, seed
         As in :class:`Snow`.
     wind : (x, y, z) or Wind
         As in :class:`Snow`. Waves exactly across the motion stand still, which shows when the wind
@@ -219,11 +135,7 @@ class TentSnow(_Tent):
     flake_opacity : float
         Mean opacity over the disc of a flake at rest, 0 to 1; .99 at most is drawn. Keyed.
     look : {"v1"}
-        Version of the presets, of `severity` and `rate`, and of how pictures of other sizes look.
-    rate : float, optional
-        Liquid-equivalent rate of snowfall in mm/h; light snow is less than 1, heavy more than 5.
-        Sets `flake_density` to what carries it, and those of `flake_size`, `texture`, `mean`,
-        `spread`, `exponent`, `fall` and `haze` that are not given; scene files hold these.
+        Version of the presets, and of how pictures of other sizes look.
 
     Notes
     -----
@@ -250,7 +162,7 @@ class TentSnow(_Tent):
 
 
 @looks
-@knobs("rate", "severity", law=_rain_of_rate, apart=("drops", "drop_density"))
+@suggesting
 @dataclass(frozen=True, kw_only=True)
 class TentRain(_Tent):
     """Rain as Langer's texture.
@@ -260,7 +172,7 @@ class TentRain(_Tent):
     Parameters
     ----------
     preset, amount, fall, wind, color, shutter, texture, mean, spread, power, exponent, \
-near_depth, overlap, blend, alias, jitter, depth_mode, look, seed, severity
+near_depth, overlap, blend, alias, jitter, depth_mode, look, seed
         As in :class:`TentSnow`.
     haze : float
         As in :class:`TentSnow`. On a bright picture it is most of what shows that it rains.
@@ -282,10 +194,6 @@ near_depth, overlap, blend, alias, jitter, depth_mode, look, seed, severity
     gain : float
         Light that a drop scatters, divided by the light that an opaque disc of its size hides. With
         1 the streaks are hardly visible, as those of real drops.
-    rate : float, optional
-        Rate of rain in mm/h: drizzle 3, rain 10, a downpour 25. Sets `drop_density`, that of the
-        drops of `drop_size` in Marshall and Palmer's law, and those of `drop_size`, `fall`,
-        `texture`, `mean` and `haze`, the extinction of all drops over 60 m, that are not given.
 
     Warns
     -----

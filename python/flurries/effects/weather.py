@@ -91,6 +91,7 @@ class Weather:
     emission: Number  # Share of the flakes that begin to fall, 0 to 1.
     cloud: float  # Height above the camera at which they begin, metres.
     sway: tuple[float, float]  # (amplitude, rate): metres, and radians per second.
+    clumps: float  # By what part of the mean density it differs from place to place, 0 to 1.
     near: float  # Depths between which there are flakes, metres.
     far: float
     simulated: bool  # Whether every flake is drawn.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -37,11 +39,12 @@ class Levels:
         # Of a cell with an edge in it the light is that of the farther, and so none of the nearer;
         # its place, and that of a cell beside it, is the nearer's.
         near, source = (_level(_pooled(depth, cell, of)) for of in (np.minimum, np.maximum))
-        around = np.pad(near, 1, mode="edge")
-        rows, columns = near.shape
-        shifts = [(y, x) for y in range(3) for x in range(3)]
-        places = np.minimum.reduce([around[y : y + rows, x : x + columns] for y, x in shifts])
-        used = np.unique(np.concatenate([np.floor(places), np.ceil(places)], axis=None)).astype(int)
+        places = near
+        for _ in range(2):
+            around = np.pad(places, ((1, 1), (0, 0)), mode="edge")
+            places = np.minimum(np.minimum(around[:-2], around[1:-1]), around[2:]).T
+        ends = np.concatenate([np.floor(places), np.ceil(places)], axis=None).astype(int)
+        used = np.flatnonzero(np.bincount(ends))
         light = np.maximum(sums, 0.0) / float(cell * cell)
         found = {}
         for level in used.tolist():
@@ -49,12 +52,15 @@ class Levels:
             found[level] = _pooled(counted, COARSE, np.add) / COARSE**2
         return Levels(found, places)
 
-    def blurred(self, down: Float64, across: Float64, outside: Float64) -> Float64:
-        """Return the light of small cells, blurred by matrices of the large ones."""
+    def blurred(self, blurs: Sequence[Any], outside: Float64) -> Float64:
+        """Return the light of small cells: of blurs, weights and matrices of the large ones."""
         result = np.zeros((*self.places.shape, 3))
         for level, sums in self.sums.items():
-            parts = across @ (down @ sums.reshape(len(sums), -1)).reshape(sums.shape)
-            light = (parts[..., :3] + _REST * outside) / (parts[..., 3:] + _REST)
+            light: Float64 = np.zeros(())
+            for weight, down, across in blurs:
+                parts = across @ (down @ sums.reshape(len(sums), -1)).reshape(sums.shape)
+                own = (parts[..., :3] + _REST * outside) / (parts[..., 3:] + _REST)
+                light = light + weight * own
             for count in self.places.shape:
                 light = np.swapaxes(_between(light, count), 0, 1)
             result += np.clip(1.0 - np.abs(self.places - level), 0.0, 1.0)[..., None] * light

@@ -29,7 +29,8 @@ _WIDE_SIGMA = math.sqrt(0.5 * (_NARROW**2 + _WIDE**2)) / math.sqrt(2.0)
 class PlateLight:
     """The light of a plate, linear."""
 
-    cells: Float64  # (rows, columns, 3) means of squares of the picture.
+    # (rows, columns, 3) means of squares of the picture, where it has no depth.
+    cells: Float64 | None
     cell: int  # Their side, px.
     sky: Float64  # (3,) from above, outside the picture.
     ground: Float64  # (3,) from below, outside.
@@ -42,29 +43,32 @@ class PlateLight:
         behind = within(asymmetry, _NARROW)
         around = within(asymmetry, _WIDE) - behind
         rest = 1.0 - behind - around
-        near = self.blurred(focal, _NARROW_SIGMA)
-        wide = self.blurred(focal, _WIDE_SIGMA)
-        outside = 0.5 * (self.sky + self.ground)
-        return np.asarray(albedo * (behind * near + around * wide + rest * outside))
+        seen = self.blurred(focal, (behind, _NARROW_SIGMA), (around, _WIDE_SIGMA))
+        return np.asarray(albedo * (seen + rest * 0.5 * (self.sky + self.ground)))
 
     def veil(self, focal: float) -> Float64:
         """Return the light of fog before each cell, (rows, columns, 3) linear light."""
         # Fog loses nothing to absorption: it is as bright as what it hides, or as its surroundings.
-        wide = self.blurred(focal, _WIDE_SIGMA)
-        even = 0.5 * (wide + self.sky)
-        return np.maximum(even, self.blurred(focal, _NARROW_SIGMA))
+        even = 0.5 * (self.blurred(focal, (1.0, _WIDE_SIGMA)) + self.sky)
+        return np.maximum(even, self.blurred(focal, (1.0, _NARROW_SIGMA)))
 
-    def blurred(self, focal: float, sigma: float) -> Float64:
-        """Return the cells blurred by a Gaussian of `sigma` radians; borders take from within."""
-        levels, wide = self.levels, focal * sigma / self.cell
+    def blurred(self, focal: float, *blurs: tuple[float, float]) -> Float64:
+        """Return the sum of blurs by Gaussians, of weights and deviations in radians."""
+        levels, px = self.levels, focal / self.cell
         if levels is not None:
-            outside = 0.5 * (self.sky + self.ground)
-            down, across = (_gaussian(count, wide / COARSE) for count in levels.counts)
-            return levels.blurred(down, across, outside)
-        rows, columns, _ = self.cells.shape
-        down, across = _gaussian(rows, wide), _gaussian(columns, wide)
-        vertical = (down @ self.cells.reshape(rows, -1)).reshape(self.cells.shape)
-        return np.asarray(across @ vertical)
+            rows, columns = levels.counts
+            sides = [(part, px * sigma / COARSE) for part, sigma in blurs]
+            made = [(part, _gaussian(rows, s), _gaussian(columns, s)) for part, s in sides]
+            return levels.blurred(made, 0.5 * (self.sky + self.ground))
+        cells = self.cells
+        assert cells is not None
+        rows, columns, _ = cells.shape
+        result = np.zeros(cells.shape)
+        for weight, sigma in blurs:
+            down, across = _gaussian(rows, px * sigma), _gaussian(columns, px * sigma)
+            vertical = (down @ cells.reshape(rows, -1)).reshape(cells.shape)
+            result += weight * (across @ vertical)
+        return result
 
 
 def _gaussian(count: int, sigma: float) -> Float64:
@@ -96,5 +100,6 @@ def plate_light(
 ) -> PlateLight:
     """Return the light of a picture by places, and by its depth if it has one."""
     sums, cell = cell_sums(picture, encoding, CELLS if depth is None else FINE)
-    levels = None if depth is None else Levels.of(sums, cell, depth)
-    return PlateLight(cells_of(sums), cell, sky, ground, levels)
+    if depth is None:
+        return PlateLight(cells_of(sums), cell, sky, ground)
+    return PlateLight(None, cell, sky, ground, Levels.of(sums, cell, depth))

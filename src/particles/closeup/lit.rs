@@ -20,8 +20,8 @@ pub struct Scene<'a> {
     /// By which sprites are found in space.
     pub lens: Lens,
     pub lamps: &'a Lamps,
-    /// Of each flake by its number, the light on it over that on the mean.
-    pub glints: &'a [f32],
+    /// Of a flake by its number, the light on it over that on the mean.
+    pub glint: &'a (dyn Fn(i32) -> f32 + Sync),
 }
 
 impl Scene<'_> {
@@ -78,7 +78,7 @@ impl Scene<'_> {
         light(self.lamps, &places, &mut found);
         let both = found.into_iter().zip(numbers);
         both.map(|(rgb, number)| {
-            let glint = self.glints.get(number as usize).copied().unwrap_or(1.0);
+            let glint = (self.glint)(number);
             let [r, g, b] = rgb.map(|v| glint * v as f32);
             [r, g, b, 1.0]
         })
