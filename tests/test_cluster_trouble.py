@@ -1,11 +1,14 @@
 """Clusters that cannot work, and modes on one worker: each case named by its number in issue 16."""
 
 import os
+import signal
 import subprocess
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +82,6 @@ def test_16_4_no_success_without_the_files(client: Any, tmp_path: Path, monkeypa
         (tmp_path / place / "out").mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "here")
     client.run(os.chdir, str(tmp_path / "there"))
-    # What is late comes within seconds, or never.
     monkeypatch.setattr(crew, "_LATE", 0.3)
     with pytest.raises(OSError, match=r"\.png: a worker has written it, but here it is not"):
         SMALL.write("/proc/self/cwd/out/%d.png", "1-3", dask=client)
@@ -121,15 +123,41 @@ def test_33_the_arrays_of_the_page_run(kind: str, tmp_path: Path):
 
 
 def test_16_9_without_workers_it_says_so_and_stops(tmp_path: Path):
-    with distributed.LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=50) as local:
-        started = time.monotonic()
-        with (
-            pytest.warns(UserWarning, match=r"waiting for a worker at tcp://.*, 1 s at most"),
-            pytest.raises(TimeoutError, match=r"no worker at tcp://.* for 1 s"),
-        ):
-            SMALL.write(tmp_path / "%d.png", "1-2", dask=local.scheduler_address, dask_patience=1.0)
-        assert time.monotonic() - started < 20
+    with (
+        distributed.LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=50) as local,
+        pytest.warns(UserWarning, match=r"waiting for a worker at tcp://.*, 1 s at most"),
+        pytest.raises(TimeoutError, match=r"no worker at tcp://.* for 1 s"),
+    ):
+        SMALL.write(tmp_path / "%d.png", "1-2", dask=local.scheduler_address, dask_patience=1.0)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_33_a_stopped_worker_is_named(count: int, tmp_path: Path, monkeypatch: Any):
+    group(1, monkeypatch)
+    SMALL.write(tmp_path / "here" / "%d.png", "1-30")
+
+    def progress(numbers: Any) -> Iterator[int]:
+        for number in numbers:
+            if number == 3:
+                os.kill(stopped, signal.SIGSTOP)
+            yield number
+
+    with workers(count) as client:
+        address, stopped = client.run(os.getpid).popitem()
+        try:
+            end = pytest.raises(TimeoutError, match="no worker") if count == 1 else nullcontext()
+            with end, warnings.catch_warnings(record=True) as said:
+                warnings.simplefilter("always")
+                SMALL.write(
+                    tmp_path / "there" / "%d.png", "1-30", dask=client, progress=progress,
+                    dask_patience=3.0 if count == 1 else 30.0,
+                )  # fmt: skip
+        finally:
+            os.kill(stopped, signal.SIGCONT)
+    assert any(f"the worker at {address} is silent" in str(one.message) for one in said)
+    if count > 1:
+        assert contents(tmp_path / "there") == contents(tmp_path / "here")
 
 
 SCHEDULER = """
@@ -167,7 +195,7 @@ def test_16_9_a_scheduler_that_dies_is_one_sentence(tmp_path: Path):
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
     end = time.monotonic() + 60
-    while len(list(tmp_path.glob("out/*.png"))) < 2 and time.monotonic() < end:
+    while len(list(tmp_path.glob("out/[0-9]*.png"))) < 2 and time.monotonic() < end:
         time.sleep(0.02)
     server.kill()
     server.communicate()
@@ -177,7 +205,7 @@ def test_16_9_a_scheduler_that_dies_is_one_sentence(tmp_path: Path):
         "flurries: dask: the scheduler is gone; finished files stay, run again to go on"
     ]
     # A line without its file is a frame that is not made yet.
-    if list(tmp_path.glob("out/*.png")):
+    if list(tmp_path.glob("out/[0-9]*.png")):
         assert all(sentence.endswith("is missing") for sentence in check(tmp_path / "out")[1])
 
 

@@ -7,8 +7,8 @@ import pytest
 
 import flurries as fl
 from flurries.io import VideoWriter, read_picture, srgb_to_linear, write_picture
-from flurries.output.journal import is_journal
 from stills import header_of
+from test_nothing_wrong import contents
 
 Scene, Snow = fl.Scene, fl.effects.TentSnow
 W, H = 66, 50
@@ -26,12 +26,6 @@ def scene() -> fl.Scene:
 def wide(scene: fl.Scene) -> fl.Scene:
     """The scene over the same levels in 16 bits, which is what more bits are made of."""
     return scene.replace(background=BYTES.astype(np.uint16) * np.uint16(257))
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    """Every file below a folder but the journal, hidden ones too."""
-    found = {p for p in folder.rglob("*") if p.is_file() and not is_journal(p.name)}
-    return {str(p.relative_to(folder)): p.read_bytes() for p in found}
 
 
 @pytest.mark.parametrize("ending", ["png", "tif", "exr"])
@@ -84,9 +78,8 @@ def test_frames_that_were_not_named(tmp_path: Path):
         write_picture(tmp_path / f"plate.{number}.png", np.roll(BYTES, number, axis=1))
     done = Scene(tmp_path / "plate.%d.png").write(tmp_path / "out" / "%d.png")
     assert done.written == [3, 4, 5]
-    assert np.array_equal(
-        read_picture(tmp_path / "out" / "4.png").pixels, np.roll(BYTES, 4, axis=1)
-    )
+    got = read_picture(tmp_path / "out" / "4.png").pixels
+    assert np.array_equal(got, np.roll(BYTES, 4, axis=1))
     still = Scene("#102030", size=(8, 8), fps=1.5)
     assert still.write(tmp_path / "still" / "%d.png").written == [1, 2, 3, 4, 5]  # 3 s and a bit
     assert still.write(tmp_path / "one.png").written == [1]

@@ -11,7 +11,7 @@ import pytest
 import flurries as fl
 from flurries.cli import main
 from flurries.io import read_picture, read_video, write_picture
-from flurries.output.contents import Content
+from flurries.output.frames import Frames
 from flurries.output.journal import NAME, Journal
 from flurries.output.store import Store, check
 from flurries.scene.fingerprint import BITS, Settings
@@ -165,8 +165,8 @@ def test_a_journal_that_is_joined_while_it_is_listed_is_seen(tmp_path: Path, mon
 def test_what_appears_while_a_frame_is_made_is_refused(
     name: str, pattern: str, tmp_path: Path, monkeypatch: Any
 ):
-    render, theirs = Content.render, tmp_path / name
-    monkeypatch.setattr(Content, "render", lambda *a: theirs.write_bytes(b"mine") and render(*a))
+    make, theirs = Frames.make, tmp_path / name
+    monkeypatch.setattr(Frames, "make", lambda *job: theirs.write_bytes(b"mine") and make(*job))
     with pytest.raises(ValueError, match=f"{name} is there already and no journal"):
         SCENE.write(tmp_path / pattern, "2-2")
     assert theirs.read_bytes() == b"mine"

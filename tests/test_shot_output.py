@@ -19,8 +19,7 @@ SNOW = [fl.Snow("heavy")]
 OTHER = {
     "bits": "float", "codec": "ffv1", "motion": "y-up", "colorspace": "ACEScg",
     "compression": "piz", "quality": "draft", "layers": True, "alone": True, "deep": True,
-    "damaged": "hold",
-    "sound": False,
+    "damaged": "hold", "sound": False,
 }  # fmt: skip
 
 
@@ -29,8 +28,7 @@ def scene(**output: object) -> fl.Scene:
 
 
 def header(file: Path) -> oiio.ImageSpec:
-    spec = oiio.ImageInput.open(str(file)).spec()
-    return spec
+    return oiio.ImageInput.open(str(file)).spec()
 
 
 @pytest.mark.parametrize("name", OTHER)

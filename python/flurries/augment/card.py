@@ -8,7 +8,7 @@ from pathlib import Path
 
 from flurries import __version__
 from flurries.io import replacing
-from flurries.output.folder import Store
+from flurries.io.stores import Store
 from flurries.output.journal import Journal
 
 _CARD, _TABLE = "README.md", "metadata.jsonl"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
@@ -17,7 +20,7 @@ from flurries.augment.card import write_card
 from flurries.augment.layouts import LAYOUTS, READ, SUFFIXES, files_of, layout_of, members_of
 from flurries.augment.sets import COPY, TRUTH, WEATHERS, Members, Part, Pictures
 from flurries.output.cluster import cluster
-from flurries.output.crew import make, processes
+from flurries.output.crew import Crew, make
 from flurries.output.journal import NAME
 from flurries.output.sequence import run
 
@@ -143,9 +146,7 @@ def corrupt(
     again, dry = flag("overwrite", overwrite), flag("dry_run", dry_run)
     count = os.cpu_count() or 1 if workers is None else integer("workers", workers, low=1, high=256)
     if not (dask is None or isinstance(dask, str)):
-        raise TypeError(
-            f"dask must be an address, '' for a cluster here, or None, got {dask!r:.60}"
-        )
+        raise TypeError(f"dask must be an address, '' for one here, or None, got {dask!r:.60}")
     skipped: Counter[str] = Counter()
     files = files_of(source, _several(include), _several(exclude), skipped)
     told = layout_of(files) if layout is None else choice("layout", layout, tuple(LAYOUTS))
@@ -192,20 +193,21 @@ def corrupt(
     groups = [wanted[first : first + size] for first in range(0, len(wanted), size)]
     bar = progress or iter
     if dask is None and (count == 1 or len(groups) == 1):
-        done = run(job, wanted, bar)
+        fates = run(job, wanted, bar)
     else:
-        crew_of = processes(job, count) if dask is None else cluster(job, dask, count=count)
+        crew_of = _processes(job, count) if dask is None else cluster(job, dask, count=count)
         with crew_of as crew:
-            done = run(job, wanted, bar, partial(make, crew, groups))
-    for indices, among in ((done.written, made.written), (done.kept, made.kept)):
-        for index in indices:
-            part = parts[index]
-            (made.copied if part.plane == COPY else among).append(target / part.path)
+            fates = run(job, wanted, bar, partial(make, crew, groups))
+    for index, fate in fates.items():
+        part, among = parts[index], {"written": made.written, "kept": made.kept}
+        if fate not in among:
+            made.failed[part.name] = fate
+        else:
+            (made.copied if part.plane == COPY else among[fate]).append(target / part.path)
     for paths in (made.written, made.kept, made.copied):
         paths.sort()
     if made.written or made.kept:
         write_card(target)
-    made.failed.update({parts[index].name: why for index, why in done.failed.items()})
     return made
 
 
@@ -244,3 +246,23 @@ def _swap(depths: tuple[str, str] | None) -> tuple[str, str] | None:
     if not (isinstance(depths, (tuple, list)) and len(depths) == 2 and all(depths)):
         raise ValueError(f"depths must be two texts, such as ('rgb', 'depth'), got {depths!r:.60}")
     return str(depths[0]), str(depths[1])
+
+
+# What the tasks of a process share.
+_shared: list[Any] = []
+
+
+def _begin(shared: Any) -> None:
+    _shared[:] = [shared]
+
+
+def _with_shared(task: Callable[..., Any], *arguments: Any) -> Any:
+    return task(_shared[0], *arguments)
+
+
+@contextmanager
+def _processes(shared: Any, count: int) -> Iterator[Crew]:
+    # Spawned, not forked: what the caller's threads hold is not carried along.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(count, context, _begin, (shared,)) as pool:
+        yield Crew(lambda *task: pool.submit(_with_shared, *task), lambda: count, remote=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,6 @@ from flurries.io import (
     write_picture,
 )  # fmt: skip
 from flurries.io.pictures.header import opened_picture, upright
-from flurries.output.folder import Store
 from flurries.output.journal import Mark
 from flurries.output.sequence import Job
 from flurries.scene.fingerprint import Hashes
@@ -196,16 +196,13 @@ class Pictures(Job):
     overwrite: bool = False
     motion: bool = False
     tolerant: bool = True
-    store: Store = field(default_factory=Store)
     _hashes: Hashes = field(default_factory=Hashes)
     _last: tuple[Any, dict[str, Any]] = (None, {})
 
     def path_of(self, index: int) -> Path:
-        """Return the path that a file is written to."""
         return self.folder / self.parts[index].path
 
     def mark_of(self, index: int) -> Mark:
-        """Return the mark that a file must bear."""
         part = self.parts[index]
         if part.plane == COPY:
             return Mark(COPY, 0, self._hashes[self.members.folder / part.name])
@@ -213,7 +210,7 @@ class Pictures(Job):
         scene = f"{part.kind}-{part.level}-{self.seed}{scale}-{part.plane} {self.members.said()}"
         return Mark(scene, self._number(part), self._content(part))
 
-    def make(self, index: int) -> Any:
+    def make(self, index: int, numbers: Iterable[int]) -> Any:
         """Return what is written: a picture as read and in weather, or the file that is copied."""
         part = self.parts[index]
         if part.plane == COPY:
@@ -225,7 +222,6 @@ class Pictures(Job):
         return (part.plane, *self._last[1][part.name])
 
     def save(self, path: Path, made: Any, header: dict[str, Any]) -> None:
-        """Write a file."""
         if isinstance(made, Path):
             with replacing(path) as temporary:
                 shutil.copyfile(made, temporary)
@@ -244,8 +240,7 @@ class Pictures(Job):
         else:
             write_layers(path, {plane: values}, half=False, metadata=header)
 
-    def notes(self, index: int) -> dict[str, Any]:
-        """Return the journal's notes of a file."""
+    def notes(self, index: int, made: Any) -> dict[str, Any]:
         part = self.parts[index]
         if part.plane == COPY:
             return {"source": part.name}

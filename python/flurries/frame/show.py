@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from flurries._contract import Array
-from flurries.io.color import linear_to_srgb, to_linear, to_unit
+from flurries.io.color import light_of, linear_to_srgb
 
 QUALITY = 90
 
@@ -21,8 +21,7 @@ LONGEST = 640
 def on_screen(picture: Array) -> Array:
     """Return a frame as uint8 display values, (H, W, 3); what is transparent is black."""
     if picture.shape[2] == 4:
-        colors, cover = picture[..., :3], to_unit(picture[..., 3:])
-        picture = to_linear(colors, "display") * cover if picture.dtype.kind == "u" else colors
+        picture = light_of(picture)[..., :3]
     if picture.dtype == np.uint8:
         return picture
     if picture.dtype == np.uint16:

@@ -106,6 +106,15 @@ def to_display(pixels: Array, encoding: str) -> Array:
     return values if encoding == "display" else linear_to_srgb(values)
 
 
+def light_of(pixels: Array, encoding: str | None = None) -> Array:
+    """Return pixels as linear light, multiplied by alpha; integers are not yet."""
+    light = to_linear(pixels[..., :3], encoding_of(encoding, pixels))
+    if pixels.shape[2] < 4:
+        return light
+    alpha = to_unit(pixels[..., 3:])
+    return np.concatenate([light * alpha if pixels.dtype.kind == "u" else light, alpha], axis=-1)
+
+
 def unmultiply(colors: Array, alpha: Array) -> Array:
     """Return straight colors, which encoding wants as it bends; black where alpha is 0."""
     return np.divide(colors, alpha, out=np.zeros_like(colors), where=alpha > 0.0)

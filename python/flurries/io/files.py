@@ -7,6 +7,7 @@ claim billions of pixels. Every reader comes through here.
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import stat
 from collections.abc import Iterator
@@ -156,3 +157,11 @@ def require_whole_png(path: Path, what: str) -> None:
                 raise OSError(f"{what}: {error}") from error
             if stream.read(4) != b"\xae\x42\x60\x82":  # The sum of the last chunk.
                 raise OSError(f"{what}: it lacks its end")
+
+
+def hash_of(path: Path) -> str:
+    with path.open("rb") as file:
+        digest = hashlib.sha256()
+        while block := file.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import platform
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,6 +29,44 @@ def openimageio() -> Any:
     library.attribute("exr_threads", -1)
     library.attribute(_LIMIT, 1)
     return library
+
+
+# Who reads a picture now, and in which process: a fork has its parent's. Without a lock, which a
+# fork in another thread would leave closed.
+_reading: set[tuple[int, object]] = set()
+
+
+@kept(1)
+def _errors() -> tuple[ctypes.c_void_p, int | None, int] | None:
+    """Return the C library's variable of the stream for errors, the stream, and one to nowhere."""
+    name = "__stderrp" if sys.platform == "darwin" else "stderr"
+    if sys.platform != "darwin" and platform.libc_ver()[0] != "glibc":
+        return None  # It may be a constant there.
+    library = ctypes.CDLL(None)
+    library.fopen.restype = ctypes.c_void_p
+    variable = ctypes.c_void_p.in_dll(library, name)
+    return variable, variable.value, library.fopen(os.devnull.encode(), b"w")
+
+
+@contextmanager
+def libraries_silent() -> Iterator[None]:
+    """Keep libpng from the terminal: what it writes there is said by an error of ours.
+
+    File descriptor 2 stays, and so do Python's words and those of other processes.
+    """
+    found, token = _errors(), (os.getpid(), object())
+    if found is None:
+        yield
+        return
+    variable, real, nowhere = found
+    _reading.add(token)
+    variable.value = nowhere
+    try:
+        yield
+    finally:
+        _reading.discard(token)
+        others = (process == token[0] for process, _ in list(_reading))
+        variable.value = nowhere if any(others) else real
 
 
 _LIMIT, _LONGEST = "limits:imagesize_MB", 500

@@ -1,4 +1,7 @@
-"""Dask's workers as a crew, on this machine or on many that see one folder."""
+"""Dask's workers as a crew, on this machine or on many that see one folder.
+
+A worker must have what the client has: if not, it refuses and says what, before a file.
+"""
 
 from __future__ import annotations
 
@@ -6,24 +9,48 @@ import asyncio
 import importlib
 import logging
 import os
+import socket
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, InvalidStateError, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from flurries._contract import real
+from flurries._kept import kept
 from flurries._threads import reproducible
-from flurries.output.crew import Crew
-from flurries.output.handshake import agreed, terms_of
+from flurries.output.crew import Crew, make
+from flurries.output.sequence import Fates, Job, Progress, run
+from flurries.scene.fingerprint import terms_of
 
 # How long a scheduler may take to answer, seconds.
 _GREETING = 10.0
 
 # After how long without workers it is said what is waited for, seconds.
 _QUIET = 10.0
+
+# After how long it is said that a worker is silent, seconds, and in how many of its heartbeats: it
+# was heard a look of a crew later, and is missed at the next one.
+_SILENT, _BEATS = 1.5, 2
+
+_GONE = "dask: the scheduler is gone; finished files stay, run again to go on"
+
+_PICKLE = "distributed.protocol.pickle"
+
+Terms = tuple[tuple[str, str], ...]
+
+
+def run_on(
+    where: Any, patience: float, job: Job, groups: list[list[int]], progress: Progress
+) -> Fates:
+    indices = [index for group in groups for index in group]
+    if where is None:
+        return run(job, indices, progress)
+    with cluster(job, where, patience) as crew:
+        return run(job, indices, progress, partial(make, crew, groups))
 
 
 @contextmanager
@@ -32,18 +59,36 @@ def cluster(
 ) -> Iterator[Crew]:
     patience = real("patience", patience, low=0.0)
     with _client(where, count) as client:
+        plain = reproducible()
+        terms = terms_of(plain)
         # Packed, so that a worker of another version says so and does not fail to unpack. A task
         # makes it again if its worker dies, as data sent to a worker would not be.
-        packed = required("distributed.protocol.pickle").dumps((os.urandom(8), shared))
-        given = client.submit(bytes, packed, pure=False)
-        watch, plain = _Watch(client, patience), reproducible()
-        terms = terms_of(plain)
+        packed = required(_PICKLE).dumps((os.urandom(8), shared))
 
-        def submit(task: Callable[..., Any], *arguments: Any) -> Any:
-            with watch.told():
-                return client.submit(agreed, terms, plain, given, task, *arguments, pure=False)
+        async def fetch(future: Any, done: Future[Any]) -> None:
+            with suppress(InvalidStateError):  # Nobody waits for it any more.
+                try:
+                    done.set_result(await client.gather(future, asynchronous=True))
+                except asyncio.CancelledError:
+                    done.cancel()
+                except Exception as error:
+                    done.set_exception(error)
 
-        yield Crew(submit, watch.threads, watch.look, remote=True)
+        def submit(*task: Any) -> Any:
+            # What a worker has made is fetched aside, too: it may have stopped since.
+            done: Future[Any] = Future()
+            future = client.submit(agreed, terms, plain, given, *task, pure=False)
+            done.add_done_callback(lambda one: future.cancel() if one.cancelled() else None)
+            client.loop.add_callback(fetch, future, done)
+            return done
+
+        try:
+            given = client.submit(bytes, packed, pure=False)
+            yield Crew(submit, _Watch(client, patience).threads, remote=True)
+        except Exception as error:
+            if client.status == "running":
+                raise
+            raise OSError(_GONE) from error
 
 
 @dataclass
@@ -52,30 +97,26 @@ class _Watch:
 
     client: Any
     patience: float
-    _looked: float = -1e9
-    _threads: int = 0
+    _heard: dict[str, tuple[float, float]] = field(default_factory=dict)  # The last beat, and when.
+    _silent: set[str] = field(default_factory=set)  # Of which it was said.
     _alone: float | None = None
     _said: bool = False
 
     def threads(self) -> int:
-        """Return the number of tasks that run at once, asked for once a second."""
-        if time.monotonic() - self._looked > 1.0:
-            self.look()
-        return self._threads
-
-    def look(self) -> None:
-        """Raise an error if the scheduler is gone, or no worker has been there for too long."""
-        with self.told():
-            there = self.client.sync(self.client.scheduler.ncores, callback_timeout=_GREETING)
-        now = self._looked = time.monotonic()
-        self._threads = sum(there.values())
-        if there:
+        """Return the number of tasks that run at once, or raise if there is none for too long."""
+        there = self._ask("identity")["workers"]
+        awake = [address for address in there if self._hears(address, there)]
+        if awake:
             self._alone = None
-            return
-        self._alone = now if self._alone is None else self._alone
-        waited = now - self._alone
+            for address in there:
+                if time.monotonic() - self._heard[address][1] >= self.patience:
+                    # What it had to do goes to the others; no task is to blame.
+                    self._ask("unregister", address=address, stimulus_id="silent", expected=True)
+            return sum(there[address]["nthreads"] for address in awake)
+        self._alone = self._alone or time.monotonic()
+        waited = time.monotonic() - self._alone
         address = self.client.scheduler.address
-        if waited >= min(_QUIET, self.patience / 2) and not self._said:
+        if not there and waited >= min(_QUIET, self.patience / 2) and not self._said:
             self._said = True
             warnings.warn(
                 f"dask: waiting for a worker at {address}, {self.patience:g} s at most",
@@ -85,18 +126,31 @@ class _Watch:
             raise TimeoutError(
                 f"dask: no worker at {address} for {waited:.0f} s; start one, or wait longer"
             )
+        return 0
 
-    @contextmanager
-    def told(self) -> Iterator[None]:
-        """Say so where the scheduler is gone."""
+    def _ask(self, what: str, **arguments: Any) -> Any:
         try:
-            yield
+            ask = getattr(self.client.scheduler, what)
+            return self.client.sync(ask, callback_timeout=_GREETING, **arguments)
         except Exception as error:
-            if self.client.status == "running" and not isinstance(error, (OSError, TimeoutError)):
-                raise
-            raise OSError(
-                "dask: the scheduler is gone; finished files stay, run again to go on"
-            ) from error
+            raise OSError(_GONE) from error
+
+    def _hears(self, address: str, there: dict[str, Any]) -> bool:
+        """Whether a worker lives, by its last heartbeat; say so if it was not heard for long."""
+        now, beat = time.monotonic(), there[address]["last_seen"]
+        if self._heard.get(address, (None, 0.0))[0] != beat:
+            self._heard[address] = beat, now
+            self._silent.discard(address)
+        most = _BEATS * required("distributed.scheduler").heartbeat_interval(len(there))
+        awake = bool(now - self._heard[address][1] < max(_SILENT, most))
+        if not awake and address not in self._silent:
+            self._silent.add(address)
+            warnings.warn(
+                f"dask: the worker at {address} is silent; the others go on, and make its files, "
+                f"too, if it stays so for {self.patience:g} s",
+                stacklevel=2,
+            )
+        return awake
 
 
 @contextmanager
@@ -129,7 +183,7 @@ def _client(where: Any, count: int | None) -> Iterator[Any]:
         raise TypeError(f"dask must be True, an address or a Client, got {where!r}")
     # Any free port, since two runs at once must not want the same; and for this machine alone.
     with distributed.LocalCluster(
-        n_workers=count or _cores(), threads_per_worker=1, dashboard_address="127.0.0.1:0",
+        n_workers=count, threads_per_worker=1, dashboard_address="127.0.0.1:0",
         worker_dashboard_address="127.0.0.1:0",
         silence_logs=logging.CRITICAL,
     ) as own, distributed.Client(own, set_as_default=False) as client:  # fmt: skip
@@ -144,15 +198,26 @@ async def _greet(address: str) -> None:
     await comm.close()
 
 
-def _cores() -> int:
-    with suppress(AttributeError):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def required(name: str) -> Any:
-    """Return a module of Dask's."""
     try:
         return importlib.import_module(name)
     except ImportError as error:
         raise ImportError(f"Dask is not here; install flurries[dask] ({error})") from error
+
+
+def agreed(terms: Terms, plain: bool, packed: bytes, task: Callable[..., Any], *more: Any) -> Any:
+    """Do a task with what is packed, if this process meets the client's terms."""
+    return task(_unpacked(terms, plain, packed), *more)
+
+
+@kept(4)
+def _unpacked(terms: Terms, plain: bool, packed: bytes) -> Any:
+    own = dict(terms_of(plain))
+    wrong = [f"{name} {own[name]} and not {said}" for name, said in terms if own[name] != said]
+    if wrong:
+        raise RuntimeError(
+            f"a worker on {socket.gethostname()} has {' and '.join(wrong)}, so its frames would "
+            "differ; it needs the same software, and for vector instructions reproducible=True"
+        )
+    # Unpacked once a run: what a store knows of its folders grows old.
+    return required(_PICKLE).loads(packed)[1]

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 import uuid
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from flurries._contract import Array, integer
 from flurries._threads import reproducible
-from flurries.output.cluster import cluster, required
-from flurries.output.crew import on_one_core, results
+from flurries.output.cluster import required
+from flurries.output.crew import on_one_core
 from flurries.scene.files import frames_of
 from flurries.scene.rendering import Rendering
 from flurries.scene.scene import Scene, expect_scene
@@ -89,16 +88,3 @@ def to_dask(scene: Rendering, frames: Any = None, *, group: int | None = None) -
 def _block(scene: Scene, plain: bool, numbers: list[int]) -> Array:
     with on_one_core(plain):
         return np.stack([scene.render(number) for number in numbers])
-
-
-def images(
-    scene: Scene, frames: list[int], where: Any, patience: float
-) -> Iterator[tuple[int, Array]]:
-    """Yield frames and their images, in order, rendered on a cluster."""
-    with cluster(scene, where, patience) as crew:
-
-        def task(numbers: list[int]) -> Any:
-            return crew.submit(_block, reproducible(), numbers)
-
-        for numbers, block in results(crew, task, grouped(scene, frames), in_order=True):
-            yield from zip(numbers, block, strict=True)

@@ -11,36 +11,33 @@ import json
 import os
 import re
 import socket
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from threading import RLock
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 from flurries import __version__
 from flurries.io.atomic import before_renaming, owner_of_new_files
-from flurries.scene.fingerprint import BITS, hash_of
-
-if TYPE_CHECKING:
-    from flurries.output.folder import Store
+from flurries.io.files import hash_of
+from flurries.io.stores import Bucket, Store
+from flurries.io.stores.bucket import md5
+from flurries.scene.fingerprint import BITS
 
 NAME = "flurries.jsonl"
 
 # A process's own: who owns it, and which of its runs.
-PART = re.compile(r"flurries\.([0-9a-f]{16})[0-9a-f]{8}(\.[0-9a-f]{8})?\.jsonl")
+PART = re.compile(r"flurries\.([0-9a-f]{16})([0-9a-f]{8})(\.[0-9a-f]{8})?\.jsonl")
 
 MOST_BYTES = 1 << 28
+
+# Files that are sent to a bucket together: a kill loses no more, and an object of lines for each
+# would be dear.
+BATCH = 8
 
 
 def is_journal(name: str) -> bool:
     return name == NAME or PART.fullmatch(name) is not None
-
-
-def part_name(run: str, *, unique: bool = False) -> str:
-    """Return the name of this process's own file; a unique one nothing else has or will have."""
-    own = f".{os.urandom(4).hex()}" if unique else ""
-    return f"flurries.{owner_of_new_files()}{run}{own}.jsonl"
 
 
 Entry: TypeAlias = "dict[str, Any]"
@@ -71,39 +68,42 @@ class Mark:
         """The values of a line, and of a header for people."""
         return {key: value for key, value in asdict(self).items() if value != ""}
 
-    def is_of(self, line: Mapping[str, Any]) -> bool:
-        return all(line.get(key, "") == value for key, value in asdict(self).items())
-
     def differs(self, line: Mapping[str, Any]) -> str:
-        """Return how the file of a line is another one than this."""
+        """Return how the file of a line is another one than this; nothing if it is not."""
         if line.get("bits") != self.bits:
             version = line.get("version", "of an unknown version")
             return f"was made by flurries {version}, whose frames have other bits"
         if (line.get("scene"), line.get("frame")) != (self.scene, self.frame):
             return "is of another scene, of another frame, or written in another way"
-        return "was made over other pictures: a background or depth has changed since"
+        if line.get("inputs", "") != self.inputs:
+            return "was made over other pictures: a background or depth has changed since"
+        return ""
 
 
 class Journal:
     """Lines about files by their names, the ways from the folder."""
 
     def __init__(
-        self, store: Store, folder: Path, *, run: str | None = None,
-        known: Iterable[Entry] | None = None,
-    ) -> None:  # fmt: skip
+        self, store: Store, folder: Path, *, run: str = "", known: Iterable[Entry] | None = None
+    ) -> None:
         self._store, self._folder = store, folder
         self.run = run or os.urandom(4).hex()  # A token in the names of this run's own files.
         self._lines: dict[str, dict[bytes, Entry]] = {}
-        self._texts: dict[str, tuple[Any, list[bytes]]] = {}
-        self.lock = RLock()
+        self._stamps: dict[str, Any] = {}  # Of the files that were read.
+        self._lock = RLock()
         # Files that are to be sent with others: their bytes and lines.
-        self.waiting: list[tuple[Path, bytes, Entry]] = []
-        # What the files that this run has written have replaced.
+        self._waiting: list[tuple[Path, bytes, Entry]] = []
+        # Lines of what the files that this run has written have replaced.
         self._old: set[bytes] = set()
         if known is None:
             self.refresh()
         for line in known or ():
             self._take(_bytes(line))
+
+    @property
+    def _own(self) -> Path:
+        """The file of this process and run."""
+        return self._folder / f"flurries.{owner_of_new_files()}{self.run}.jsonl"
 
     def names(self) -> list[str]:
         return sorted(self._lines)
@@ -111,28 +111,28 @@ class Journal:
     def lines(self, name: str) -> list[Entry]:
         return list(self._lines.get(name, {}).values())
 
-    def refresh(self) -> None:
-        """Read what others have written."""
-        with self.lock:
-            listed: dict[str, Any] | None = None
+    def refresh(self) -> list[str]:
+        """Read what others have written; return the journal's files."""
+        with self._lock:
+            before: Any = None
             while True:
-                before, listed = listed, self._store.journals(self._folder)
-                # What was joined between two looks is in a file that the second one sees.
-                same = before is not None and before.get(NAME) == listed.get(NAME)
-                if same and set(before or ()) == set(listed):
-                    return
+                listed = self._store.stamps(self._folder, is_journal)
                 for name, stamp in listed.items():
-                    if name not in self._texts or self._texts[name][0] != stamp:
-                        self._texts[name] = stamp, self._read(name)
+                    if name not in self._stamps or self._stamps[name] != stamp:
+                        self._read(name)
+                        self._stamps[name] = stamp
+                # What was joined between two looks is in a file that the second one sees.
+                now = listed.get(NAME), set(listed)
+                if now == before:
+                    return list(listed)
+                before = now
 
-    def _read(self, name: str) -> list[bytes]:
+    def _read(self, name: str) -> None:
         data = self._store.read(self._folder / name, MOST_BYTES) or b""
-        lines = data.split(b"\n")
-        ours = [line for line in lines if self._take(line)]
+        ours = sum(self._take(line) for line in data.split(b"\n"))
         if name == NAME and not ours and data.strip(b"\0\n "):
             path = self._store.name_of(self._folder / name)
             raise ValueError(f"{path} is there already and is no journal; move it away")
-        return ours
 
     def _take(self, line: bytes) -> bool:
         """Take a line; one that is damaged or cut short says nothing."""
@@ -143,7 +143,8 @@ class Journal:
         name = said.get("file") if isinstance(said, dict) else None
         if not isinstance(name, str) or not isinstance(said.get("sha256"), str):
             return False
-        self._lines.setdefault(name, {})[line] = said
+        if line not in self._old:
+            self._lines.setdefault(name, {})[line] = said
         return True
 
     def name_of(self, path: Path) -> str:
@@ -158,39 +159,58 @@ class Journal:
     def append(self, *entries: Entry) -> None:
         """Write lines; when this returns they are on the disk."""
         lines = [_bytes(entry) for entry in entries]
-        with self.lock:
+        with self._lock:
             data = b"".join(b"%s\n" % line for line in lines)
-            name = self._store.append(self._folder, self.run, data)
-            self._texts.setdefault(name, (len(data), []))[1].extend(lines)
+            self._stamps[self._store.append(self._own, data)] = len(data)
             for line in lines:
                 self._take(line)
 
-    def placed(self, entry: Entry) -> None:
-        """Note that a file has its name: lines about what was there before are done with."""
-        with self.lock:
-            self._old |= {
-                line
-                for line, said in self._lines[entry["file"]].items()
-                if said["sha256"] != entry["sha256"]
-            }
-
-    @contextmanager
-    def recording(self, path: Path, facts: Mapping[str, Any]) -> Iterator[Entry]:
-        """Give the file that is written inside its line before it takes its name."""
-        entry: Entry = {}
+    def write(self, path: Path, facts: Mapping[str, Any], save: Callable[[Path], None]) -> None:
+        """Write a file after its line; into a bucket when several are waiting for it."""
+        store = self._store
+        if isinstance(store, Bucket):
+            with store.elsewhere(path) as local:
+                save(local)
+                data = local.read_bytes()
+                entry = self.entry(path, local, {**facts, "md5": md5(data).hex()})
+            self._waiting.append((path, data, entry))
+            self.send(BATCH)
+            return
+        written: list[Entry] = []
 
         def note(temporary: Path) -> None:
-            entry.update(self.entry(path, temporary, facts))
-            self.append(entry)
+            written.append(self.entry(path, temporary, facts))
+            self.append(*written)
 
         token = before_renaming.set(note)
         try:
-            yield entry
+            save(path)
         finally:
             before_renaming.reset(token)
-        self.placed(entry)
+        self._place(*written)
 
-    def settled(self, path: Path, mark: Mark) -> Entry | None:
+    def send(self, least: int = 1) -> None:
+        """Send what is waiting."""
+        store = self._store
+        with self._lock:
+            if len(self._waiting) < least or not isinstance(store, Bucket):
+                return
+            batch, self._waiting = self._waiting, []
+        self.append(*(entry for _, _, entry in batch))
+        for path, data, entry in batch:
+            store.put(data, path)
+            self._place(entry)
+
+    def _place(self, entry: Entry) -> None:
+        """Note that a file has its name: lines about what was there before are done with."""
+        with self._lock:
+            lines = self._lines[entry["file"]]
+            old = {line for line, said in lines.items() if said["sha256"] != entry["sha256"]}
+            self._old |= old
+            for line in old:
+                del lines[line]
+
+    def settled(self, path: Path, mark: Mark, *, scratch: bool = False) -> Entry | None:
         """Return the line of a file that is there and right, None if it is to be made."""
         if not self._store.exists(path):
             return None
@@ -199,52 +219,56 @@ class Journal:
             if again:
                 # Somebody may have made it since.
                 self.refresh()
-            for line in reversed(self.lines(name)):
-                if mark.is_of(line) and self._store.holds(path, line):
+            lines = self.lines(name)
+            held = self._store.held(path, lines)
+            for line in held:
+                if not mark.differs(line):
                     return line
-        raise Refused(self._store.name_of(path), self._why(path, mark))
+        if scratch and lines:
+            # Ours, and nobody else wants it.
+            return None
+        if held:
+            why = mark.differs(held[-1])
+        elif lines:
+            why = "has been changed since it was written"
+        else:
+            old = self._store.exists(self._folder / "flurries.json")
+            earlier = "; frames of flurries 0.2 are not gone on from" if old else ""
+            why = f"no journal ({NAME}) says that it is ours{earlier}"
+        raise Refused(self._store.name_of(path), why)
 
     def require_bits(self, mark: Mark) -> None:
         """Refuse a folder with files of the same scene that have other bits."""
         common = _common(mark.scene)
-        for name, lines in self._lines.items():
-            for line in lines.values():
+        for name in self.names():
+            for line in self.lines(name):
                 other = line.get("bits") != mark.bits and _common(line.get("scene")) == common
                 if other and self._store.exists(self._folder / name):
                     raise Refused(self._store.name_of(self._folder / name), mark.differs(line))
 
-    def _why(self, path: Path, mark: Mark) -> str:
-        lines = self.lines(self.name_of(path))
-        if not lines:
-            old = self._store.exists(self._folder / "flurries.json")
-            earlier = "; frames of flurries 0.2 are not gone on from" if old else ""
-            return f"no journal ({NAME}) says that it is ours{earlier}"
-        for line in reversed(lines):
-            if self._store.holds(path, line):
-                return mark.differs(line)
-        return "has been changed since it was written"
-
     def join(self, *, all_of_run: bool = False) -> None:
-        """Put the lines of this run, and of processes that have ended, into one file."""
-        with self.lock:
-            self.refresh()
-            names = [name for name in self._texts if name != NAME and self._ends(name, all_of_run)]
-            if self._store.join(self._folder, names, self.run, self._joined):
-                self._texts.clear()
+        """Put all lines into one file, in place of those to which nobody writes any more."""
+        with self._lock:
+            listed = [name for name in self.refresh() if name != NAME]
+            names = [name for name in listed if self._has_ended(name, all_of_run)]
+            if self._store.join(names, self._folder / NAME, self._own, self._joined):
+                self._stamps.clear()
 
-    def _ends(self, name: str, all_of_run: bool) -> bool:
+    def _has_ended(self, name: str, all_of_run: bool) -> bool:
         """Whether nobody writes to a file of the journal any more."""
-        own = part_name(self.run)[:33]
-        mine = name[25:33] == self.run if all_of_run else name.startswith(own)
-        return mine or self._store.is_left(self._folder, name)
+        found = PART.fullmatch(name)
+        assert found is not None
+        if found[2] == self.run and (all_of_run or found[1] == owner_of_new_files()):
+            return True
+        return self._store.is_left(self._folder / name, found[1])
 
     def _joined(self, names: Iterable[str]) -> bytes:
-        """Return the lines of files, but for those of what this run has replaced."""
-        lines: dict[bytes, None] = {}
+        """Return all lines, those of files that were not read yet too."""
         for name in names:
-            found = self._texts[name][1] if name in self._texts else self._read(name)
-            lines.update(dict.fromkeys(found))
-        return b"".join(b"%s\n" % line for line in sorted(lines.keys() - self._old))
+            if name not in self._stamps:
+                self._read(name)
+        lines = {line for found in self._lines.values() for line in found}
+        return b"".join(b"%s\n" % line for line in sorted(lines)) or b"\n"
 
 
 def _common(scene: object) -> str:

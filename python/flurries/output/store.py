@@ -1,40 +1,15 @@
-"""The store that a path or a url names, and whether its files are what their journal says."""
+"""Whether the files of a folder or a url are what their journal says."""
 
 from __future__ import annotations
 
-import importlib
 import os
 from pathlib import Path
 from typing import Any
 
-from flurries.output.bucket import Bucket
-from flurries.output.folder import Store
+from flurries.io.stores import Store, store_of
 from flurries.output.journal import NAME, Journal
 
-__all__ = ["check"]
-
-
-def store_of(place: str) -> tuple[Store, str]:
-    """Return the store of a place, and the way in it."""
-    if "://" not in place:
-        return Store(), place
-    if "::" in place:
-        raise ValueError(f"{place}: name the store itself, without a layer over it")
-    try:
-        core: Any = importlib.import_module("fsspec.core")
-    except ImportError as error:
-        raise ImportError(f"urls need fsspec; install flurries[stores] ({error})") from error
-    try:
-        # Listings that are kept would hide what others write.
-        system, key = core.url_to_fs(place, use_listings_cache=False)
-    except (ValueError, ImportError) as error:
-        raise type(error)(f"{place}: {error}") from error
-    protocol = system.protocol if isinstance(system.protocol, str) else system.protocol[0]
-    if protocol in ("file", "local"):
-        return Store(), key
-    if not Path(key).name:
-        raise ValueError(f"{place} must name files in a bucket or a folder")
-    return Bucket(system, protocol), key
+__all__ = ["Store", "check"]
 
 
 def check(place: str | os.PathLike[str]) -> tuple[int, list[str]]:
@@ -51,7 +26,7 @@ def check(place: str | os.PathLike[str]) -> tuple[int, list[str]]:
         if not inside or ".." in Path(name).parts or not store.exists(path):
             wrong.append(f"{here}/{name} is missing")
             continue
-        good = [line for line in found.lines(name) if store.holds(path, line)]
+        good = store.held(path, found.lines(name))
         if not good:
             wrong.append(f"{here}/{name} has changed")
         made |= {line.get("bits"): line.get("version") for line in good}

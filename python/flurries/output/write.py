@@ -6,8 +6,7 @@ import inspect
 import os
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -18,17 +17,16 @@ from flurries._contract import flag, suggestion
 from flurries.camera.lens import Camera
 from flurries.io import Pattern
 from flurries.io.colorspace import ColorSpace
-from flurries.io.pictures.writer import format_of
 from flurries.io.sequences import VIDEO_EXTENSIONS, with_percent
-from flurries.output.cluster import cluster
-from flurries.output.contents import Content, Frames
-from flurries.output.crew import make
+from flurries.io.stores import store_of
+from flurries.output.cluster import run_on
 from flurries.output.film import write_film
+from flurries.output.frames import Frames
 from flurries.output.groups import grouped
 from flurries.output.points import EXTENSIONS as USD
-from flurries.output.points import write_points
-from flurries.output.sequence import Progress, run
-from flurries.output.store import store_of
+from flurries.output.points import Points
+from flurries.output.sequence import Fates, Progress, run
+from flurries.scene.content import Content
 from flurries.scene.files import Frames as Numbers
 from flurries.scene.files import frames_of
 from flurries.scene.rendering import Rendering
@@ -88,77 +86,67 @@ def write(
     asked = scene.output.given(output)
     store, text = store_of(os.fspath(pattern))
     text = with_percent(text)
-    bar: Progress = iter if progress is None else progress
-    if Path(text).suffix.lower() in USD:
+    suffix = Path(text).suffix.lower()
+    bar = progress if progress is not None else iter
+    if suffix in USD:
         wanted = _points_of(scene, frames, store, text, {**output, "eyes": eyes, "dask": dask})
-        done = write_points(scene, Path(text), wanted, bar, overwrite=overwrite)
-        return Summary(done.written, done.kept, [Path(text)], seconds=time.monotonic() - started)
-    still = Path(text).suffix.lower() not in VIDEO_EXTENSIONS and "%" not in Path(text).name
+        fates = run(Points(scene, Path(text), wanted, overwrite=overwrite), [0], bar)
+        return _summary(fates, [Path(text)], started)
+    film = suffix in VIDEO_EXTENSIONS
+    still = not film and "%" not in Path(text).name
     if not still and isinstance(frames, (int, np.integer)):
         raise ValueError(
             f"frames of a film or a sequence must be a range: '1-{frames}' for {frames} frames, "
             f"'{frames}' for frame {frames} alone; got {frames}"
         )
-    film = Path(text).suffix.lower() in VIDEO_EXTENSIONS
     if scene._still and film:
         # A film's rate is the scene's from here on, and its frames are exposed as those of films.
         scene = scene.replace(fps=scene.fps)
     wanted = frames_of(scene, frames, film=film)
+    target = Pattern(_token_for(text) if still else text)
     if still:
-        target = Pattern(_token_for(text))
         if frames is not None and len(wanted) > 1:
             raise ValueError(
                 f"{text} is one file for {len(wanted)} frames; a name such as "
                 f"{Path(_token_for(text, '.%04d')).name} has one for each"
             )
         wanted = wanted[:1]
-    else:
-        target = Pattern(text)
     scene._require(wanted, gaps=asked.damaged == "stop")
-    kind, packed = asked.kind, asked.compression
     # The scene's own codec is for films, and its compression for what is packed so.
-    codec = asked.codec if target.is_video else output.get("codec")
-    if output.get("compression") is None and (
-        kind in ("layers", "deep") or eyes or not text.lower().endswith(".exr")
-    ):
-        packed = "zip"
-    own = scene.colorspace if asked.colorspace is None else asked.colorspace
-    if own is not None and scene.colorspace is None:
+    asked = replace(asked, codec=asked.codec if film else output.get("codec"))
+    packed = text.lower().endswith(".exr") and asked.kind in ("composite", "alone") and not eyes
+    if not packed and output.get("compression") is None:
+        asked = replace(asked, compression="zip")
+    if asked.colorspace is not None and scene.colorspace is None:
         raise ValueError(
             "colorspace of what is written needs the scene's own colorspace, such as "
             "'sRGB - Display' (--colorspace)"
         )
-    space = None if own is None else ColorSpace.of("colorspace", own)
-    content = Content(kind, asked.bits, codec, asked.motion, _views(eyes), packed, space)
-    _require_room(text, content, is_video=target.is_video)
+    own = scene.colorspace if asked.colorspace is None else asked.colorspace
+    space, views = None if own is None else ColorSpace.of("colorspace", own), _views(eyes)
+    asked.require(text, space, film=film, eyes=views is not None)
     if store.local:
-        places = {n: Path(text) if still else target.path(n) for n in wanted}
-        _require_apart(scene, places)
-    job = Frames(
-        scene._holding() if asked.damaged == "hold" else scene, content,
-        # Workers stand in folders of their own.
-        text if dask is None or not store.local else str(Path(text).absolute()), store,
-        overwrite=overwrite, skip=asked.damaged == "skip",
-    )  # fmt: skip
-    heard = "none"
-    if target.is_video:
+        scene._require_apart({n: Path(text) if still else target.path(n) for n in wanted})
+    # Workers stand in folders of their own.
+    place = text if dask is None or not store.local else str(Path(text).absolute())
+    content = Content.of(scene, asked, views, space)
+    job = Frames(content, place, store, overwrite=overwrite)
+    if film:
         if not store.local:
             raise ValueError(f"{pattern}: a video is written to this machine; copy it from there")
-        done, heard = write_film(
-            job, wanted, asked.quality, bar, sound=asked.sound, dask=dask, patience=dask_patience
-        )
-        files: list[Path | str] = [target.path(0)]
-    elif dask is None:
-        done = run(job, wanted, bar)
-    else:
-        with cluster(job, dask, dask_patience) as crew:
-            done = run(job, wanted, bar, partial(make, crew, grouped(scene, wanted)))
-    if not target.is_video:
-        left_out = set(done.skipped)
-        paths = [Path(text) if still else target.path(n) for n in wanted if n not in left_out]
-        files = [store.name_of(path) for path in paths]
-    seconds = time.monotonic() - started
-    return Summary(done.written, done.kept, files, done.skipped, done.held, seconds, heard)
+        fates, heard = write_film(job, wanted, bar, dask, dask_patience)
+        return _summary(fates, [target.path(0)], started, heard)
+    fates = run_on(dask, dask_patience, job, grouped(scene, wanted), bar)
+    left_out = set(fates.of("skipped"))
+    paths = [Path(text) if still else target.path(n) for n in wanted if n not in left_out]
+    return _summary(fates, [store.name_of(path) for path in paths], started)
+
+
+def _summary(fates: Fates, files: list[Path | str], started: float, heard: str = "none") -> Summary:
+    return Summary(
+        fates.of("written", "held"), fates.of("kept"), files, fates.of("skipped"), fates.of("held"),
+        time.monotonic() - started, heard,
+    )  # fmt: skip
 
 
 def _points_of(
@@ -187,48 +175,6 @@ def _views(eyes: Any) -> dict[str, Camera] | None:
         if not isinstance(eye, Camera):
             raise TypeError(f"eyes: {name!r} must be a Camera, got {eye!r}")
     return dict(eyes)
-
-
-def _require_apart(scene: Scene, places: dict[int, Path]) -> None:
-    """Refuse to write over the files that the scene is made of."""
-    for name, files in scene._files.items():
-        for number, place in places.items():
-            if hasattr(files.source, "spec") and place.resolve() == files.file(number).resolve():
-                raise ValueError(f"{place} is the {name} itself: write to another name")
-
-
-def _require_room(text: str, content: Content, *, is_video: bool) -> None:
-    """Refuse a kind of file that cannot hold what is asked for."""
-    exr, alone = text.lower().endswith(".exr"), content.kind == "alone"
-    apart = content.kind in ("layers", "deep") or content.eyes is not None
-    tiff = text.lower().endswith((".tif", ".tiff"))
-    known = (content.bits,) if is_video else format_of(text).kinds
-    space = None if apart and content.kind != "deep" else content.space
-    rules = [
-        (is_video and alone and content.codec != "prores-4444",
-         f"alone needs codec='prores-4444' in a film, or .exr, .png, .tif: {text}"),
-        (not is_video and content.codec is not None, f"codec is one of a film, got {text!r}"),
-        (not is_video and alone and not (exr or tiff or text.lower().endswith(".png")),
-         f"alone needs .exr, .png or .tif, and no layers, got {text!r}"),
-        (content.bits is not None and content.bits not in known,
-         f"bits must be {', '.join(map(str, known))} in {text}, got {content.bits!r}"),
-        (content.kind in ("alone", "deep") and content.eyes is not None,
-         f"{content.kind} and eyes must not both be given"),
-        (content.compression != "zip" and (apart or not exr),
-         "compression is for a composite or the weather alone in an EXR, got "
-         f"{content.compression!r} for {text!r}"),
-        (space is not None and space.linear and not (exr or tiff),
-         f"colorspace {space and space.name!r} is linear, which {text} cannot hold: give another "
-         "one for it, such as 'sRGB - Display' (--output-colorspace)"),
-        (space is not None and not space.linear and exr,
-         f"colorspace {space and space.name!r} is not linear, as an EXR is: {text}"),
-        (content.kind in ("layers", "deep") and not exr,
-         f"{content.kind} needs an EXR, got {text!r}"),
-        (content.eyes is not None and not exr, f"eyes need an EXR, got {text!r}"),
-    ]  # fmt: skip
-    for refused, why in rules:
-        if refused:
-            raise ValueError(why)
 
 
 def _token_for(text: str, token: str = "%d") -> str:

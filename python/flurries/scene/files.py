@@ -6,7 +6,8 @@ import errno
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -17,6 +18,8 @@ from flurries.camera.extent import extent
 from flurries.camera.path import CameraPath
 from flurries.io import frame_range
 from flurries.io.films.codecs import frame_rate
+from flurries.io.films.reader import Tags
+from flurries.io.films.sound import Sound
 from flurries.io.pictures.slate import Slate, read_slate
 from flurries.io.sequences import Span, words_of
 from flurries.io.sources import Source, VideoSource
@@ -119,6 +122,14 @@ class Sources:
                     files.source.spec,
                 )
 
+    def _require_apart(self, places: dict[int, Path]) -> None:
+        """Refuse to write over the files that the scene is made of."""
+        for name, files in self._files.items():
+            for number, place in places.items():
+                own = files.file(number) if hasattr(files.source, "spec") else None
+                if own is not None and place.resolve() == own.resolve():
+                    raise ValueError(f"{place} is the {name} itself: write to another name")
+
     def _look(self, t: float) -> None:
         """Read background, depth and mattes of a frame, as `render` will; raise what it would."""
         for part in (self._backdrop, self._distance, self._mattes):
@@ -129,6 +140,31 @@ class Sources:
     def _film(self) -> Any:
         """The source of a background that is a video; None for others."""
         return self._source if isinstance(self._source, VideoSource) else None
+
+    def _tags(self, first: int) -> Tags:
+        """The tags of a film over the background: its own, where it is a film."""
+        tags: Tags = Tags() if self._film is None else self._film.tags
+        aspect = Fraction(self._backdrop.aspect).limit_denominator(1000)
+        return replace(tags, aspect=aspect, timecode=self._slate(first).timecode)
+
+    def _sound(self, frames: list[int], *, skip: bool) -> tuple[str, Sound | None]:
+        """The fate of the background's sound, and the part of it that belongs to frames."""
+        film = self._film
+        if film is None or not film.sound:
+            return "none", None
+        rate = frame_rate(self.fps)
+        if film.fps is None or frame_rate(film.fps) != rate:
+            return f"left out: the film has {film.fps:g} frames a second", None
+        if frames != list(range(frames[0], frames[0] + len(frames))):
+            return "left out: the frames do not follow each other", None
+        if skip:
+            return "left out: frames may be skipped", None
+        assert self.range is not None
+        first, last = self.range
+        if not (first <= frames[0] and frames[-1] <= last):
+            return "left out: the film is held or repeated", None
+        length = Fraction(len(frames)) / rate
+        return "kept", Sound(film.spec, Fraction(frames[0] - first) / rate, length)
 
     @property
     def _held(self) -> set[int]:

@@ -13,15 +13,21 @@ from typing import Any
 
 import numpy as np
 
+from flurries import __version__
+from flurries._threads import scope
 from flurries.camera.path import CameraPath
 from flurries.effects.kinds import OURS, kind_of
 from flurries.effects.motion import STILL
 from flurries.io import Pattern
+from flurries.io.colorspace import config_hash
+from flurries.io.files import hash_of
+from flurries.io.oiio import openimageio
 from flurries.motion.keys import Keys
 from flurries.scene.depth import DepthMap
 from flurries.scene.foreground import called, listed
 from flurries.scene.scene import Scene, expect_scene
 from flurries.scene.toml.writer import describe
+from flurries.spectral import field as waves
 
 __all__ = ["BITS", "fingerprint"]
 
@@ -150,12 +156,17 @@ def short_hash(value: object) -> str:
     return hashlib.sha256(repr(value).encode()).hexdigest()[:16]
 
 
-def hash_of(path: Path) -> str:
-    with path.open("rb") as file:
-        digest = hashlib.sha256()
-        while block := file.read(1 << 20):
-            digest.update(block)
-    return digest.hexdigest()
+def terms_of(plain: bool) -> tuple[tuple[str, str], ...]:
+    """Return what the bits of files depend on, beside what travels with a task, in a mode."""
+    with scope(threads=None, reproducible=plain):
+        wave = waves((64, 64), drift=(1.3, 0.7), seed=1).tobytes()
+    return (
+        ("flurries", f"{__version__} (bits {BITS})"),
+        ("NumPy", np.__version__),
+        ("OpenImageIO", openimageio().VERSION_STRING),
+        ("vector instructions", hashlib.sha256(wave).hexdigest()[:8]),
+        ("$OCIO", config_hash()[:8]),
+    )
 
 
 @dataclass

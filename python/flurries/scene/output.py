@@ -5,11 +5,13 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypedDict, TypeVar
 
 from flurries._contract import choice, flag, suggesting
+from flurries.io.colorspace import ColorSpace
 from flurries.io.films.codecs import CODECS, QUALITIES
-from flurries.io.pictures.writer import COMPRESSIONS
+from flurries.io.pictures.writer import COMPRESSIONS, format_of
 
 # What the numbers of motion vectors in a file mean.
 MOTION = {"y-down": "px per frame, x right, y down", "y-up": "px per frame, x right, y up"}
@@ -136,6 +138,37 @@ class Output:
         if any(said.get(kind) is True for kind in KINDS):
             said = {**dict.fromkeys(KINDS, False), **said}
         return replace(self, **said)
+
+    def require(self, text: str, space: ColorSpace | None, *, film: bool, eyes: bool) -> None:
+        """Refuse a kind of file that cannot hold what is asked for."""
+        kind, suffix = self.kind, Path(text).suffix.lower()
+        exr, tiff, alone = suffix == ".exr", suffix in (".tif", ".tiff"), kind == "alone"
+        apart = kind in ("layers", "deep") or eyes
+        known = (self.bits,) if film else format_of(text).kinds
+        space = None if apart and kind != "deep" else space
+        rules = [
+            (film and alone and self.codec != "prores-4444",
+             f"alone needs codec='prores-4444' in a film, or .exr, .png, .tif: {text}"),
+            (not film and self.codec is not None, f"codec is one of a film, got {text!r}"),
+            (not film and alone and not (exr or tiff or suffix == ".png"),
+             f"alone needs .exr, .png or .tif, and no layers, got {text!r}"),
+            (self.bits is not None and self.bits not in known,
+             f"bits must be {', '.join(map(str, known))} in {text}, got {self.bits!r}"),
+            (kind in ("alone", "deep") and eyes, f"{kind} and eyes must not both be given"),
+            (self.compression != "zip" and (apart or not exr),
+             "compression is for a composite or the weather alone in an EXR, got "
+             f"{self.compression!r} for {text!r}"),
+            (space is not None and space.linear and not (exr or tiff),
+             f"colorspace {space and space.name!r} is linear, which {text} cannot hold: give "
+             "another one for it, such as 'sRGB - Display' (--output-colorspace)"),
+            (space is not None and not space.linear and exr,
+             f"colorspace {space and space.name!r} is not linear, as an EXR is: {text}"),
+            (kind in ("layers", "deep") and not exr, f"{kind} needs an EXR, got {text!r}"),
+            (eyes and not exr, f"eyes need an EXR, got {text!r}"),
+        ]  # fmt: skip
+        for refused, why in rules:
+            if refused:
+                raise ValueError(why)
 
     def changed(self) -> dict[str, Any]:
         """Return the values that differ from their defaults."""

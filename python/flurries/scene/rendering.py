@@ -287,7 +287,7 @@ class Rendering(Sources):
             Render on a Dask cluster: one made on this machine, one by the address of its scheduler,
             such as ``tcp://host:8786``, or a client's. Needs ``flurries[dask]``.
         dask_patience : float
-            How long to wait while the cluster has no worker, seconds.
+            How long to wait for a worker, and for one that is silent, seconds.
         progress : callable, optional
             Wraps the frames, as tqdm does.
         **output

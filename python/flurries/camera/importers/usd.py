@@ -18,6 +18,7 @@ from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
 from flurries.io.files import plain_file
 from flurries.io.films.process import Remote
+from flurries.io.stage import require_usd
 
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
@@ -39,17 +40,6 @@ _LENS = (
 
 # Bytes of addresses while a stage is opened, beside its own: a damaged one may ask for all.
 _MOST_MEMORY = 1 << 32
-
-
-def require_usd() -> tuple[Any, Any, Any, Any, Any]:
-    """Return usd-core's modules Gf, Sdf, Usd, UsdGeom and Vt."""
-    try:
-        from pxr import Gf, Sdf, Usd, UsdGeom, Vt
-    except ImportError:
-        raise ImportError(
-            "USD files need usd-core: pip install 'flurries[usd]'", name="pxr"
-        ) from None
-    return Gf, Sdf, Usd, UsdGeom, Vt
 
 
 def read_usd(

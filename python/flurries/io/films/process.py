@@ -40,11 +40,20 @@ class Remote:
     def call(self, method: str, *arguments: Any) -> Any:
         """Return what a method returns, or raise what it raises there."""
         self._post(method, *arguments)
+        return self._answers()
+
+    def begin(self, method: str, *arguments: Any) -> None:
+        """Call a method and go on; what it raises, the next call raises."""
+        self._answers()
+        self._post(method, *arguments)
+
+    def _answers(self) -> Any:
+        result: Any = None
         answers = [self._answer() for _ in range(self._process.unanswered)]
-        for failed, answer in answers:
+        for failed, result in answers:
             if failed:
-                raise answer
-        return answers[-1][1]
+                raise result
+        return result
 
     def _post(self, *message: Any) -> None:
         self._process.unanswered += 1

@@ -13,11 +13,10 @@ from flurries._contract import choice, integer, is_pair, rectangular
 from flurries.io.color import (
     Array,
     encoding_of,
+    light_of,
     linear_to_srgb,
     numbers,
     to_integer,
-    to_linear,
-    to_unit,
 )
 from flurries.io.oiio import last_error, openimageio
 
@@ -60,7 +59,7 @@ def fit(
     if array.shape[:2] == (height, width):
         return np.array(array)
     planes = array[..., np.newaxis] if array.ndim == 2 else array
-    resized = _resize(*_lit(planes, encoding, straight=integers), width, height, how)
+    resized = _resize(*_lit(planes, encoding), width, height, how)
     values = _from_light(resized, encoding, straight=integers)
     if integers:
         result = to_integer(values, 8 * array.dtype.itemsize)
@@ -105,7 +104,7 @@ def checked_size(size: Sequence[int], most: int = 2**16) -> tuple[int, int]:
     return width, height
 
 
-def _lit(planes: Array, encoding: str, *, straight: bool) -> tuple[Any, Array, Array]:
+def _lit(planes: Array, encoding: str) -> tuple[Any, Array, Array]:
     """Return a picture in linear light multiplied by alpha, its least and its largest values."""
     library = openimageio()
     rows, columns, channels = planes.shape
@@ -113,7 +112,7 @@ def _lit(planes: Array, encoding: str, *, straight: bool) -> tuple[Any, Array, A
     low, high = np.full((2, channels), np.nan, np.float32)
     step = max(_CHUNK // columns, 1)
     for top in range(0, rows, step):
-        light = _to_light(planes[top : top + step], encoding, straight=straight)
+        light = light_of(planes[top : top + step], encoding)
         light = np.ascontiguousarray(light, np.float32)
         buffer.set_pixels(library.ROI(0, columns, top, top + len(light), 0, 1, 0, channels), light)
         # One channel after the other: three numbers at a time take ten times as long.
@@ -121,15 +120,6 @@ def _lit(planes: Array, encoding: str, *, straight: bool) -> tuple[Any, Array, A
         low = np.fmin(low, [np.fmin.reduce(values) for values in each])
         high = np.fmax(high, [np.fmax.reduce(values) for values in each])
     return buffer, low, high
-
-
-def _to_light(planes: Array, encoding: str, *, straight: bool) -> Array:
-    """Return rows of a picture as linear light multiplied by alpha."""
-    light = to_linear(planes[..., :3], encoding)
-    if planes.shape[2] < 4:
-        return light
-    alpha = to_unit(planes[..., 3:])
-    return np.concatenate([light * alpha if straight else light, alpha], axis=-1)
 
 
 def _from_light(light: Array, encoding: str, *, straight: bool) -> Array:

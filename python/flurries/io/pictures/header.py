@@ -15,7 +15,7 @@ import numpy as np
 from flurries._contract import flag
 from flurries.io.color import Array, Encoding
 from flurries.io.files import Budget, plain_file, require_whole_png
-from flurries.io.oiio import last_error, let_open, openimageio
+from flurries.io.oiio import last_error, let_open, libraries_silent, openimageio
 
 # Pixels that are decoded at a time, in whole blocks of compression of so many rows.
 _CHUNK, _ROWS = 1 << 20, 256
@@ -247,20 +247,23 @@ def opened_picture(
     if found.stat().st_size == 0:
         raise OSError(f"{found}: the file is empty")
     require_whole_png(found, f"{found}: the picture is damaged or cut short")
-    reader = reader_of(found, limits)
-    try:
-        part, spec = _part_with_color(found, reader, deep=deep)
-        color, alpha = find_channels(spec.channelnames, spec.nchannels, spec.alpha_channel)
-        opened = Opened(found, reader, spec, part, color, alpha, limits, overscan)
-        for size in ((spec.width, spec.height), opened.size):
-            limits.admit(found, size, 1)
-        if spec.tile_width:
-            limits.admit(found, (spec.tile_width, spec.tile_height), 1)
-        yield opened
-    except UnicodeDecodeError as error:
-        raise OSError(f"{found}: the picture's header is damaged: a name is not text") from error
-    finally:
-        reader.close()
+    with libraries_silent():
+        reader = reader_of(found, limits)
+        try:
+            part, spec = _part_with_color(found, reader, deep=deep)
+            color, alpha = find_channels(spec.channelnames, spec.nchannels, spec.alpha_channel)
+            opened = Opened(found, reader, spec, part, color, alpha, limits, overscan)
+            for size in ((spec.width, spec.height), opened.size):
+                limits.admit(found, size, 1)
+            if spec.tile_width:
+                limits.admit(found, (spec.tile_width, spec.tile_height), 1)
+            yield opened
+        except UnicodeDecodeError as error:
+            raise OSError(
+                f"{found}: the picture's header is damaged: a name is not text"
+            ) from error
+        finally:
+            reader.close()
 
 
 def reader_of(path: Path, budget: Budget) -> Any:

@@ -1,4 +1,4 @@
-"""A bucket behind a url, or another store that fsspec knows: lines of a batch, then its files."""
+"""A bucket behind a url, or another store that fsspec knows."""
 
 from __future__ import annotations
 
@@ -6,22 +6,18 @@ import base64
 import hashlib
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from flurries.io.atomic import PREFIX, has_ended, hidden_name, owner_of_new_files
-from flurries.output.folder import Lines, Save, Store
-from flurries.output.journal import Entry, Journal, is_journal, part_name
+from flurries.io.stores.folder import Line, Store, unique
 
 # Stores in which an object appears whole or not at all, whatever becomes of the sender; elsewhere
 # it is sent under a hidden name and renamed.
 _WHOLE = {"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az"}
-
-# Files that are sent together: a kill loses no more, and a journal's object a file would be dear.
-BATCH = 8
 
 # What S3 takes in parts, without a hash of the whole, bytes.
 _LARGE = 1 << 26
@@ -77,14 +73,15 @@ class Bucket(Store):
         self._listed.clear()
         return super().missing(paths)
 
-    def holds(self, path: Path, line: Entry) -> bool:
+    def held(self, path: Path, lines: list[Line]) -> list[Line]:
         found = self._objects(path.parent).get(path.name, {})
-        if found.get("size") != line["bytes"]:
-            return False
+        if not (lines := [line for line in lines if line.get("bytes") == found.get("size")]):
+            return []
         # What the store says of an object need not be read in it.
-        if "md5" in line and _md5_of(found) == line["md5"]:
-            return True
-        return bool(hashlib.sha256(self.read(path) or b"").hexdigest() == line["sha256"])
+        if told := [line for line in lines if line.get("md5", "") == _told(found)]:
+            return told
+        read = hashlib.sha256(self.read(path) or b"").hexdigest()
+        return [line for line in lines if line["sha256"] == read]
 
     def read(self, path: Path, most: int | None = None) -> bytes | None:
         with self._named(path), suppress(FileNotFoundError):
@@ -93,52 +90,36 @@ class Bucket(Store):
             return bytes(self.system.cat_file(path.as_posix()))
         return None
 
-    def _put(self, data: bytes, path: Path) -> None:
+    def put(self, data: bytes, path: Path) -> None:
         """Send a file, whole, and see that it is there."""
         # S3 itself refuses what is not these bytes.
         checked = self.protocol in ("s3", "s3a") and len(data) < _LARGE
-        more = {"ContentMD5": base64.b64encode(_md5(data)).decode()} if checked else {}
-        with self._named(path), ExitStack() as stack:
-            target = path if self.protocol in _WHOLE else path.with_name(hidden_name(path.suffix))
-            stack.callback(self._drop, target, path)
-            self.system.pipe_file(target.as_posix(), data, **more)
-            if target != path:
-                self.system.mv(target.as_posix(), path.as_posix())
+        more = {"ContentMD5": base64.b64encode(md5(data)).decode()} if checked else {}
+        target = path if self.protocol in _WHOLE else path.with_name(hidden_name(path.suffix))
+        with self._named(path):
+            try:
+                self.system.pipe_file(target.as_posix(), data, **more)
+                if target != path:
+                    self.system.mv(target.as_posix(), path.as_posix())
+            except BaseException:
+                if target != path:
+                    with suppress(Exception):
+                        self.system.rm_file(target.as_posix())
+                raise
             if not checked and self.read(path) != data:
                 raise OSError("does not read back as what was written")
 
-    def _drop(self, target: Path, path: Path) -> None:
-        if target != path:
-            with suppress(Exception):
-                self.system.rm_file(target.as_posix())
-
-    def send(
-        self, journal: Journal, path: Path, facts: Mapping[str, Any], save: Save
-    ) -> list[Entry]:
+    @contextmanager
+    def elsewhere(self, path: Path) -> Iterator[Path]:
+        """Give a place on this machine for a file that is sent later."""
         with tempfile.TemporaryDirectory(prefix=PREFIX + owner_of_new_files()) as room:
-            local = Path(room) / path.name
             try:
-                save(local)
+                yield Path(room) / path.name
             except OSError as error:
                 if error.filename is None:
                     raise
                 # The name on this machine helps nobody.
                 raise OSError(error.errno, error.strerror, self.name_of(path)) from error
-            data = local.read_bytes()
-            entry = journal.entry(path, local, {**facts, "md5": _md5(data).hex()})
-        journal.waiting.append((path, data, entry))
-        return self.finish(journal, BATCH)
-
-    def finish(self, journal: Journal, least: int = 1) -> list[Entry]:
-        with journal.lock:
-            if len(journal.waiting) < least:
-                return []
-            batch, journal.waiting = journal.waiting, []
-        journal.append(*(entry for _, _, entry in batch))
-        for path, data, entry in batch:
-            self._put(data, path)
-            journal.placed(entry)
-        return [entry for _, _, entry in batch]
 
     def tidy(self, folder: Path) -> None:
         left = [name for name in self._objects(folder) if name.startswith(PREFIX)]
@@ -153,33 +134,34 @@ class Bucket(Store):
             if names:
                 self.system.rm([(folder / name).as_posix() for name in names])
 
-    def journals(self, folder: Path) -> dict[str, Any]:
+    def stamps(self, folder: Path, wanted: Callable[[str], bool]) -> dict[str, Any]:
         found = self._objects(folder, anew=True).items()
-        return {name: one["size"] for name, one in found if is_journal(name)}
+        return {name: one["size"] for name, one in found if wanted(name)}
 
-    def append(self, folder: Path, run: str, data: bytes) -> str:
-        # Objects do not grow: each batch has its own.
-        unique = part_name(run, unique=True)
-        self._put(data, folder / unique)
-        return unique
+    def append(self, path: Path, data: bytes) -> str:
+        # Objects do not grow: each batch of lines has its own.
+        own = unique(path)
+        self.put(data, own)
+        return own.name
 
-    def is_left(self, folder: Path, name: str) -> bool:
+    def is_left(self, path: Path, owner: str) -> bool:
         return True
 
-    def join(self, folder: Path, names: Iterable[str], run: str, lines: Lines) -> bool:
-        joined = list(names)
-        if len(joined) < 2:
+    def join(
+        self, names: list[str], target: Path, own: Path, made: Callable[[list[str]], bytes]
+    ) -> bool:
+        if len(names) < 2:
             return False
-        self.append(folder, run, lines(joined) or b"\n")
-        self._remove(folder, joined)
+        self.append(own, made(names))
+        self._remove(target.parent, names)
         return True
 
 
-def _md5(data: bytes) -> bytes:
+def md5(data: bytes) -> bytes:
     return hashlib.md5(data, usedforsecurity=False).digest()
 
 
-def _md5_of(found: Mapping[str, Any]) -> str:
+def _told(found: Mapping[str, Any]) -> str:
     """Return the MD5 of an object, in hexadecimal, where its store says it."""
     if "md5Hash" in found:
         return base64.b64decode(found["md5Hash"]).hex()

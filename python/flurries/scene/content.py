@@ -1,0 +1,156 @@
+"""What a file of a frame holds: the composite, the weather alone, or all layers; for each eye."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flurries._contract import Array
+from flurries.camera.lens import Camera
+from flurries.frame.named import opaque, order, planes, weather
+from flurries.io import write_layer_views, write_layers, write_picture
+from flurries.io.color import encoding_of, to_display, to_integer, to_unit, unmultiply
+from flurries.io.colorspace import ColorSpace, config_hash
+from flurries.io.layers.deep import write_deep
+from flurries.io.pictures.slate import Slate
+from flurries.io.pictures.writer import Format, format_of
+from flurries.scene.deep import deep_of
+from flurries.scene.output import MOTION, Output
+from flurries.scene.scene import Scene, find_light
+
+
+@dataclass(frozen=True)
+class Content:
+    """How frames of a scene are rendered and encoded for files."""
+
+    scene: Scene
+    output: Output
+    eyes: Mapping[str, Camera] | None  # Views instead of the one of the path's camera.
+    space: ColorSpace | None  # What is written, of a scene that says its own.
+
+    @classmethod
+    def of(cls, scene: Scene, output: Output, eyes: Any, space: ColorSpace | None) -> Content:
+        """Return contents whose files are read again, whatever the scene has kept of them."""
+        scene = (scene._holding() if output.damaged == "hold" else scene)._anew()
+        if scene.range is not None and scene._film is None and scene._takes_light:
+            # Frames of a sequence have the light of all of it: whoever makes one has to agree.
+            scene = scene.replace(light=scene.light or find_light(scene))
+        return cls(scene, output, eyes, space)
+
+    @property
+    def way(self) -> tuple[Any, ...]:
+        """What a file depends on beside its scene; a configuration counts by what it holds."""
+        said = self.output
+        return (
+            None if self.space is None else (self.space, config_hash()),
+            said.kind, said.bits or "half", said.codec, said.compression,
+            said.motion if said.kind == "layers" else None, self.eyes and list(self.eyes.items()),
+        )  # fmt: skip
+
+    def render(self, number: int, *, fine: bool = False) -> Any:
+        """Return a frame for `save`, or one for each eye."""
+        scene = self.scene
+        if self.output.kind == "deep":
+            return deep_of(scene, number)
+        if fine or self.output.bits not in (None, 8):
+            # A background of 8 bits is mixed in more.
+            scene = scene._fine
+        show: Any = scene.render if self.output.kind == "composite" else scene.layers
+        if self.eyes is None:
+            return show(number)
+        return {name: show(number, eye=eye) for name, eye in self.eyes.items()}
+
+    def save(self, path: Path, frame: Any, header: dict[str, Any]) -> None:
+        """Write a rendered frame, with what the background says of itself."""
+        form, scene = format_of(path), self.scene
+        metadata = {**header, "seed": scene.seed}
+        slate = scene._slate(int(header["frame"]))
+        if self.space is not None and scene._color is not None:
+            apart = self.output.kind in ("layers", "deep") or self.eyes
+            own = scene._color.working if apart else self.space
+            metadata["colorspace"] = own.name
+            slate = replace(slate, video=own.video) if form.name == "dpx" else slate
+            slate = slate if own.name == scene._color.name else replace(slate, colored=False)
+        # A plate that is a part of its picture remains that part.
+        cut = slate.crop if form.name == "openexr" and self.output.kind != "deep" else None
+        slate = slate if cut is None else slate.cropped()
+        if self.output.kind == "layers":
+            metadata |= {
+                "motion": MOTION[self.output.motion],
+                "light": "linear" if scene._linear else "display",
+                "layers": order(next(iter(frame.values())) if self.eyes else frame),
+            }
+        more: Any = {"half": self.output.bits != "float", "metadata": metadata, "slate": slate}
+        if self.output.kind == "deep":
+            write_deep(path, frame, **more)
+        elif self.eyes is not None:
+            views = {name: self._planes(view, cut) for name, view in frame.items()}
+            write_layer_views(path, views, **more)
+        elif self.output.kind == "layers":
+            write_layers(path, self._planes(frame, cut), **more)
+        else:
+            alone, encoding = self.output.kind == "alone", None
+            pixels = frame if form.alpha or alone else without_alpha(frame, path)
+            if alone:
+                pixels, encoding = weather(frame), "linear" if scene._linear else "display"
+            pixels = pixels if cut is None else np.ascontiguousarray(pixels[cut])
+            if self.space is not None:
+                pixels = self._colored(pixels)
+                encoding = "linear" if self.space.linear else "display"
+            more["bits"] = self._bits_in(form, slate, encoding)
+            write_picture(
+                path, pixels, encoding=encoding, compression=self.output.compression, **more
+            )
+
+    def _bits_in(self, form: Format, slate: Slate, encoding: str | None) -> int | None:
+        """Return the bits of a color of a picture; None where the pixels decide."""
+        if isinstance(self.output.bits, int) or not form.bits:
+            return self.output.bits if isinstance(self.output.bits, int) else None
+        if self.output.kind == "alone":
+            return None if self.output.bits == "float" else 16 if self.scene._backdrop.deep else 8
+        known = slate.bits if slate.bits in form.bits else None
+        if form.name == "dpx":
+            return known or 10
+        return known or 8 if self.space is not None and encoding == "display" else None
+
+    def _colored(self, pixels: Array) -> Array:
+        assert self.space is not None and self.scene._color is not None
+        return self.scene._color.working.convert_rgba(pixels, self.space)
+
+    def levels(self, frame: Any, bits: int, path: Path) -> Array:
+        if self.output.kind == "alone":
+            whole = weather(frame)
+            if self.space is not None:
+                whole = self._colored(whole)
+            colors = unmultiply(whole[..., :3], whole[..., 3:])
+            if self.space is None:
+                colors = to_display(colors, "linear" if frame.linear else "display")
+            return to_integer(np.concatenate([colors, whole[..., 3:]], axis=2), bits)
+        image = without_alpha(frame, path)
+        if self.space is not None:
+            return to_integer(self._colored(image), bits)
+        if image.dtype.kind == "u" and image.dtype.itemsize * 8 == bits:
+            return image
+        return to_integer(to_display(image, encoding_of(None, image)), bits)
+
+    def _planes(self, frame: Any, cut: Any) -> dict[str, Array]:
+        if self.output.kind == "layers":
+            found = planes(frame, up=self.output.motion == "y-up")
+        else:
+            found = {"rgba": opaque(frame)}
+        if cut is None:
+            return found
+        return {name: np.ascontiguousarray(plane[cut]) for name, plane in found.items()}
+
+
+def without_alpha(image: Array, path: object) -> Array:
+    """Return an image for a file that holds no alpha."""
+    if image.shape[2] == 3:
+        return image
+    if not (to_unit(image[..., 3]) == 1.0).all():
+        raise ValueError(f"{path}: the frame is transparent in places; take .png, .exr or .tif")
+    return np.ascontiguousarray(image[..., :3])
