@@ -21,6 +21,7 @@ from flurries.effects.kinds import OURS
 from flurries.io import write_picture
 from flurries.viewer.charts import chart
 from flurries.viewer.controls import applied, controls_of
+from flurries.viewer.inert import inert
 from flurries.viewer.preview import Preview
 from flurries.viewer.session import Session, jpeg
 
@@ -162,6 +163,31 @@ def test_a_lamp_a_lens_and_a_depth_are_turned_on_and_off(tmp_path: Path):
     assert tuned.lens is not None and tuned.lens.focus == 2.0 and tuned.depth is None
     session.answer({"kind": "save", "values": values})
     assert np.array_equal(fl.open(tmp_path / "lit.toml").render(4), tuned.render(4))
+
+
+TENT = TentSnow
+GREY: dict[str, list[Any]] = {
+    "snow": [fl.Snow("heavy")], "none": [], "mist": [fl.Mist()], "fog": [fl.Mist("fog")],
+    "thin": [TENT("heavy", flakes=0)], "plain": [TENT("heavy", texture=0.0, flakes=300)],
+    "veil": [TENT("heavy", flakes=0, texture=0.0)], "calm": [fl.Snow(wind=(0, 0, 0), fall=0.0)],
+    "keyed": [fl.Snow(amount=fl.Keys([(0, 0.0), (9, 1.0)]))], "empty": [fl.Rain(density=0.0)],
+    "two": [fl.Mist(), fl.Snow(amount=0.0)], "gas": [fl.Mist(count=300)],
+    "cone": [OURS["cone_snow"](amount=0.0)],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", GREY)
+def test_rows_are_grey_where_they_change_nothing_and_nowhere_else(name: str):
+    scene = fl.Scene(fl.io.photograph(size=(96, 64)), effects=GREY[name], fps=25, seed=3)
+    grey, frame = inert(scene, {}), scene.render(7)
+    for row in controls_of(scene):
+        if row.kind == "color" or row.key.endswith((".preset", "eyes")):
+            continue
+        some = row.choices or [row.low + part * (row.high - row.low) for part in (0.33, 0.71)]
+        same = all(np.array_equal(applied(scene, {row.key: v}).render(7), frame) for v in some)
+        # One of several that are 0 brings nothing back alone.
+        alone = name == "empty" and row.key in ("0.amount", "0.opacity")
+        assert same == (row.key in grey) or alone, (row.key, grey)
 
 
 GUSTY = SCENE.replace(effects=[TentSnow(wind=fl.Wind((1.0, 0.0, 0.5), gusts=0.7, seed=3))])

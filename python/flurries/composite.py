@@ -97,12 +97,12 @@ def snow(
 
 
 def _intensity(intensity: Any, channels: int) -> list[float]:
-    if isinstance(intensity, (float, int, complex, np.number, str)) or intensity is None:
-        return [check.real("intensity", intensity, low=0.0)] * channels
-    color: list[float] = check.vector("intensity", intensity, channels).tolist()
-    if min(color) < 0.0:
-        raise ValueError(f"intensity must not be negative, got {color}")
-    return color
+    color = check.bounded("intensity", intensity)
+    if color.shape not in ((1,), (channels,)) or color.min() < 0.0:
+        wanted = f"one number or {channels}, at least 0"
+        raise ValueError(f"intensity must be {wanted}, got {check._came(intensity)}")
+    each: list[float] = np.broadcast_to(color, channels).tolist()
+    return each
 
 
 def over(background: npt.ArrayLike, layer: npt.ArrayLike, *, out: Array | None = None) -> Array:

@@ -139,9 +139,7 @@ def _rings(tile: tuple[int, int]) -> Float64:
 
 
 def _gains(edges: Float64, outer: float) -> tuple[Float64, Float64]:
-    """Return the amplitudes of waves in rings that the coarse grid has and the finer one, over
-    k^(-11/6), with an outer scale, px.
-    """
+    """Return amplitudes of waves in rings of both grids over k^(-11/6), with an outer scale, px."""
     wave = np.sqrt(edges[1:] * edges[:-1])
     part = np.clip(np.log(wave / LOWER) / math.log(UPPER / LOWER), 0.0, 1.0) * (0.5 * math.pi)
     falls = (1.0 + (wave / outer) ** 2) ** (-0.5 * EXPONENT)

@@ -62,10 +62,7 @@ class DrawnFlakes:
     def lit(
         self, frame: Frame, amount: float, optics: Optics, behind: tuple[Array, Shade] | None
     ) -> tuple[Array, Array]:
-        """Return opacity and light of the flakes under the frame's lamps, (h, w) and (h, w, 3).
-
-        The light of what lies behind them, an opacity and its colors, is added to theirs.
-        """
+        """Return opacity and light under the frame's lamps of the flakes and what is behind."""
         near, glow = (np.empty((*frame.size, *more), np.float32) for more in ((), (3,)))
         under = None if behind is None else (behind[0], behind[1].given())
         _core.particle_draw_lit(

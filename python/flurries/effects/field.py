@@ -73,12 +73,8 @@ class Field:
         self, frame: Frame, way: Way, mapped: Map | None, keep: bool = False, *,
         shortest: Float64 | None = None,
     ) -> Array:  # fmt: skip
-        """Return opacity over the window without regard to a depth, (h, w) float32.
-
-        Without a map to opacity return the field. `keep` says whether the mean opacity that blur
-        takes is added again; `shortest` (rows, cols) are the wavelengths in pixels up to which
-        waves of tiles are left out.
-        """
+        """Return opacity over the window whatever the depth, (h, w); without a map the field."""
+        # `keep` adds the mean opacity that blur takes; a tile has no waves up to its `shortest`.
         result = plane(frame.size)
         made = _core.field(result, self.request(frame, way, shortest), mapped, keep)
         current.get().count("tiles", made)

@@ -43,10 +43,7 @@ class Edges(NamedTuple):
 
 
 def edges_of(depth: Array, *, inverse: bool = False) -> Edges | None:
-    """Return the edges of a filtered depth, whose pixels at steps are means of both sides' depths.
-
-    With `inverse` they are means of inverse depths.
-    """
+    """Return the edges of a filtered depth, where pixels are means of depths or inverse ones."""
     near, back, share = None, depth, None
     for top in range(0, len(depth), _ROWS):
         first, last = max(top - _REACH - 1, 0), top + _ROWS + _REACH + 1

@@ -300,10 +300,7 @@ def open_depth(
 
 
 def open_matte(spec: str | os.PathLike[str], *, overscan: bool = False) -> Source | None:
-    """Open what ``plate.####.exr:house,tree`` names in a Cryptomatte; None for other files.
-
-    Pictures' pixels are (H, W) float32, the share of a pixel that the things cover together.
-    """
+    """Open the cover of what ``plate.####.exr:house,tree`` names; None without such names."""
     file, names = split_names(spec)
     if not names:
         return None

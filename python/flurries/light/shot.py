@@ -96,11 +96,9 @@ def _checked(name: str, value: Any) -> Any:
 
 
 def light_of(frames: Mapping[int, Array], *, keyed: bool = False) -> Light:
-    """Return the light of a shot out of sums of `cell_sums` of some of its frames, by number.
-
-    It goes with the exposure, and has no end at 1. With `keyed` each of the frames has a key: the
-    light times what the shot's sky has in it, over what it has in the middle.
-    """
+    """Return the light of a shot out of sums of `cell_sums` of some of its frames, by number."""
+    # It goes with the exposure, and has no end at 1. With `keyed` each of the frames has a key: the
+    # light times what the shot's sky has in it, over what it has in the middle.
     sums = [*frames.values()]
     # What is there in less than half of the frames, such as a lamp that enters, is no light of all.
     # `np.median` imports masked arrays, which takes longer than all of this.

@@ -47,7 +47,7 @@ _FIELDS: dict[str, tuple[str, str, float, float, float]] = {
     "shutter": ("Shutter", "frames", 0.0, 2.0, 0.05),
 }
 # The camera's axes: label, place in a velocity, sign.
-_CAMERA = {
+CAMERA = {
     "camera.forward": ("Forward", 2, 1.0),
     "camera.lateral": ("Sideways", 0, 1.0),
     "camera.rise": ("Upwards", 1, -1.0),
@@ -63,7 +63,7 @@ def controls_of(scene: Scene, values: Mapping[str, Any] | None = None) -> list[C
         found += _of_effect(scene, index, group, values or {})
     most = _FASTEST_CAMERA
     velocity = np.clip(_velocity(scene), -most, most)
-    for key, (label, axis, sign) in _CAMERA.items():
+    for key, (label, axis, sign) in CAMERA.items():
         value = float(sign * velocity[axis]) + 0.0
         found.append(Control(key, "camera", label, "m/s", -most, most, 0.1, value))
     focal = scene.camera.camera.focal
@@ -85,7 +85,7 @@ def _of_effect(
         if choices is not None:
             yield choices
     if moves(effect):
-        x, y, _ = _air(effect)
+        x, y, _ = air_of(effect)
         speed = math.hypot(x, y)
         yield row(DIRECTION, "Direction", "°", -180, 180, 1, math.degrees(math.atan2(y, x)))
         yield row(SPEED, "Speed", "m/s", 0.0, max(4.0, 2.0 * math.ceil(speed)), 0.05, speed)
@@ -100,8 +100,8 @@ def _of_effect(
             value = HALF_OPEN
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             continue
-        if name == "density" and value > high:
-            unit, high, step = "per m3", 4.0 * value, max(round(0.01 * value), 1)
+        if name == "density" and hasattr(effect, "emission"):
+            unit, high, step = "per m3", max(4.0 * value, 100.0), max(round(0.01 * value), 1)
         # A scene may stand where no slider would have thought.
         low, high = min(low, value), high if value <= high else 2.0 * value
         yield row(name, label, unit, low, high, step, float(value))
@@ -142,7 +142,7 @@ def moves(effect: Any) -> bool:
     return hasattr(effect, "wind")
 
 
-def _air(effect: Any) -> tuple[float, float, float]:
+def air_of(effect: Any) -> tuple[float, float, float]:
     """Return the velocity of the air and of all that falls in it at frame 0, metres per second."""
     wind = effect.wind.mean if isinstance(effect.wind, Wind) else effect.wind
     x, y, z = (float(v) for v in np.asarray(value_at(wind, 0.0)))
@@ -175,9 +175,9 @@ def settings(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:
         for index, effect in enumerate(dressed(scene, checked).effects)
     )
     path: CameraPath = scene.camera
-    if _CAMERA.keys() & checked.keys():
+    if CAMERA.keys() & checked.keys():
         velocity = [0.0, 0.0, 0.0]
-        for key, (_, axis, sign) in _CAMERA.items():
+        for key, (_, axis, sign) in CAMERA.items():
             velocity[axis] = sign * stands[key]
         path = CameraPath(path.camera, velocity=tuple(velocity), orientation=path.orientation)
     if LENS in checked:
@@ -201,7 +201,7 @@ def _changed(
         across, down = speed * math.cos(angle), speed * math.sin(angle)
         # What falls keeps to falling, and its wind is level.
         falls = hasattr(effect, "fall")
-        mean: Any = (across, 0.0 if falls else down, _air(effect)[2])
+        mean: Any = (across, 0.0 if falls else down, air_of(effect)[2])
         changes |= {"fall": down} if falls else {}
         changes["wind"] = Wind(**{**rest, "mean": mean}) if rest else mean
     if GUSTS in own:

@@ -26,6 +26,7 @@ from flurries.motion.wind import Wind
 from flurries.scene.scene import Scene
 from flurries.viewer.charts import chart, field_of
 from flurries.viewer.controls import EYES, applied, controls_of, fall_of, moves, names, settings
+from flurries.viewer.inert import inert
 from flurries.viewer.keep import film, python_of, save
 from flurries.viewer.preview import Preview
 
@@ -137,6 +138,7 @@ class Session:
                 head["chart"] = {**vars(found), "side": len(found.rate)}
                 buffers += [head["chart"].pop(plane).tobytes() for plane in ("rate", "power")]
         strong = [e.strength(now) for e in scene.effects if hasattr(e, "strength")]
+        head["inert"] = inert(scene, values)
         head["strength"] = " · ".join(map(str, strong))
         head["ms"] = round(1e3 * (time.perf_counter() - began), 2)
         return head, buffers

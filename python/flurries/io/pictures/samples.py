@@ -41,10 +41,8 @@ def samples_of(opened: Opened, part: int, channels: Sequence[int]) -> tuple[Arra
 
 
 def two_depths(opened: Opened, part: int, depth: int) -> Array:
-    """Return (H, W, 3): a near depth, the one behind it, and the near one's share of the pixel.
-
-    Samples, and the infinity behind them, are parted where their inverse depths differ most.
-    """
+    """Return (H, W, 3): a near depth, the one behind it, and the near one's share of the pixel."""
+    # Samples, and the infinity behind them, are parted where their inverse depths differ most.
     spec = opened.reader.spec(part)
     layer, dot, _ = spec.channelnames[depth].rpartition(".")
     alpha = [k for k, name in enumerate(spec.channelnames) if name == f"{layer}{dot}A"]

@@ -91,6 +91,7 @@ export function mount(root, about, ask) {
       element("legend", "", box, TITLES[group] || group);
       for (const control of own) {
         const row = element("label", "fl-row", box);
+        row.dataset.row = control.key;
         element("span", "fl-name", row, control.label);
         (control.kind === "slider" ? slide : control.kind === "color" ? paint : pick)(control, row);
       }
@@ -165,11 +166,22 @@ export function mount(root, about, ask) {
     picker.addEventListener("change", () => { moving = null; });
   }
 
+  // Rows that change nothing now are grey, and say why.
+  let inert = {};
+  function grey() {
+    for (const row of panel.querySelectorAll(".fl-row")) {
+      const why = inert[row.dataset.row] || "";
+      row.classList.toggle("fl-inert", why !== "");
+      row.title = why && `Changes nothing now: ${why}`;
+    }
+  }
+
   async function describe() {
     const { head: answer } = await ask({ kind: "describe", values });
     if (answer.error) return fail(answer.error);
     controls = answer.controls;
     build();
+    grey();
   }
   build();
 
@@ -213,6 +225,8 @@ export function mount(root, about, ask) {
     // Overtaken by a later one.
     if (order < newest) return;
     newest = order;
+    inert = found.inert;
+    grey();
     brush.drawImage(picture, 0, 0, canvas.width, canvas.height);
     picture.close();
     charted = charts;
