@@ -165,11 +165,10 @@ def test_a_lamp_a_lens_and_a_depth_are_turned_on_and_off(tmp_path: Path):
     assert np.array_equal(fl.open(tmp_path / "lit.toml").render(4), tuned.render(4))
 
 
-TENT = TentSnow
 GREY: dict[str, list[Any]] = {
     "snow": [fl.Snow("heavy")], "none": [], "mist": [fl.Mist()], "fog": [fl.Mist("fog")],
-    "thin": [TENT("heavy", flakes=0)], "plain": [TENT("heavy", texture=0.0, flakes=300)],
-    "veil": [TENT("heavy", flakes=0, texture=0.0)], "calm": [fl.Snow(wind=(0, 0, 0), fall=0.0)],
+    "thin": [TentSnow(flakes=0)], "plain": [TentSnow(texture=0.0, flakes=300)],
+    "veil": [TentSnow("heavy", flakes=0, texture=0.0)], "calm": [fl.Snow(wind=(0, 0, 0), fall=0)],
     "keyed": [fl.Snow(amount=fl.Keys([(0, 0.0), (9, 1.0)]))], "empty": [fl.Rain(density=0.0)],
     "two": [fl.Mist(), fl.Snow(amount=0.0)], "gas": [fl.Mist(count=300)],
     "cone": [OURS["cone_snow"](amount=0.0)],

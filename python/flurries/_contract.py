@@ -48,9 +48,6 @@ def _came(value: object) -> str:
 
 def integer(name: str, value: object, *, low: int, high: int) -> int:
     """Return `value` as an int within [low, high]; floats are refused, NumPy integers are not."""
-    # What most callers give comes through at once, here and below: a frame asks for dozens.
-    if type(value) is int and low <= value <= high:
-        return value
     if isinstance(value, (bool, np.bool_)):
         raise TypeError(f"{name} must be an integer, got {value!r}")
     try:
@@ -147,12 +144,9 @@ def suggesting(kind: type[_Kind]) -> type[_Kind]:
 
 def shape_of(name: str, value: object) -> tuple[int, int]:
     """Return (H, W) of a frame, both at least 1 and their product within reason."""
-    rows = isinstance(value, Sequence) or (isinstance(value, np.ndarray) and value.ndim > 0)
-    if isinstance(value, (str, bytes)) or not rows:
+    if not is_pair(value):
         raise TypeError(f"{name} must be (H, W), got {_came(value)}")
     assert isinstance(value, (Sequence, np.ndarray))
-    if len(value) != 2:
-        raise ValueError(f"{name} must be (H, W), got {_came(value)}")
     height = integer(f"{name}[0]", value[0], low=1, high=2**31 - 1)
     width = integer(f"{name}[1]", value[1], low=1, high=2**31 - 1)
     if height * width > MOST_ELEMENTS:

@@ -44,12 +44,6 @@ class Trace:
             found[name] += getattr(span, what)
         return dict(found)
 
-    @property
-    def counts(self) -> dict[str, int]:
-        """How much was done inside: "tiles" transformed, "particles" drawn."""
-        spans = (self.outside, *self.spans.values())
-        return dict(sum((Counter(span.counts) for span in spans), Counter()))
-
     def _now(self) -> Span:
         return self._open[-1][0] if self._open else self.outside
 

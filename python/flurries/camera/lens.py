@@ -170,10 +170,7 @@ def image_velocity(
     given = check.rows_of("points_px", points_px, 2)
     view = expect_camera(camera, stretched=True)
     size = check.shape_of("shape", shape)
-    # One number comes as an array of one.
-    distance = check.table("depth", depth, ndim=None).reshape(np.shape(depth))
-    if distance.ndim not in (0, 1) or (distance.ndim == 1 and distance.shape != given.shape[:1]):
-        raise ValueError(f"depth must be a number or {len(given)} of them, got {distance.shape}")
+    distance = check.each_of("depth", depth, len(given))
     if not (distance > 0.0).all():
         raise ValueError(f"depth must be positive, got {distance.min()}")
     omega = check.vector("rotation", rotation, 3)
@@ -184,7 +181,7 @@ def image_velocity(
     fx, fy = view.focals
     x, y = (given - np.array(view.principal(size))).T
     flow = np.stack([tz * x - fx * tx, tz * y - fy * ty], axis=1)
-    flow /= np.atleast_1d(distance)[:, None]
+    flow /= distance[:, None]
     turned = rotational(x, y, view.focals, omega)
     flow[:, 0] += turned[0]
     flow[:, 1] += turned[1]

@@ -11,7 +11,6 @@ from flurries.cli.options import (
     OneOf,
     command,
     numbers,
-    offer,
     option,
     voice,
 )
@@ -33,8 +32,8 @@ from flurries.spectral import export_loop
         help="pixels per frame of the longest wave, y down")  # fmt: skip
 @option("--band", type=numbers(2), default="4,32", metavar="SHORT,LONG", example="2,16",
         help="wavelengths in pixels")  # fmt: skip
-@option("--look", default="paper", metavar="PRESET", help=f"opacity: {', '.join(TentSnow.PRESETS)}",
-        shell_complete=offer(TentSnow.PRESETS), example="heavy")  # fmt: skip
+@option("--look", default="paper", type=OneOf(tuple(TentSnow.PRESETS)), help="opacity",
+        example="heavy")  # fmt: skip
 @option("--shutter", type=float, default=0.0, metavar="S", help="exposure in frames", example="0.5")
 @option("--seed", type=int, default=1, metavar="N", help="which of all loops", example="7")
 @option("--bits", type=OneOf(("8", "16")), unset="8; a .tif of floats", example="16",

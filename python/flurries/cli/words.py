@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, cast
 
 from flurries._trace import Trace
@@ -54,14 +55,9 @@ class Words:
             return iter
         if not sys.stderr.isatty():
             return lambda items: lines(items, noun)
+        from tqdm import tqdm
 
-        def bar(items: Iterable[Any]) -> Iterable[Any]:
-            from tqdm import tqdm
-
-            shown: Iterable[Any] = tqdm(items, unit=noun, file=sys.stderr, dynamic_ncols=True)
-            return shown
-
-        return bar
+        return partial(tqdm, unit=noun, file=sys.stderr, dynamic_ncols=True)
 
 
 def lines(items: Any, noun: str, *, every: float = EVERY) -> Iterator[Any]:

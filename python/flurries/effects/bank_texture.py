@@ -62,9 +62,7 @@ def coarse_shape(frame: Frame) -> tuple[int, int]:
 
 
 class Waves:
-    """The waves of the slices of a gas: `spread` is the root mean square of the logarithm of the
-    density, `outer` the outer scale in units of depth (von Karman 1948).
-    """
+    """The waves of a gas' slices: `spread` of its log density, and `outer` scale over depth."""
 
     def __init__(self, frame: Frame, wind: Vector, spread: float, outer: float) -> None:
         self._frame, self._wind, self._spread, self._outer = frame, wind, spread, outer

@@ -164,10 +164,8 @@ class Matter:
         return float(self.speed(np.array([sizes.mean]))[0])
 
     def flux(self, sizes: Sizes, fall: float | None = None) -> float:
-        """Return the mm/h that one per m3 carries: a kilogram on a square metre is a mm.
-
-        With a `fall` of the mean size all fall as much faster or slower.
-        """
+        """Return the mm/h that one per m3 carries, all as much faster as the mean size's `fall`."""
+        # A kilogram on a square metre is a mm.
         own = 3600.0 * sizes.mean_of(lambda diameter: self.mass(diameter) * self.speed(diameter))
         return own if fall is None else own * fall / self.fall(sizes)
 

@@ -69,6 +69,7 @@ def export_loop(
     from flurries import __version__
     from flurries.io import Pattern, write_picture
     from flurries.io.atomic import checked_target, replacing
+    from flurries.io.color import to_half, to_integer
 
     again = flag("overwrite", overwrite)
     narrow = flag("half", half)
@@ -96,7 +97,10 @@ def export_loop(
     total, done = 0.0, 0
     for first in (progress or iter)(range(0, asked.frames, TOGETHER)):
         times = np.arange(first, min(first + TOGETHER, asked.frames), dtype=np.float64)
-        values = _as_stored(opacity(rendered(asked, times, np.float32, None), **look), stored)
+        # The values that the files will hold, so that the mean is theirs.
+        values = opacity(rendered(asked, times, np.float32, None), **look)
+        if integer or stored == "half":
+            values = to_integer(values, options["bits"]) if integer else to_half(values)
         for t, picture in zip(range(first, first + len(times)), values, strict=True):
             write_picture(files[t], picture, **options)
         total += float(values.sum(dtype=np.float64))
@@ -141,12 +145,3 @@ def _description(target: Any) -> Path:
     head, _, tail = path.stem.partition("%")
     name = (head.rstrip("._- ") + tail.lstrip("0123456789").removeprefix("d")).strip("._- ")
     return path.with_name(f"{name or 'loop'}.json")
-
-
-def _as_stored(alphas: npt.NDArray[Any], stored: str) -> npt.NDArray[Any]:
-    """Return the values that the files shall hold, so that the mean is theirs."""
-    from flurries.io.color import to_half, to_integer
-
-    if stored.startswith("uint"):
-        return to_integer(alphas, int(stored[4:]))
-    return to_half(alphas) if stored == "half" else alphas

@@ -58,8 +58,7 @@ def own_of(asked: Request, texture: Texture, time: float) -> Own | None:
 def own_field(asked: Request, own: Own, result: Array) -> None:
     """Write the field of a checked request into `result`; see `spectral.field`."""
     amplitude, turning, turns = own
-    fy, fx = _frequencies(asked.tile)
-    length = _wavelengths(asked.tile)
+    fy, fx, length = _waves(asked.tile)
     longest = asked.wavelengths[1]
     filtered = asked.alias != "keep" or asked.shutter > 0.0
     rows, cols = (
@@ -96,20 +95,12 @@ def own_field(asked: Request, own: Own, result: Array) -> None:
     )
 
 
-def _frequencies(tile: tuple[int, int]) -> tuple[Float64, Float64]:
-    """Return (fy, fx) in cycles per pixel, 0 where a frequency is its own mirror."""
-    axes: list[Float64] = [np.fft.fftfreq(n).astype(np.float64) for n in tile]
-    for axis in axes:
-        axis[np.abs(axis) == 0.5] = 0.0
-    return axes[0][:, None], axes[1][None, :]
-
-
-def _wavelengths(tile: tuple[int, int]) -> Float64:
-    """Return wavelengths in pixels; infinite at dc."""
-    frequency = np.hypot(np.fft.fftfreq(tile[0])[:, None], np.fft.fftfreq(tile[1]))
+def _waves(tile: tuple[int, int]) -> tuple[Float64, Float64, Float64]:
+    """Return fy and fx in cycles per pixel, 0 where one is its own mirror, and wavelengths."""
+    fy, fx = np.meshgrid(*map(np.fft.fftfreq, tile), indexing="ij")
     with np.errstate(divide="ignore"):
-        length: Float64 = 1.0 / frequency
-    return length
+        length = 1.0 / np.hypot(fy, fx)
+    return np.where(fy == -0.5, 0.0, fy), np.where(fx == -0.5, 0.0, fx), length
 
 
 def _by_tile(name: str, vectors: Float64, grid: tuple[int, int]) -> Float64:

@@ -58,10 +58,8 @@ def _vectors(name: str, value: object, rings: int | None) -> Float64:
     if array.ndim in (2, 4) and array.shape[-2:] == (rings, 2):
         return array.reshape(*(array.shape[:-2] or (1, 1)), -1, 2)
     wanted = "(2,) or (rows, cols, 2)"
-    if name in ("drift", "velocity") and rings is None:
-        wanted += "; rings need ring_edges"
-    elif name in ("drift", "velocity"):
-        wanted += f", or ({rings}, 2) or (rows, cols, {rings}, 2) for the rings of ring_edges"
+    if name in ("drift", "velocity"):
+        wanted += ", with a ring_edges also (rings, 2) or (rows, cols, rings, 2)"
     raise ValueError(f"{name} must have shape {wanted}, got {array.shape}")
 
 

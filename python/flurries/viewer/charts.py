@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,9 +41,7 @@ def chart(scene: Scene, t: float, index: int, at: tuple[float, float]) -> Chart 
     if field is None or not frames:
         return None
     frame = frames[0]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        asked = field.request(frame, field.motion.way(frame))
+    asked = field.request(frame, field.motion.way(frame))
     row, top = _nearest(asked.shape[0], asked.tile[0], asked.overlap, at[1])
     col, left = _nearest(asked.shape[1], asked.tile[1], asked.overlap, at[0])
     # The ring of the longest waves is the last.

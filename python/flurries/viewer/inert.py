@@ -20,13 +20,13 @@ _SHAPES = {
 # Rows that may bring back what is left out.
 _SWITCHES = ("amount", "texture", "flakes", "drops", "count", "density", "haze", "opacity", PRESET)
 
-_NONE = "no weather is shown"
+_NONE = "no weather is shown that it could change"
 
 
 def inert(scene: Scene, values: Mapping[str, Any]) -> dict[str, str]:
     """Return why rows change nothing, by their keys, of a scene as the sliders stand."""
     rows, found = [row.key for row in controls.controls_of(scene)], dict[str, str]()
-    gone, moveless, blurred = _NONE, _NONE, False
+    shown = drawn = moving = blurred = False
     for index, effect in enumerate(scene.effects):
         prefix, whys, even = f"{index}.", dict[str, str](), _is_even(effect)
         own = [key.removeprefix(prefix) for key in rows if key.startswith(prefix)]
@@ -46,16 +46,15 @@ def inert(scene: Scene, values: Mapping[str, Any]) -> dict[str, str]:
             whys.setdefault(DIRECTION, "the speed is 0")
         if even:
             whys = dict.fromkeys((DIRECTION, SPEED, SEED), even) | whys
-        gone, moveless = (
-            "" if steps and not veiled else gone,
-            "" if steps and not even else moveless,
-        )
+        shown, drawn = shown or bool(steps), drawn or (bool(steps) and not veiled)
+        moving |= bool(steps) and not even
         blurred |= "flakes" in steps or ("texture" in steps and hasattr(effect, "emission"))
         found |= {prefix + name: why for name, why in whys.items()}
-    found |= dict.fromkeys(controls.CAMERA, moveless) | {controls.LENS: gone}
+    found |= dict.fromkeys(controls.CAMERA, "" if moving else _NONE)
+    found[controls.LENS] = "" if drawn else _NONE
     if values.get(f"{LAMP}.on") != ON:
         found |= {key: "the lamp is off" for key in rows if key.startswith(f"{LAMP}.")}
-        found[f"{LAMP}.on"] = gone
+        found[f"{LAMP}.on"] = "" if shown else _NONE
     if scene.lens is None or not blurred:
         why = "the blur is off" if blurred else "no flake is near"
         found |= {key: why for key in rows if key.startswith(f"{OPENING}.")}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -66,10 +67,8 @@ def surrounded(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:
     if any(value is not None for value in touched.values()):
         stands = {row.key: row.value for row in surroundings(scene)} | dict(values)
         given = {name: stands[f"{OPENING}.{name}"] for name in ("focus", "f_stop")}
-        rest = {} if scene.lens is None else {
-            name: getattr(scene.lens, name) for name in ("sensor", "blades", "turn")
-        }  # fmt: skip
-        changes["lens"] = Lens(**given, **rest) if stands[f"{OPENING}.on"] == ON else None
+        lens = Lens(**given) if scene.lens is None else replace(scene.lens, **given)
+        changes["lens"] = lens if stands[f"{OPENING}.on"] == ON else None
     if values.get(DEPTH) == OFF:
         changes["depth"] = None
     return changes
