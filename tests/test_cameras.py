@@ -230,7 +230,6 @@ def test_a_proxy_has_the_view_of_its_plate(size: tuple[int, int], scale: float, 
         fl.camera.project(places, scene.camera.pose(scene.camera.camera, 2), scene.shape)[0]
         for scene in (large, small)
     ]
-    # The plate covers the proxy, middle over middle.
     assert np.allclose(seen[1] - np.array(size) / 2, scale * (seen[0] - (48, 32)), atol=1e-12)
 
 

@@ -70,8 +70,3 @@ def test_the_middle_of_an_exposure_is_the_mean_of_its_moments():
     moments = 5.0 + 0.8 * ((np.arange(256) + 0.5) / 256 - 0.5)
     blurred = loop(time=5, shutter=0.8)
     assert np.abs(loop(time=moments).mean(axis=0) - blurred).max() < 3e-5
-
-
-def test_a_loop_too_short_for_its_motion_is_warned_of():
-    with pytest.warns(UserWarning, match="32 % of the waves to rest"):
-        fl.spectral.loop(30, (64, 64), (0.0, 1.1), seed=1)

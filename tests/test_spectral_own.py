@@ -115,5 +115,4 @@ def test_a_movie_is_its_fields_with_the_contrast_that_is_asked_for():
         assert frame.std() / frame.mean() == pytest.approx(0.2, abs=1e-5)
     assert np.abs(film[8] - film[0]).max() < 1e-5
     snow = fl.spectral.movie(3, (40, 50), seed=1, velocity=(1.0, 3.0))
-    want = fl.spectral.field((40, 50), seed=1, drift=(2.0, 6.0))
-    assert np.array_equal(snow[2], want)
+    assert np.array_equal(snow[2], fl.spectral.field((40, 50), seed=1, drift=(2.0, 6.0)))

@@ -79,6 +79,8 @@ def test_warnings_say_what_would_disappoint():
         volume(16, c=0.6)
     with pytest.warns(UserWarning, match="to rest"):
         volume(4, c=0.1)
+    with pytest.warns(UserWarning, match="32 % of the waves to rest"):
+        fl.spectral.loop(30, (64, 64), (0.0, 1.1), seed=1)
     with pytest.warns(UserWarning, match="holds none longer"):
         volume(16, 24)
     volume(16, c=0.0)  # still snow is asked for

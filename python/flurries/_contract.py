@@ -173,12 +173,10 @@ def tile_of(tile: object, overlap: object) -> tuple[tuple[int, int], int]:
 
 
 def int64(name: str, value: object) -> int:
-    """Return an int that fits 64 bits."""
     return integer(name, value, low=-(2**63), high=2**63 - 1)
 
 
 def seed_of(seed: object) -> int:
-    """Return a seed that fits an int64."""
     return int64("seed", seed)
 
 
@@ -204,7 +202,6 @@ def rectangular(name: str, value: object) -> Array:
 
 
 def mapping(name: str, value: object) -> Mapping[Any, Any]:
-    """Return a mapping, or refuse what is none."""
     if not isinstance(value, Mapping):
         raise TypeError(f"{name} must be a mapping such as a dict, got {_came(value)}")
     return value

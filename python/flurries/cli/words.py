@@ -22,7 +22,6 @@ def say(text: object) -> None:
 
 
 def count(number: int, noun: str) -> str:
-    """Return "1 frame" or "3 frames"."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 

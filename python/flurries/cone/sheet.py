@@ -104,7 +104,6 @@ def pose(
 
 
 def reach_of(radius: object) -> float:
-    """Return the radius of a cone, which may be infinite."""
     if isinstance(radius, float) and radius == math.inf:
         return math.inf
     return check.real("radius", radius, above=0.0)

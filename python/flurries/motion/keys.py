@@ -167,7 +167,6 @@ def value_at(value: Any, t: float) -> Any:
 
 
 def largest(value: Any) -> float:
-    """Return a plain number, or the largest of a keyed one."""
     return float(max(v for _, v in value.keys) if isinstance(value, Keys) else value)
 
 
@@ -221,7 +220,6 @@ def air_courses(wind: Vector, fall: Number, scale: float) -> list[Course]:
 
 
 def sum_of(courses: Sequence[Course]) -> Course:
-    """Return the sum of courses."""
     knots = np.unique(np.concatenate([course.knots for course in courses]))
     # One time in each piece, beyond the ends too.
     inside = (

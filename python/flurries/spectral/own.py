@@ -157,5 +157,4 @@ def _of_tile(name: str, value: npt.ArrayLike, tile: tuple[int, int]) -> Float64:
 
 
 def _mirrored(waves: Float64) -> Float64:
-    """Return the value at -k for every k, in fftfreq order."""
     return np.roll(waves[::-1, ::-1], 1, axis=(0, 1))

@@ -138,7 +138,6 @@ def fall_of(effect: Any) -> Any:
 
 
 def moves(effect: Any) -> bool:
-    """Whether an effect falls, blows, or both."""
     return hasattr(effect, "wind")
 
 
