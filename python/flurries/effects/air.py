@@ -161,7 +161,7 @@ class Air(NamedTuple):
 
 
 def air_of(
-    weather: Weather | Flakes, frame: Frame, amount: float, *, steps: tuple[float, ...] = ()
+    weather: Weather | Flakes, frame: Frame, amount: float, steps: tuple[float, ...] = ()
 ) -> Air:
     """Return the flakes that are drawn before a frame's camera."""
     exposure, wind = weather.motion.exposure(frame), weather.motion.varied

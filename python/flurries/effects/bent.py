@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import Array, Float64
+from flurries._kept import kept
 from flurries.effects.clumps import APART, clumps_of, denser, rays_of
 from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
 from flurries.effects.sheets import SHEAR, SHEETS, areas_of, circles_of, key_of, sheets_of
@@ -26,13 +28,12 @@ from flurries.effects.weather import Film, Layer, Weather, amounts_at
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys
-from flurries.particles.population import Slab
 
 # Amounts that sheets are kept for, where the amount of flakes changes.
 LADDER = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0)
 
 # Flakes and pixels of a sheet at most: all its places are made at once.
-_FLAKES, _PIXELS = 300_000.0, 700_000.0
+_FLAKES, _PIXELS = 500_000.0, 700_000.0
 
 # Rays that run along a plane are taken to meet it so far aside.
 _SLANT = 0.1
@@ -89,10 +90,7 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
     eyes = _eyes_of(frame, film, times)
     moved = _blown(weather, frame, film, eyes, times)
     slabs, circles = film.slabs, circles_of(frame.blur, film.depths)
-    if weather.keyed or isinstance(weather.emission, Keys):
-        rungs = [_rungs(weather, frame, layer, amount, eyes) for layer in film.layers]
-    else:
-        rungs = [[(amount * weather.emission, np.ones((1, 1)))]] * len(slabs)
+    rungs = [_rungs(weather, frame, layer, amount, eyes) for layer in film.layers]
     clumps = clumps_of(weather, frame)
     if clumps is not None:
         rays = eyes.rays.mean(axis=0)
@@ -101,91 +99,91 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
             for each, slab in zip(rungs, slabs, strict=True)
         ]
     focals = np.array(frame.camera.focals) * (frame.path.longest_focal / frame.camera.focal)
-    areas = [
-        _smaller(area, slab.count / many)
-        for area, slab, many in zip(areas_of(film, tuple(focals)), slabs, film.many, strict=True)
-    ]
-    seen: dict[tuple[float, float], list[tuple[Plane, Float64, float]]] = {}
-    for one in _planes_of(frame, film, eyes):
-        slab, blown = slabs[one.layer], None if moved is None else moved[one.layer]
-        at, grown = _places(eyes, blown, one, focals / slab.depth, frame.camera.focal)
-        seen.setdefault((slab.near, slab.far), []).append((one, at, grown))
+    areas = _areas(film, *focals.tolist())
+    planes = list(_planes_of(frame, film, eyes))
+    numbers = [one.layer for one in planes]
+    scale = focals * np.array([one.focal / slabs[one.layer].depth for one in planes])[:, None]
+    blown = None if moved is None else moved[numbers]
+    both, grown = _places(eyes, blown, planes, scale, frame.camera.focal)
+    seen = _on_torus(both.mean(axis=1), frame.seed, planes, [areas[n] for n in numbers])
+    moves = (both[:, 1] - both[:, 0]) / grown[:, None, None, None]
+    groups: dict[tuple[float, float], list[int]] = {}
+    for place, number in enumerate(numbers):
+        groups.setdefault((slabs[number].near, slabs[number].far), []).append(place)
 
-    def node(one: Plane, at: Float64, part: Float64, mean: float) -> Array:
-        area, many = areas[one.layer], film.many[one.layer]
-        at = at + _jump(frame.seed, one, area)
-        at -= np.floor(at[0, 0, 1] / area[0]) * np.array((round(SHEAR * area[1]), area[0]))
-        at[..., 0] -= area[1] * np.floor(at[0, 0, 0] / area[1])
+    def nodes(place: int, part: Float64, mean: float) -> Array:
+        one = planes[place]
+        many = film.many[one.layer]
         gain = one.weight * math.sqrt(many)
-        made = np.empty((*at.shape[:2], 4), np.float32)
-        made[..., :2], made[..., 2] = at, gain * part
+        made = np.empty((*seen.shape[1:3], 4), np.float32)
+        made[..., :2], made[..., 2] = seen[place], gain * part
         # Planes that give way to each other have the deviation of one, and so have some flakes that
         # stand for many; the mean is made up for.
         made[..., 3] = (one.weight**2 * many - gain) * part * mean
         return made
 
-    groups, wanted = [], []
-    for ends, each in sorted(seen.items()):
-        shares = [one.weight**2 * film.power[one.layer] for one, _, _ in each]
-        moves = [
-            share * (u[1] - u[0]) / grown for share, (_, u, grown) in zip(shares, each, strict=True)
-        ]
-        ways: Float64 = sum(moves) / sum(shares)
-        reads = [
-            (one, 0.5 * (u[0] + u[1]), rung, part)
-            for one, u, _ in each for rung, part in rungs[one.layer]
+    found = []
+    for ends, places in sorted(groups.items()):
+        shares = np.array([planes[at].weight ** 2 * film.power[numbers[at]] for at in places])
+        ways: Float64 = np.einsum("p,prca->rca", shares / shares.sum(), moves[places])
+        length = float(np.hypot(*ways.reshape(-1, 2).T).mean())
+        reads = [(at, rung, part) for at in places for rung, part in rungs[numbers[at]]]
+        keys = [
+            key_of(weather, slabs[n], frame.seed, n, areas[n], film.many[n], (0.0, 0.0), circles[n],
+                   rung, planes[at].focal, _part_seen(film.wide[n], length))
+            for at, rung, _ in reads for n in [numbers[at]]
         ]  # fmt: skip
-        wanted += [(one, rung, _part_seen(slabs[one.layer], ways)) for one, _, rung, _ in reads]
-        groups.append((reads, np.clip(ways, -LONGEST, LONGEST).astype(np.float32), *ends))
-    keys = [
-        key_of(weather, slabs[one.layer], frame.seed, one.layer, areas[one.layer],
-               film.many[one.layer], (0.0, 0.0), circles[one.layer], rung, one.focal, thin)
-        for one, rung, thin in wanted
-    ]  # fmt: skip
-    made = iter(sheets_of(keys))
-    return [
-        ([(sheet := next(made), node(one, at, part, sheet.mean))
-          for one, at, _, part in reads], *rest)
-        for reads, *rest in groups
-    ]  # fmt: skip
+        sheets = [
+            (sheet, nodes(at, part, sheet.mean))
+            for sheet, (at, _, part) in zip(sheets_of(keys), reads, strict=True)
+        ]
+        found.append((sheets, np.clip(ways, -LONGEST, LONGEST).astype(np.float32), *ends))
+    return found
 
 
-def _smaller(area: tuple[int, int], count: float) -> tuple[int, int]:
-    """Return rows and columns of a sheet that is not too large, of flakes for each pixel."""
-    pixels = area[0] * area[1]
-    part = math.sqrt(min(_FLAKES / max(count * pixels, 1.0), _PIXELS / pixels, 1.0))
-    return max(round(part * area[0]), 96), max(round(part * area[1]), 96)
+@kept(64)
+def _areas(film: Film, *focals: float) -> list[tuple[int, int]]:
+    """Return rows and columns of each layer's sheet: not too many, for flakes at all places."""
+    found = []
+    for area, slab, many in zip(areas_of(film, focals), film.slabs, film.many, strict=True):  # type: ignore[arg-type]
+        pixels = area[0] * area[1]
+        count = slab.count / many * pixels
+        part = math.sqrt(min(_FLAKES / max(count, 1.0), _PIXELS / pixels, 1.0))
+        found.append((max(round(part * area[0]), 96), max(round(part * area[1]), 96)))
+    return found
 
 
-def _part_seen(slab: Slab, ways: Float64) -> float:
+def _part_seen(wide: float, length: float) -> float:
     """Return the part of a flake that a pixel shows at a time, in steps: 1 where it rests."""
-    length = float(np.hypot(*ways.reshape(-1, 2).T).mean())
-    # What a flake that covers the layer's mean area is wide, in a pixel's box.
-    wide = math.sqrt(float(np.mean(slab.diameters**4) / np.mean(slab.diameters**2)) + 0.8)
-    part = wide / math.hypot(wide, length)
-    return float(2.0 ** (0.5 * round(2.0 * math.log2(part))))
+    return float(2.0 ** (0.5 * round(2.0 * math.log2(wide / math.hypot(wide, length)))))
 
 
-def _jump(seed: int, one: Plane, area: tuple[int, int]) -> Float64:
-    """Return the place of a plane on its sheet, px (x, y)."""
-    draws, stream = np.zeros(2), one.layer
-    if any(one.which):
-        for number in one.which:
-            stream = (stream * 1_000_003 + number) % (1 << 61)
-        _core.uniform(draws, seed, stream)
-    return np.floor(draws * (area[1], area[0]))
+def _on_torus(at: Float64, seed: int, planes: list[Plane], areas: list[tuple[int, int]]) -> Float64:
+    """Return places on planes (P, R, C, 2) as places on their sheets, near the first round."""
+    (rows, columns), draws = np.array(areas, float).T, np.zeros((len(planes), 2))
+    for own, one in zip(draws, planes, strict=True):
+        if any(one.which):
+            stream = reduce(lambda mix, n: (mix * 1_000_003 + n) % (1 << 61), one.which, one.layer)
+            _core.uniform(own, seed, stream)
+    at += np.floor(draws * np.stack([columns, rows], axis=1))[:, None, None]
+    down = np.floor(at[:, 0, 0, 1] / rows)
+    at[..., 1] -= (down * rows)[:, None, None]
+    at[..., 0] -= (down * np.rint(SHEAR * columns))[:, None, None]
+    at[..., 0] -= (columns * np.floor(at[:, 0, 0, 0] / columns))[:, None, None]
+    return at
 
 
 def _rungs(
     weather: Weather, frame: Frame, layer: Layer, amount: float, eyes: Eyes
 ) -> list[tuple[float, Float64]]:
     """Return the amounts of a layer that sheets are read for, with their shares at the nodes."""
-    heights = layer.slab.depth * eyes.rays.mean(axis=0)[..., 1]
-    if isinstance(weather.emission, Keys):
-        there = amount * amounts_at(weather, frame, layer.share, heights).reshape(heights.shape)
-    else:
-        there = np.full(heights.shape, amount * weather.emission)
-    shares = [np.interp(there, LADDER, row) for row in np.eye(len(LADDER))]
+    if not weather.keyed and not isinstance(weather.emission, Keys):
+        return [(amount * weather.emission, np.ones((1, 1)))]
+    there: Any = weather.emission
+    if isinstance(there, Keys):
+        heights = layer.slab.depth * eyes.rays.mean(axis=0)[..., 1]
+        there = amounts_at(weather, frame, layer.share, heights).reshape(heights.shape)
+    shares = [np.asarray(np.interp(amount * there, LADDER, row)) for row in np.eye(len(LADDER))]
     pairs = zip(LADDER, shares, strict=True)
     return [(rung, part) for rung, part in pairs if rung and part.any()]
 
@@ -278,22 +276,23 @@ def _axes(yaw: float, pitch: float, roll: float) -> Float64:
 
 
 def _places(
-    eyes: Eyes, blown: Float64 | None, one: Plane, scale: Float64, focal: float
-) -> tuple[Float64, float]:
-    """Return what the nodes see of a plane, less their own places, (2, R, C, 2) px (x, y)."""
-    ray = eyes.rays @ one.axes.T
-    eye = eyes.eye[:, one.layer] @ one.axes.T
-    ahead = (one.at - eye[:, 2])[:, None, None, None]
-    scale = one.focal * scale
-    grown = float(ahead.mean() * scale[0] * (1.0 / focal))
+    eyes: Eyes, blown: Float64 | None, planes: list[Plane], scale: Float64, focal: float
+) -> tuple[Float64, Float64]:
+    """Return what the nodes see of planes, less their own places, (P, 2, R, C, 2) px (x, y)."""
+    axes = np.stack([one.axes.T for one in planes])
+    ray = (eyes.rays.reshape(-1, 3) @ axes).reshape(len(planes), *eyes.rays.shape)
+    eye = eyes.eye[:, [one.layer for one in planes]].swapaxes(0, 1) @ axes
+    ahead = np.array([one.at for one in planes])[:, None] - eye[..., 2]
+    grown = ahead.mean(axis=1) * scale[:, 0] / focal
+    eye, ahead = eye[:, :, None, None], ahead[:, :, None, None, None]
     aside: Any = 0.0
     if blown is not None:
-        turned = blown @ one.axes.T
+        turned = blown @ axes[:, None, None]
         ahead, aside = ahead + turned[..., 2:], turned[..., :2]
-    at = eye[:, None, None, :2] + ahead * (ray[..., :2] / np.maximum(ray[..., 2:], _SLANT))
-    at = (at - aside) * scale
-    at[..., 0] -= APART * np.arange(-1, at.shape[2] - 1)
-    at[..., 1] -= APART * np.arange(-1, at.shape[1] - 1)[:, None]
+    at = eye[..., :2] + ahead * (ray[..., :2] / np.maximum(ray[..., 2:], _SLANT))
+    at = (at - aside) * scale[:, None, None, None]
+    at[..., 0] -= APART * np.arange(-1, at.shape[3] - 1)
+    at[..., 1] -= APART * np.arange(-1, at.shape[2] - 1)[:, None]
     return np.asarray(at), grown
 
 

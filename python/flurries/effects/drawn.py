@@ -17,6 +17,7 @@ from flurries.effects.passes import STEPS
 from flurries.effects.weather import Weather
 from flurries.frame.layer import Shade
 from flurries.frame.needs import Needs, Step, has_keys
+from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
 from flurries.motion.keys import value_at
@@ -54,7 +55,7 @@ class DrawnFlakes:
     def alpha(self, frame: Frame, amount: float) -> Array:
         if frame.whole:
             return self.seen(frame, amount)[0]
-        result = np.empty(frame.size, np.float32)
+        result = plane(frame.size)
         flakes = self._sorted(frame, amount)
         _core.particle_draw(result, flakes, frame.window, frame.depth, None)
         return result
@@ -73,10 +74,9 @@ class DrawnFlakes:
 
     def _sorted(self, frame: Frame, amount: float) -> SortedFlakes:
         """Return the flakes, to be drawn in any band of the frame."""
-        steps = STEPS if frame.whole else ()
 
         def fall() -> SortedFlakes:
-            return _core.fall(air_of(self.weather, frame, amount, steps=steps))
+            return _core.fall(air_of(self.weather, frame, amount, STEPS if frame.whole else ()))
 
         return frame.once(self, "flakes", fall, eye=True)
 

@@ -28,6 +28,7 @@ from flurries.effects.sheets import SHEETS, areas_of, circles_of, key_of, sheets
 from flurries.effects.weather import Film, Weather, times
 from flurries.frame.layer import Shade
 from flurries.frame.needs import Needs, Step, has_keys
+from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
 
@@ -56,9 +57,8 @@ class FlakeTexture:
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         film = self.weather.film(frame)
-        if film.rigid:
-            return _read(self.weather, frame, film, amount)
-        return read_bent(self.weather, frame, film, amount)
+        read = _read if film.rigid else read_bent
+        return read(self.weather, frame, film, amount)
 
     def lamp_shade(self, frame: Frame, optics: Optics) -> Shade:
         """Return the light of the frame's lamps on it, by places."""
@@ -86,7 +86,7 @@ class FlakeTexture:
 def _read(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
     """Return the opacity of layers that move as they do in all frames, (h, w) float32."""
     top, _, left, _ = frame.window
-    result = np.empty(frame.size, np.float32)
+    result = plane(frame.size)
     camera, blur = frame.camera, None if frame.lens is None else frame.blur
     shown, focals = amount * float(weather.emission), camera.focals  # type: ignore[arg-type]
     keys, start, rate, places = _standing(

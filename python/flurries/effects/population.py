@@ -62,7 +62,6 @@ POPULATION: dict[str, Any] = {
     "seed": checks.optional(lambda _, value: seed_of(value)),
 }
 
-
 # Metres: flakes and drops of a larger mean are sizes in another unit.
 _LARGEST_MEAN = 0.2
 

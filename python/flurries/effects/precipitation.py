@@ -20,6 +20,7 @@ from flurries.effects.passes import passes_of
 from flurries.effects.veil import Veil
 from flurries.frame.layer import Layer, Shade
 from flurries.frame.needs import LeftOut, Needs, Step
+from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.light.phase import FLAKES, Optics
 from flurries.motion.keys import Keys, Number, value_at
@@ -121,7 +122,7 @@ class Precipitation:
         elif shown and frame.depth is not None:
             planes.append(haze)
         even = haze if shown and frame.depth is None else 0.0
-        alpha = np.zeros(frame.size, np.float32)
+        alpha = plane(frame.size)
         with current.get().stage("join"):
             _core.join(alpha, planes or [np.zeros_like(alpha)], even)
         if self._local:

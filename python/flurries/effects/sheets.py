@@ -37,9 +37,6 @@ SHEAR = 0.382
 # What is wider is made as the last: flakes that cover hardly anything.
 _STEP, _LEAST_BLUR, _WIDEST_BLUR = 0.125, 0.25, 32.0
 
-# Sizes of flakes in a sheet.
-_SIZES = 24
-
 _STREAM = 0x5368656574
 
 SHEETS = ALL[__name__] = Kept(most_bytes=MOST_BYTES)
@@ -94,6 +91,6 @@ def hash_of(seed: int, number: int) -> int:
 
 
 @kept(256)
-def diameters_of(slab: Slab, count: int = _SIZES) -> Float64:
+def diameters_of(slab: Slab, count: int = 24) -> Float64:
     """Return so many diameters that stand for even shares of flakes and cover what those do, px."""
     return np.asarray(np.sqrt((slab.diameters**2).reshape(count, -1).mean(axis=1)))

@@ -36,7 +36,7 @@ DRAWN, FEW = 0.002, 0.004
 LARGEST = 14.0
 
 # Flakes for each pixel of a sheet at most.
-_MOST_FLAKES = 12.0
+_MOST_FLAKES = 6.0
 
 # Layers of sheets of each class; large flakes make most of the contrast.
 LAYERS, BENT_LAYERS = (4, 7, 10, 15), 6
@@ -74,14 +74,15 @@ class Film:
     # Whether all places of a layer move alike and always so, and nothing of it changes.
     rigid: bool
 
-    # Of each layer: its slab, the slab's depth and coverage, how fast its flakes fall, what of the
-    # variance it has, and how many flakes each of those in its sheet stands for.
+    # Of each layer: its slab, the slab's depth and coverage, how fast its flakes fall, its part of
+    # the variance, how many flakes each of its sheet stands for, and the width of one, px.
     slabs: list[laws.Slab]
     depths: Float64
     covers: Float64
     falls: Float64
     power: Float64
     many: list[float]
+    wide: list[float]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -195,6 +196,8 @@ def _film(
         falls=np.array([share.size.fall for share, _ in layers]),
         power=covers * [float(np.mean(slab.diameters**2)) for slab in slabs],
         many=[max(slab.count / _MOST_FLAKES, 1.0) for slab in slabs],
+        wide=[math.sqrt(float((d**4).mean() / (d**2).mean()) + 0.8)
+              for d in (slab.diameters for slab in slabs)],
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ FADE = 0.08
 
 # Depths by which a slab's images are counted, and the even shares of images: many, since the few
 # largest flakes make most of the contrast.
-_DEPTHS, _SHARES = 32, 264
+_DEPTHS, _SHARES = 12, 264
 
 # Weights by which layers have even parts of speed in the picture, of depth, and of the variance of
 # its pixels: a layer that has much of that is seen to move as one.
