@@ -189,6 +189,7 @@ def costs() -> None:
         speed = max(float(np.hypot(*mean[[0, 2]])), 1.0)
         gusty = fl.Wind(tuple(mean), gusts=speed / 4.0, swirl=speed / 10.0)
         scenes[look] = sharp.replace(effects=[even])
+        scenes[f"{look}, even"] = sharp.replace(effects=[fl.Snow(look, clumps=0.0)])
         scenes[f"{look} in gusts"] = sharp.replace(effects=[fl.Snow(look, wind=gusty)])
     times: dict[str, list[float]] = {name: [] for name in scenes}
     # Each film by itself, twice: in turns each would find what it keeps driven out of the cache.
@@ -202,6 +203,7 @@ def costs() -> None:
         print(f"{name}: {found:.1f} ms, {found / least['no lens']:.2f} of no lens")
     for look in ("heavy", "blizzard"):
         print(f"gusts: {least[f'{look} in gusts'] / least[look]:.1f} of {look} in an even wind")
+        print(f"clumps: {least[look] / least[f'{look}, even']:.2f} of {look} without")
     linear = least["before a wall, in linear light"]
     print(f"local light: {least['before a wall, local light'] / linear:.2f} of linear light")
     light = fl.scene.Light(0.5)
