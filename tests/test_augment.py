@@ -134,7 +134,7 @@ def seen_by_eyes(weather: Any, shape: tuple[int, int], apart: float) -> list[Her
 @pytest.mark.parametrize("kind", ["snow", "rain"])
 def test_every_flake_has_the_disparity_of_its_depth(kind: str):
     """Both eyes see the same flakes, focal * distance / z apart, and draw them there."""
-    weather, apart, shape = KINDS[kind](severity=2, seed=3, veil=0.0), 0.1, (192, 256)
+    weather, apart, shape = KINDS[kind](severity=4, seed=3, profile="hard"), 0.1, (192, 256)
     eyes = seen_by_eyes(weather, shape, apart)
     both = []
     for eye in eyes:
@@ -169,19 +169,18 @@ def test_every_flake_has_the_disparity_of_its_depth(kind: str):
 
 def test_sheets_before_two_eyes_have_their_disparity():
     """By correlation: what one eye sees, moved by a layer's disparity, is what the other sees."""
-    eyes = seen_by_eyes(Snowfall(severity=5, seed=3, veil=0.0), (256, 256), 0.1)
-    sheets = eyes[0].sheets
-    assert sheets is not None and len(sheets.sheets) > 3
-    for number, depth in enumerate(sheets.depths[:, 0]):
+    eyes = seen_by_eyes(Snowfall(severity=5, seed=3, profile="hard"), (256, 256), 0.1)
+    assert len(eyes[0].layers) > 3
+    for number, layer in enumerate(eyes[0].sheets.layers):
         planes = []
         for eye in eyes:
             plane = np.empty((256, 256), np.float32)
             _core.sheet_read(plane, (0, 0), [eye.layers[number]], None, False)
             planes.append(plane - plane.mean())
         left, right = planes
-        wanted = eyes[0].view.camera.focal * 0.1 / depth
+        wanted = eyes[0].view.camera.focal * 0.1 / (eyes[0].near * layer.depth)
         best = max(range(40), key=lambda d: float((left[:, d:] * right[:, : 256 - d]).mean()))
-        assert abs(best - wanted) <= 1.0, (depth, wanted, best)
+        assert abs(best - wanted) <= 1.0, (number, wanted, best)
 
 
 @EACH

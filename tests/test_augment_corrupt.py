@@ -121,7 +121,9 @@ def test_it_goes_on(source: Path, tmp_path: Path):
     table = [json.loads(line) for line in (out / "metadata.jsonl").read_text().splitlines()]
     assert {row["file_name"] for row in table} == {name for name in found if "notes" not in name}
     assert all(row["severity"] == int(row["file_name"].split("/")[1]) for row in table)
-    assert "| `snow/3` | snow | 3 | natural | 7 |" in (out / "README.md").read_text()
+    assert (
+        "| `snow/3` | snow | 3 | natural | 2.5 mm/h, 278.6 per" in (out / "README.md").read_text()
+    )
     (out / "README.md").write_text("mine")
     write_picture(source / "3.png", data.coffee()[:96, :96])
     with pytest.raises(ValueError, match=r"snow/1/3\.png .* was made over other pictures"):

@@ -8,7 +8,7 @@ import pytest
 
 import flurries as fl
 from flurries import _core
-from flurries.augment import falling, sheets
+from flurries.augment import sheets
 from flurries.augment.air import Here
 
 EACH = pytest.mark.parametrize("kind", ["Snowfall", "Rainfall"])
@@ -19,41 +19,25 @@ def here_of(weather: Any, shape: tuple[int, int], index: int = 0) -> Here:
     return next(weather._airs(*one))
 
 
-@pytest.mark.parametrize("gain, ratio", [
-    (0.3, 0.01), (1.0, 0.01), (4.0, 0.4), (1.5, 0.9), (2.0, 2.5), (30.0, 25.0),
-])  # fmt: skip
-def test_flakes_cover_what_their_images_do(gain: float, ratio: float):
-    """A ball of diameter 1 at places along its way, each opacity a mean over times."""
-    x, s = (np.arange(60) + 0.5) / 120, (np.arange(1200) + 0.5) / 1200 * (0.5 * ratio + 0.5)
-    times = ((np.arange(2000) + 0.5) / 2000 - 0.5) * ratio
-    total = 0.0
-    for across in x:
-        inside = 1.0 - 4.0 * (across**2 + (s[:, None] - times) ** 2)
-        opacity = -np.expm1(-falling.MIDDLE * np.sqrt(np.maximum(inside, 0.0)))
-        total += (1.0 - (1.0 - opacity.mean(axis=1)) ** gain).mean()
-    area = 4.0 * total / len(x) * 0.5 * (0.5 * ratio + 0.5)
-    got = falling._covered((1.0, 1.0, 1.0), gain, max(ratio, falling._REST))
-    assert got == pytest.approx(area / (0.25 * math.pi), rel=0.02)
-
-
 @EACH
 @pytest.mark.parametrize("amount", [0.05, 0.33, 0.6, 1.0])
-def test_each_layer_hides_its_share(kind: str, amount: float):
+@pytest.mark.parametrize("profile", ["natural", "hard"])
+def test_each_layer_hides_its_share(kind: str, profile: str, amount: float):
     """Over all of a sheet, whatever the amount differs by from its rung."""
-    weather = getattr(fl.augment, kind)(amount=amount, seed=1)
+    weather = getattr(fl.augment, kind)(amount=amount, profile=profile, seed=1)
     here = here_of(weather, (200, 220))
-    assert here.falling is not None and here.sheets is not None and here.request() is None
+    assert here.request() is None
     total = 0.0
-    for layer, (near, far) in zip(here.layers, here.sheets.edges, strict=True):
-        sheet, (x, y), *rest = layer
-        columns, rows = here.sheets.periods[here.layers.index(layer)].astype(int).tolist()
+    for layer, own in zip(here.layers, here.sheets.layers, strict=True):
+        columns, rows = own.period
         plane = np.empty((rows, columns), np.float32)
-        _core.sheet_read(plane, (0, 0), [(sheet, (x, y), *rest)], None, True)
+        _core.sheet_read(plane, (0, 0), [layer], None, True)
         taken = -math.log(1.0 - plane.mean(dtype=np.float64))
         total += taken
-        if near > 1.1 * here.falling.near:
-            assert taken == pytest.approx(here.falling.thickness * (far - near), rel=0.02)
-    assert total == pytest.approx(here.falling.depth, rel=0.01)
+        if own.near > 1.1:
+            wanted = here.thickness * (layer[4] - layer[3])
+            assert taken == pytest.approx(wanted, rel=0.03)
+    assert total == pytest.approx(here.thickness * (here.far - here.near), rel=0.02)
 
 
 @EACH

@@ -48,7 +48,7 @@ def test_slices_carried_by_their_own_motions_are_the_next_frame(
     kind: str, severity: int, fps: float
 ):
     """What falls overlaps, so that one vector a pixel cannot carry it; each slice has its own."""
-    weather = getattr(fl.augment, kind)(severity=severity, seed=5, veil=0.0)
+    weather = getattr(fl.augment, kind)(severity=severity, seed=5, profile="hard", exposure=0.02)
     two = [np.empty((512, 512))] * 2, [weather.record(index=0)] * 2, None, [1.0, 1.0 + 1.0 / fps]
     here, there = weather._airs(*two, fps)
     left = np.ones((512, 512))
@@ -60,7 +60,8 @@ def test_slices_carried_by_their_own_motions_are_the_next_frame(
     # What comes in from outside is not known.
     inner = np.zeros((512, 512), bool)
     inner[96:-16, 64:-64] = True
-    assert np.corrcoef(1.0 - left[inner], then[inner])[0, 1] >= 0.8
+    # Between pixels what is carried is smoother, which thin streaks show.
+    assert np.corrcoef(1.0 - left[inner], then[inner])[0, 1] >= 0.7
 
 
 def test_weather_drawn_anew_for_each_frame_does_not_move():
@@ -76,7 +77,7 @@ def test_weather_drawn_anew_for_each_frame_does_not_move():
 @pytest.mark.parametrize("kind", ["Snowfall", "Rainfall"])
 def test_vectors_are_focal_over_depth(kind: str):
     """At every flake that hides what is behind it: its own exact motion, by finite differences."""
-    weather = getattr(fl.augment, kind)(severity=2, seed=5, exposure=1e-3)
+    weather = getattr(fl.augment, kind)(severity=5, seed=5, exposure=1e-3, profile="hard")
     times = [1.0 - 0.5 / 30.0, 1.0, 1.0 + 0.5 / 30.0]
     three = [np.empty((512, 512))] * 3, [weather.record(index=0)] * 3
     airs = list(weather._airs(*three, None, times, 30.0))
@@ -93,7 +94,7 @@ def test_vectors_are_focal_over_depth(kind: str):
             continue
         way = found[2][number][3:5] - found[0][number][3:5]
         inside = 2 < u < 510 and 2 < v < 510 and np.abs(way).max() < 200
-        if inside and share == 1.0 and focal * diameter / z > 3.0:
+        if inside and share == 1.0 and focal * diameter / z > 1.5:
             at = int(v), int(u)
             errors.append((np.abs(motion[at] - way).max(), abs(where[at] / depth - 1.0)))
     # Flakes behind larger ones see those.

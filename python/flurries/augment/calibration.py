@@ -1,86 +1,164 @@
-"""One knob for how much weather: the share of the picture's own contrast that it takes.
+"""How much weather an amount is.
 
-A layer of opacity a leaves (1 - a) of each difference in the picture. So the contrast that is lost,
-1 - cov(seen, clear) / var(clear), is the layer's mean opacity wherever the layer does not depend on
-the picture: known in closed form for what falls, whatever the picture's size. What falls has a
-fixed share of it, and an even veil takes the rest.
+"natural" is the weather of scenes, by their table: what it takes of a picture's contrast follows
+from its rate or visibility. "hard" is a share of the contrast, for benchmarks, and more than that
+at every step; the air has as much weather as takes it before the picture's own depths.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Literal
+from collections.abc import Sequence
+from typing import Literal, TypeAlias
 
 import numpy as np
 
+from flurries import gas
 from flurries._contract import Float64, choice, real
-from flurries.effects.severity import SEVERITIES
+from flurries._kept import kept
+from flurries.effects.severity import LOWEST, RATES, SEVERITIES, VISIBILITIES
+from flurries.effects.strength import BACKDROP, OPACITY, Strength, reach
+from flurries.particles.sizes import RAIN, SNOW, Sizes
 
-Profile = Literal["natural", "hard"]
+Profile: TypeAlias = Literal["natural", "hard"]
+Kind: TypeAlias = Literal["snow", "rain", "fog"]
+PROFILES = ("natural", "hard")
+MATTERS = {"snow": SNOW, "rain": RAIN}
 
-# Newton's, at most; eight are usual.
+# Depths between which snow and rain fall, metres: nearer flakes would be out of focus.
+NEAR, FAR = 1.5, BACKDROP
+
+# The same of the hard profile, for a focal length of so many pixels, whatever a picture's size:
+# a small picture has the same flakes in pixels, and stands for what is as much nearer.
+HARD_NEAR, HARD_FAR, _LENS = 1.3, 7.0, 600.0
+
+# Smallest and largest flakes and drops of the hard profile, metres: those of the heaviest snow and
+# rain, of which smaller ones would only be a veil. And how much brighter than its opacity a drop
+# is, which gathers the light of half the sky.
+_ENDS = {"snow": (0.003, 0.02), "rain": (0.002, 0.006)}
+GAINS = {"snow": 1.0, "rain": 14.0}
+
+# What bright drops cover over the sum of what each would: .77 to .9, by the exposure.
+_APART = {"snow": 1.0, "rain": 0.84}
+
+# The contrast that the hard profile takes at the amounts 0, 0.2, ..., 1.
+_HARD = {
+    "snow": (0.0, 0.12, 0.21, 0.32, 0.45, 0.6),
+    "rain": (0.0, 0.06, 0.1, 0.15, 0.21, 0.28),
+    "fog": (0.0, 0.3, 0.5, 0.72, 0.9, 0.985),
+}
+
+# Newton's steps at most; eight are usual.
 _STEPS = 60
 
-# The share of contrast that severities 1 to 5 take.
-LOSS = (0.06, 0.14, 0.25, 0.38, 0.55)
 
-# The contrast that is lost at the amounts 0, 0.2, ..., 1. The hard scale leaves the structural
-# similarity that corruptions do which results are published with: 0.66 to 0.42 and for fog 0.79 to
-# 0.63, in even steps, of ten photographs of 512 px (tests/test_augment_similarity.py).
-_HARD = {
-    "snow": (0.0, 0.062, 0.077, 0.099, 0.124, 0.152),
-    "rain": (0.0, 0.092, 0.121, 0.161, 0.208, 0.262),
-    "fog": (0.0, 0.31, 0.38, 0.45, 0.53, 0.6),
-}
-PROFILES = ("natural", "hard")
-
-
-def contrast_loss(
-    amount: float, *, profile: Profile = "natural", weather: Literal["snow", "rain", "fog"] = "snow"
-) -> float:
-    """Return the share of a picture's contrast that weather of an amount takes.
+def contrast_loss(amount: float, *, profile: Profile = "natural", weather: Kind = "snow") -> float:
+    """Return the share of a picture's contrast that weather of an amount takes before the sky.
 
     Parameters
     ----------
     amount : float
         0 to 1. Severity n is the amount n / 5.
     profile : {"natural", "hard"}
-        "natural" is weather as it is, "hard" takes as much as the corruptions of published
-        benchmarks.
+        "natural" is the weather of :class:`flurries.Snow`, `Rain` and `Mist` of this severity,
+        "hard" a scale of losses for benchmarks, above the natural one at every step.
     weather : {"snow", "rain", "fog"}
-        The weather that the hard profile is of.
 
     Returns
     -------
     float
-        Natural: 0.06, 0.14, 0.25, 0.38 and 0.55 for the severities 1 to 5, linear between. Hard:
-        snow 0.062 to 0.152, rain 0.092 to 0.262, fog 0.31 to 0.6.
+        1 - cov(seen, clear) / var(clear), the mean opacity, 0 to 1.
     """
     wanted = real("amount", amount, low=0.0, high=1.0)
-    kind = choice("weather", weather, tuple(_HARD))
-    hard = choice("profile", profile, PROFILES) == "hard"
-    losses = _HARD[kind] if hard else (0.0, *LOSS)
-    return float(np.interp(SEVERITIES * wanted, range(SEVERITIES + 1), losses))
+    kind: Kind = choice("weather", weather, tuple(_HARD))  # type: ignore[assignment]
+    if choice("profile", profile, PROFILES) == "hard":
+        return _between(_HARD[kind], wanted)
+    way = BACKDROP if kind == "fog" else FAR - NEAR
+    return -math.expm1(-natural(kind, wanted) * way)
 
 
-# `depth` (n,): of equally many pixels each. `clear` (n, 1): what all but the veil leaves before it.
-# `density` (m,): factors of the extinction, each equally likely at every pixel.
-def extinction(loss: float, depth: Float64, clear: Float64, density: Float64) -> float:
-    """Return the extinction per metre with which a mean loss is what is wanted, or 0."""
-    if depth.size == density.size == 1:
-        return max(math.log(float(clear[0, 0]) / (1.0 - loss)) / float(depth[0] * density[0]), 0.0)
-    way = depth[:, None] * density[None, :]
+def strength(amount: float, profile: Profile, kind: Kind, focal: float) -> Strength:
+    """Return the weather of an amount before a sky, of a picture of 512 px by the hard profile."""
+    loss = contrast_loss(amount, profile=profile, weather=kind)
+    near, far = depths_of(kind, profile, 512.0 * focal)
+    extinction = -math.log1p(-loss) / (far - near)
+    seen = gas.visibility(extinction) if extinction > 0.0 else math.inf
+    if kind == "fog":
+        return Strength(seen, loss)
+    if profile == "natural":
+        rate = _between((0.0, *RATES[kind]), amount)
+        return Strength(
+            seen, loss, rate, extinction / area_of(MATTERS[kind].sizes(max(rate, 1e-3)))
+        )
+    sizes = sizes_of(kind, 0)
+    density = extinction / (GAINS[kind] * _APART[kind] * area_of(sizes))
+    return Strength(seen, loss, density * MATTERS[kind].flux(sizes), density)
+
+
+def depths_of(kind: Kind, profile: Profile, focal: float) -> tuple[float, float]:
+    """Return the depths between which weather lies, metres, for a focal length in pixels."""
+    if kind == "fog":
+        return 0.0, BACKDROP
+    near, far = HARD_NEAR * focal / _LENS, HARD_FAR * focal / _LENS
+    return (near, far) if profile == "hard" else (NEAR, FAR)
+
+
+def natural(kind: Kind, amount: float) -> float:
+    """Return the extinction of natural weather, per metre."""
+    if kind == "fog":
+        return _between((0.0, *(gas.visibility(seen) for seen in VISIBILITIES)), amount)
+    return _extinction(kind, _between((0.0, *RATES[kind]), amount))
+
+
+def natural_reach(amount: float) -> float:
+    """Return how far natural fog reaches, metres."""
+    thick = natural("fog", amount)
+    return reach(gas.visibility(thick)) if thick > 0.0 else BACKDROP
+
+
+def sizes_of(kind: Kind, tenths: int) -> Sizes:
+    """Return the sizes of natural weather at tenths of the amount; at 0 the hard profile's."""
+    matter = MATTERS[kind]
+    if tenths:
+        return matter.sizes(_between((0.0, *RATES[kind]), 0.1 * tenths))
+    smallest, largest = _ENDS[kind]
+    return Sizes.with_slope(smallest, matter.slope(RATES[kind][-1]), largest)
+
+
+def area_of(sizes: Sizes) -> float:
+    """Return what one flake covers on average, square metres."""
+    return OPACITY * 0.25 * math.pi * sizes.moment(2.0)
+
+
+def _between(levels: Sequence[float], amount: float) -> float:
+    return float(np.interp(SEVERITIES * amount, range(SEVERITIES + 1), levels))
+
+
+@kept(256)
+def _extinction(kind: Kind, rate: float) -> float:
+    matter = MATTERS[kind]
+    sizes = matter.sizes(max(rate, LOWEST))
+    return rate / matter.flux(sizes) * area_of(sizes)
+
+
+# `way` (n,): metres through the air before equally many pixels each. `density` (m,): factors of the
+# extinction, each equally likely at every pixel.
+def extinction(loss: float, way: Float64, density: Float64) -> float:
+    """Return the extinction per metre with which a mean loss is what is wanted."""
+    if not way.any():
+        return math.inf
+    if way.size == density.size == 1:
+        return -math.log1p(-loss) / float(way[0] * density[0])
+    ways = way[:, None] * density
     # Sums: a call of `mean` takes longer than all the rest of a step.
-    wanted = (1.0 - loss) * way.size
-    total = np.add.reduce
-    if float(total(clear, axis=None)) * (way.size / clear.size) <= wanted:
-        return 0.0
-    # What is left is convex and falls, so Newton's steps from 0 never go too far; and the loss is
-    # less than that of all at the farthest depth.
-    found = 0.0
+    wanted, total, found = (1.0 - loss) * ways.size, np.add.reduce, 0.0
+    # What is left is convex and falls, so Newton's steps from 0 never go too far.
     for _ in range(_STEPS):
-        left = clear * np.exp(-found * way)
-        step = (float(total(left, axis=None)) - wanted) / float(total(left * way, axis=None))
+        left = np.exp(-found * ways)
+        slope = float(total(left * ways, axis=None))
+        if slope == 0.0:
+            return math.inf
+        step = (float(total(left, axis=None)) - wanted) / slope
         found += step
         if step <= 1e-9 * found:
             break

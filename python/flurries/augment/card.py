@@ -21,26 +21,28 @@ def write_card(folder: Path) -> None:
     if card.exists() and _OURS not in card.read_text("utf-8", "replace"):
         return
     journal = Journal(Store(), folder)
-    rows, counts = [], Counter[tuple[str, int, str]]()
+    rows, counts = [], Counter[tuple[str, int, str, str]]()
     for name in journal.names():
         line = journal.lines(name)[-1]
         if "record" not in line or line.get("plane"):
             continue
         record = line["record"]
-        said = {key: line[key] for key in ("source", "weather", "severity")}
+        said = {key: line.get(key) for key in ("source", "weather", "severity", "strength")}
         said |= {key: record[key] for key in ("profile", "amount", "weather_seed")}
         rows.append(json.dumps({"file_name": name, **said}))
-        counts[line["weather"], line["severity"], record["profile"]] += 1
+        strength = line.get("strength", "")
+        counts[line["weather"], line["severity"], record["profile"], strength] += 1
     table = [
-        f"| `{weather}/{severity}` | {weather} | {severity} | {profile} | {count} |"
-        for (weather, severity, profile), count in sorted(counts.items())
+        f"| `{weather}/{severity}` | {weather} | {severity} | {profile} | {said} | {count} |"
+        for (weather, severity, profile, said), count in sorted(counts.items())
     ]
     lines = [
         "---", "tags: [weather, robustness]", "---", _OURS, f"# {folder.name}", "",
         f"Pictures in weather, by flurries {__version__}. Each folder is a whole set whose",
         f"labels are copies. `{_TABLE}` lists the pictures, and `flurries.jsonl` holds the",
         "record of each, from which `flurries.augment.replay` makes its weather again.", "",
-        "| folder | weather | severity | profile | pictures |", "| --- | --- | --- | --- | --- |",
+        "| folder | weather | severity | profile | strength | pictures |",
+        "| --- | --- | --- | --- | --- | --- |",
         *table,
     ]  # fmt: skip
     for path, text in ((card, lines), (folder / _TABLE, rows)):

@@ -18,7 +18,7 @@ from flurries._contract import choice, flag, integer, rate_of, real, seed_of
 from flurries.augment.calibration import PROFILES, Profile
 from flurries.augment.card import write_card
 from flurries.augment.layouts import LAYOUTS, READ, SUFFIXES, files_of, layout_of, members_of
-from flurries.augment.sets import COPY, TRUTH, WEATHERS, Members, Part, Pictures
+from flurries.augment.sets import COPY, TRUTH, WEATHERS, Members, Part, Pictures, strength_of
 from flurries.output.cluster import cluster
 from flurries.output.crew import Crew, make
 from flurries.output.journal import NAME
@@ -49,7 +49,9 @@ class Corrupted:
     found : dict of str to int
         How many files get weather or are copied, and why.
     journal : Path
-        ``flurries.jsonl``: of each file its source, weather, severity, record and hash.
+        ``flurries.jsonl``: of each file its source, weather, severity, strength, record and hash.
+    strengths : dict of str to str
+        Of each weather and severity, ``"snow 3"``, how strong it is.
     """
 
     written: list[Path]
@@ -60,6 +62,7 @@ class Corrupted:
     layout: str
     found: dict[str, int]
     journal: Path
+    strengths: dict[str, str]
 
 
 def corrupt(
@@ -92,7 +95,6 @@ def corrupt(
         ``README.md`` is a card, and ``metadata.jsonl`` a table that Hugging Face's loaders read.
     weather : {"snow", "rain", "fog"} or several
     severity : int, "1-5", "2,4" or several
-        See :func:`flurries.augment.contrast_loss`.
     profile : {"natural", "hard"}
         See :class:`flurries.augment.Snowfall`.
     seed : int
@@ -142,6 +144,7 @@ def corrupt(
     planes = tuple(choice("truth", plane, tuple(TRUTH)) for plane in _several(truth))
     levels = _levels(severity)
     choice("profile", profile, PROFILES)
+    strengths = {f"{kind} {n}": strength_of(kind, n, profile) for kind in kinds for n in levels}
     start = seed_of(seed)
     again, dry = flag("overwrite", overwrite), flag("dry_run", dry_run)
     count = os.cpu_count() or 1 if workers is None else integer("workers", workers, low=1, high=256)
@@ -164,7 +167,7 @@ def corrupt(
     found = Counter(one.words for one in pictures)
     found.update(f"{why}: copied" for why in others.values())
     made = Corrupted([], [], [], {}, dict(sorted(skipped.items())), told, dict(found),
-                     target / NAME)  # fmt: skip
+                     target / NAME, strengths)  # fmt: skip
     if dry:
         return made
     parts = []

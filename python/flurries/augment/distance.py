@@ -13,6 +13,7 @@ import numpy.typing as npt
 from flurries._contract import Array, Float64, depths, real, rectangular
 from flurries._kept import kept
 from flurries._warnings import warn_of_units
+from flurries.effects.strength import BACKDROP
 from flurries.io.color import to_unit
 from flurries.scene.depth import DepthMap
 
@@ -20,6 +21,9 @@ Depth: TypeAlias = Any
 
 # Depths that stand for all of a picture's when its mean loss of contrast is worked out.
 QUANTILES = 256
+
+# Between depths of infinity no other could be found, metres.
+_FARTHEST = np.float32(1e9)
 
 # How wide the bend at the horizon is: edges that no picture has would show in fog.
 _BEND = 0.1
@@ -133,14 +137,14 @@ def ground_of(value: Any) -> Ground | None:
 
 
 # Depth of a sky that nobody described, metres.
-SKY = 25.0
+SKY = BACKDROP
 
 
 @dataclass(frozen=True)
 class Distances:
     """The depth of one picture."""
 
-    # (H, W), (H, 1) or (1, 1) float32, metres, finite.
+    # (H, W), (H, 1) or (1, 1) float32, metres.
     plane: Array
     # What the caller gave, infinity and all, its holes filled; and as it came where it has holes.
     given: Array | None = None
@@ -155,16 +159,21 @@ class Distances:
         step = max(int((self.plane.size / 65536) ** 0.5), 1)
         sample = self.plane[::step, ::step] if self.plane.shape[1] > 1 else self.plane
         ranks = (np.arange(QUANTILES) + 0.5) / QUANTILES
-        return np.asarray(np.quantile(sample, ranks), np.float64)
+        return np.asarray(np.quantile(np.minimum(sample, _FARTHEST), ranks), np.float64)
 
     def beyond(self, depth: float) -> bool:
         """Return whether everything is known to stand beyond a depth: an even picture does."""
         return self.plane.size == 1 and float(self.plane[0, 0]) >= depth
 
+    @property
+    def end(self) -> float:
+        """The depth of a sky: twice the farthest finite depth, metres."""
+        finite = float(np.max(self.plane, where=self.plane < np.inf, initial=0.0))
+        return max(SKY, 2.0 * finite)
+
     def until(self, end: float) -> Distances:
         """Return these depths for air that ends there."""
-        plane = self.plane if self.given is None else self.given
-        return replace(self, plane=np.minimum(plane, np.float32(end)))
+        return replace(self, plane=np.minimum(self.plane, np.float32(end)))
 
     def full(self, shape: tuple[int, int]) -> Array:
         """Return (H, W) float32, contiguous."""
@@ -177,10 +186,9 @@ class Distances:
 def distances_of(
     depth: Depth, shape: tuple[int, int], ground: Ground | None, focal: float
 ) -> Distances:
-    """Return the depth of a picture, its sky at the ground's or twice the farthest finite depth."""
-    far = SKY if ground is None else ground.far
+    """Return the depth of a picture; infinity is a sky."""
     if depth is None:
-        return _grounded(shape, ground, focal, far)
+        return _grounded(shape, ground, focal)
     if isinstance(depth, DepthMap):
         if not isinstance(depth.source, np.ndarray):
             raise TypeError("depth must hold its greys as an array, got a DepthMap of a file")
@@ -196,18 +204,17 @@ def distances_of(
                 f"{given.dtype}; relative depths become metres through flurries.scene.DepthMap"
             )
         with np.errstate(over="ignore"):
-            plane = given.astype(np.float32, order="C")
+            plane = np.ascontiguousarray(given, np.float32)
     if plane.shape != shape:
         raise ValueError(f"depth must have shape {shape}, got {plane.shape}")
     if not isinstance(depth, DepthMap):
         warn_of_units("depth", plane)
-    holes: Array = np.isnan(plane) | (plane == 0.0)
-    came = plane if holes.any() else None
-    whole = depths("depth", plane if came is None else filled(plane, holes))
-    finite = whole[np.isfinite(whole)]
-    end = max(far, 2.0 * float(finite.max()) if finite.size else 0.0)
-    plane = np.where(np.isfinite(whole), whole, np.float32(end))
-    return Distances(plane, whole, came)
+    # The least is NaN where any is.
+    came = None if plane.min(initial=np.inf) > 0.0 else plane
+    if came is not None:
+        holes: Array = np.isnan(plane) | (plane == 0.0)
+        plane = depths("depth", filled(plane, holes) if holes.any() else plane)
+    return Distances(plane, plane, came)
 
 
 def filled(plane: Array, holes: Array) -> Array:
@@ -232,7 +239,7 @@ def _nearest(known: Array) -> Array:
 
 
 @kept(32)
-def _grounded(shape: tuple[int, int], ground: Ground | None, focal: float, far: float) -> Distances:
-    plane = np.full((1, 1), far, np.float32) if ground is None else ground.rows(shape, focal)
+def _grounded(shape: tuple[int, int], ground: Ground | None, focal: float) -> Distances:
+    plane = np.full((1, 1), SKY, np.float32) if ground is None else ground.rows(shape, focal)
     plane.flags.writeable = False
     return Distances(plane)

@@ -13,10 +13,11 @@ from flurries import spectral
 from flurries._contract import Array, Float64
 from flurries._kept import kept
 from flurries.augment.air import Air
-from flurries.augment.calibration import contrast_loss
+from flurries.augment.calibration import Kind
 from flurries.augment.draws import Range, between, range_of, uniforms
 from flurries.augment.signature import suggests
 from flurries.augment.weather import Weather
+from flurries.effects.strength import BACKDROP, Strength
 
 _STREAM = 7002
 
@@ -65,7 +66,7 @@ def _normal() -> Float64:
 
 
 @suggests
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Fog(Weather):
     """Fog, as a function of pictures, clips, batches and stereo pairs.
 
@@ -87,8 +88,9 @@ class Fog(Weather):
 
     Notes
     -----
-    Koschmieder: ``seen = clear exp(-b d) + color (1 - exp(-b d))`` at depth d, b the extinction,
-    3 / visibility, where d counts up to two visibilities, or 60 m. `patches` multiplies b by
+    Natural severities are visibilities of 1000, 500, 200, 100 and 50 m; a sky without a depth is
+    60 m away. Koschmieder: ``seen = clear exp(-b d) + color (1 - exp(-b d))`` at depth d, b the
+    extinction, 3 / visibility, d up to two visibilities, or 60 m. `patches` multiplies b by
     1 + patches z, no less than 0, with z a spectral field of variance 1.
 
     Examples
@@ -107,6 +109,7 @@ class Fog(Weather):
     wind: Range = (-0.1, 0.1)
 
     DRAWN: ClassVar[tuple[str, ...]] = ("patches", "wind")
+    WEATHER: ClassVar[Kind] = "fog"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -119,6 +122,14 @@ class Fog(Weather):
             limits = range_of("visibility", self.visibility, low=1e-3, high=1e9)
             settle(self, "visibility", limits)
 
+    def strength(self) -> tuple[Strength, Strength]:
+        """Return how strong the weakest and the strongest fog are that are drawn."""
+        if self.visibility is None:
+            return super().strength()
+        near, far = self.visibility  # type: ignore[misc]
+        thin, thick = (Strength(end, 1.0 - 20.0 ** (-BACKDROP / end)) for end in (far, near))
+        return thin, thick
+
     def _drawn(self, image: Array | None, index: int | None) -> dict[str, Any]:
         record = super()._drawn(image, index)
         record["visibility"] = None
@@ -128,10 +139,7 @@ class Fog(Weather):
         return record
 
     def _air(self, record: dict[str, Any]) -> Air:
-        far = record["visibility"]
-        loss = contrast_loss(record["amount"] or 0.0, profile=record["profile"], weather="fog")
         return Air(
-            seed=record["weather_seed"], loss=loss if far is None else 1.0, velocity=(0.0, 0.0),
-            exposure=0.0, patches=Patches(record["patches"], (record["wind"], 0.0)),
-            visible=far,
+            record["weather_seed"], "fog", record["amount"] or 0.0, record["profile"],
+            patches=Patches(record["patches"], (record["wind"], 0.0)), visible=record["visibility"],
         )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -10,10 +11,17 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Array, Float64, pixels, rectangular, shares, table
+from flurries.augment.air import Here
+from flurries.augment.slices import labels_of
 
 if TYPE_CHECKING:
-    from flurries.augment.slices import Labels
     from flurries.augment.weather import Weather
+
+# Labels that are made when they are first read.
+_LATER = (
+    "flow", "depth", "soft_flow", "soft_depth", "disparity", "weather_disparity", "motion",
+    "falling",
+)  # fmt: skip
 
 # From this opacity on a flake, not what is behind it, is what is seen at a pixel.
 SEEN = 0.5
@@ -72,17 +80,30 @@ class Weathered:
     occlusion: Float64 | None = None
     coverage: Float64 | None = None
     visibility: Float64 | None = None
-    flow: Array | None = None
-    depth: Array | None = None
-    soft_flow: Array | None = None
-    soft_depth: Array | None = None
-    disparity: Array | None = None
-    weather_disparity: Array | None = None
     instances: Array | None = None
     instance_occlusion: Float64 | None = None
     instance_visibility: Float64 | None = None
-    motion: Array | None = None
-    falling: Array | None = None
+    flow: Array | None = field(init=False, repr=False)
+    depth: Array | None = field(init=False, repr=False)
+    soft_flow: Array | None = field(init=False, repr=False)
+    soft_depth: Array | None = field(init=False, repr=False)
+    disparity: Array | None = field(init=False, repr=False)
+    weather_disparity: Array | None = field(init=False, repr=False)
+    motion: Array | None = field(init=False, repr=False)
+    falling: Array | None = field(init=False, repr=False)
+    _mixture: Callable[[], dict[str, Any]] | None = field(default=None, repr=False)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _LATER:
+            raise AttributeError(f"a Weathered has no attribute {name!r}")
+        # All of them, when the first is asked for: they cost several times what the picture does.
+        made = vars(self).pop("_mixture", None)
+        vars(self).update(dict.fromkeys(_LATER) | (made() if made else {}), _mixture=None)
+        return vars(self)[name]
+
+    def __getstate__(self) -> dict[str, Any]:
+        _ = self.motion
+        return vars(self)
 
     @property
     def layer(self) -> Array:
@@ -94,10 +115,13 @@ def hidden(alpha: Array, veil: Any, corners: Float64 | None, masks: Any) -> dict
     """Return what weather hides of boxes and of instances, as fields of `Weathered`."""
     found: dict[str, Any] = {}
     if corners is not None:
-        found["occlusion"] = _means(alpha, corners)
-        # What falls leaves all that the veil does not take.
-        found["coverage"] = _means(1.0 - (1.0 - alpha) / (1.0 - veil), corners)
-        found["visibility"] = _means((alpha < SEEN).astype(np.float32), corners)
+        found["occlusion"], found["visibility"] = _means(alpha, corners, lambda part: part < SEEN)
+        if isinstance(veil, float):
+            # What falls leaves all that the veil does not take.
+            clear = max(1.0 - veil, 1e-9)
+            found["coverage"] = np.clip(1.0 - (1.0 - found["occlusion"]) / clear, 0.0, 1.0)
+        else:
+            (found["coverage"],) = _means(1.0 - (1.0 - alpha) / (1.0 - veil), corners)
     if not isinstance(masks, np.ndarray) or masks.shape[-2:] != alpha.shape:
         return found
     if (masks.ndim, masks.dtype.kind) in ((2, "i"), (2, "u"), (3, "b")):
@@ -111,11 +135,11 @@ def hidden(alpha: Array, veil: Any, corners: Float64 | None, masks: Any) -> dict
     return found
 
 
-def mixture(
-    alpha: Array, falls: Labels, *, flow: Array | None, depth: Array | None, came: Array | None,
-    motion: bool, parallax: float,
-) -> dict[str, Any]:  # fmt: skip
+def mixture_of(
+    here: Here, alpha: Array, flow: Array | None, motion: bool, fps: float
+) -> dict[str, Any]:
     """Return the labels of what is seen of picture and weather; holes stay holes."""
+    falls, depth, came = labels_of(here, fps), here.distances.given, here.distances.came
     found: dict[str, Any] = {}
     # A layer of the texture alone may be denser than all of them, which are smoother.
     seen = (falls.most.opacity > SEEN) & (alpha > SEEN)
@@ -133,6 +157,7 @@ def mixture(
             soft[holes] = came[holes]
         found["depth"] = nearer.astype(np.float32)
         found["soft_depth"] = soft.astype(np.float32)
+    parallax = here.view.camera.focal * 2.0 * here.view.eyes
     if parallax > 0.0:
         found["weather_disparity"] = np.asarray(parallax / falls.most.depth, np.float32)
         if depth is not None:
@@ -186,30 +211,32 @@ def occlusion(alpha: npt.ArrayLike, boxes: npt.ArrayLike) -> Float64:
     """
     plane, _ = pixels("alpha", alpha, ndim=2)
     shares("alpha", plane)
-    return _means(plane, boxes_of(boxes))
+    return _means(plane, boxes_of(boxes))[0]
 
 
-def _means(plane: Array, corners: Float64) -> Float64:
-    """Return the mean of a plane over each box; parts of pixels count as parts."""
-    found = np.full(len(corners), np.nan)
-    for number, box in enumerate(corners):
-        (top, down), (left, across) = (
-            _covered(float(box[axis]), float(box[axis + 2]), length)
-            for axis, length in ((1, plane.shape[0]), (0, plane.shape[1]))
-        )
-        area = float(down.sum() * across.sum())
+def _means(plane: Array, corners: Float64, *laws: Callable[[Array], Array]) -> tuple[Float64, ...]:
+    """Return the mean of a plane, and of what laws make of it, over each box."""
+    found = np.full((1 + len(laws), len(corners)), np.nan)
+    for number, (x0, y0, x1, y1) in enumerate(corners.tolist()):
+        top, down, tall = _covered(y0, y1, plane.shape[0])
+        left, across, wide = _covered(x0, x1, plane.shape[1])
+        area = tall * wide
         if area > 0.0:
             part = plane[top : top + len(down), left : left + len(across)]
-            found[number] = float(down @ (part @ across)) / area
-    return np.asarray(np.clip(found, 0.0, 1.0))
+            for row, one in enumerate((part, *(law(part) for law in laws))):
+                found[row, number] = float(down @ (one @ across)) / area
+    return tuple(np.clip(found, 0.0, 1.0))
 
 
-def _covered(first: float, last: float, length: int) -> tuple[int, Float64]:
-    """Return the first pixel that an interval meets, and how much it covers of each from there."""
+def _covered(first: float, last: float, length: int) -> tuple[int, Float64, float]:
+    """Return the first pixel of an interval, how much it covers of each, and of all of them."""
     low, high = min(max(first, 0.0), length), min(max(last, 0.0), length)
-    start = int(low)
-    edges = np.clip(np.arange(start, math.ceil(high) + 1.0), low, max(high, low))
-    return start, np.asarray(np.diff(edges))
+    start, end = int(low), math.ceil(high)
+    covered = np.ones(max(end - start, 0))
+    if len(covered):
+        covered[0] -= low - start
+        covered[-1] -= end - high
+    return start, covered, max(high - low, 0.0)
 
 
 def boxes_of(boxes: npt.ArrayLike) -> Float64:

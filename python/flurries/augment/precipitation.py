@@ -2,35 +2,22 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
-
-import numpy as np
+from typing import Any, ClassVar
 
 from flurries._contract import real
-from flurries._kept import kept
 from flurries.augment.air import Air
-from flurries.augment.calibration import Profile, contrast_loss
+from flurries.augment.calibration import Kind
 from flurries.augment.draws import Range, range_of
-from flurries.augment.falling import Falling
 from flurries.augment.signature import suggests
 from flurries.augment.weather import Weather
 
-# Rungs of the amount from 0 to 1, which sheets are kept for.
-_RUNGS = 10
 
-# Optical depth of a flake's middle at the severities 1 to 5: the more flakes overlap, the denser
-# they are, so that they do not drown in each other; and of the middle of a mean streak of rain.
-_MIDDLE, _STREAK = (0.4, 0.5, 0.65, 0.95, 1.5), (0.18, 0.23, 0.28, 0.38, 0.6)
-
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Precipitation(Weather):
     """Weather that falls."""
 
-    veil: float = 0.25
+    veil: float = 0.0
     wind: Range = 0.0
     fall: Range = 0.0
     exposure: Range = 0.0
@@ -49,19 +36,14 @@ class Precipitation(Weather):
         return {**super()._drawn(image, index), "veil": self.veil}
 
     def _air(self, record: dict[str, Any]) -> Air:
-        kind: Literal["snow", "rain"] = "rain" if isinstance(self, Rainfall) else "snow"
-        amount, own = record["amount"], (record["profile"], record["veil"], kind)
-        loss, falling = _falling_of(amount, *own)
-        # Sheets are kept for some amounts, the severities among them.
-        _, rung = _falling_of(max(round(_RUNGS * amount), 1) / _RUNGS, *own)
         return Air(
-            seed=record["weather_seed"], loss=loss, velocity=(record["wind"], record["fall"]),
-            exposure=record["exposure"], falling=falling, rung=rung,
+            record["weather_seed"], self.WEATHER, record["amount"], record["profile"],
+            (record["wind"], record["fall"]), record["exposure"], record["veil"],
         )  # fmt: skip
 
 
 @suggests
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Snowfall(Precipitation):
     """Falling snow, as a function of pictures, clips, batches and stereo pairs.
 
@@ -71,15 +53,15 @@ class Snowfall(Precipitation):
     Parameters
     ----------
     amount : number or range, optional
-        Strength, 0 to 1: how much of the picture's contrast is lost at any size of the picture, see
-        :func:`flurries.augment.contrast_loss`. (0.2, 0.8) if neither it nor `severity` is given.
+        Strength, 0 to 1, in fifths of a severity. (0.2, 0.8) if neither it nor `severity` is given.
     severity : int or (low, high), optional
         Strength in five steps, 1 to 5, in place of `amount`.
     profile : {"natural", "hard"}
-        "natural" is weather as it is, "hard" takes as much as the corruptions of published
-        benchmarks.
+        "natural" is the weather of scenes, of rates of .5, 1, 2.5, 5 and 10 mm/h, of rain 2.5, 10,
+        25, 50 and 100; "hard" takes a share of the contrast, more than that at every step, see
+        :func:`flurries.augment.contrast_loss`.
     veil : float
-        Share of the opacity that an even veil has, 0 to 1; flakes or drops have the rest.
+        Share of the weather, 0 to 1, in whose place there is an even veil.
     wind : number or range
         Wind across the view, metres per second; to the right if positive.
     fall : number or range
@@ -101,8 +83,8 @@ class Snowfall(Precipitation):
 
     Notes
     -----
-    One population of flakes as in :class:`flurries.Snow`: near ones are drawn, others a texture.
-    Their number follows from the amount; a veil takes the contrast's rest: ``docs/augment.md``.
+    One population of flakes as in :class:`flurries.Snow`, from 1.5 to 60 m; of the hard profile as
+    near as makes them as large in pixels at every size of the picture: ``docs/augment.md``.
 
     Examples
     --------
@@ -115,12 +97,14 @@ class Snowfall(Precipitation):
     """
 
     wind: Range = (-1.5, 1.5)
-    fall: Range = (1.0, 1.8)
-    exposure: Range = (0.005, 0.02)
+    fall: Range = (0.8, 1.4)
+    exposure: Range = (0.002, 0.01)
+
+    WEATHER: ClassVar[Kind] = "snow"
 
 
 @suggests
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Rainfall(Precipitation):
     """Rain, as a function of pictures, clips, batches and stereo pairs; see :class:`Snowfall`.
 
@@ -135,8 +119,8 @@ class Rainfall(Precipitation):
 
     Notes
     -----
-    One population of drops as in :class:`flurries.Rain`. They are several times as large as real
-    ones, which are hardly visible, and as bright as the light that they gather.
+    One population of drops as in :class:`flurries.Rain`. Natural ones are hardly visible one by
+    one; those of the hard profile are large, near, and as bright as the light that they gather.
 
     Examples
     --------
@@ -149,34 +133,7 @@ class Rainfall(Precipitation):
 
     color: Range | tuple[float, float, float] = (0.78, 0.95)
     wind: Range = (-2.0, 2.0)
-    fall: Range = (6.0, 9.0)
-    exposure: Range = (0.015, 0.03)
+    fall: Range = (4.0, 7.0)
+    exposure: Range = (0.003, 0.01)
 
-
-def _look(kind: str, amount: float) -> dict[str, Any]:
-    """Return what falls at an amount, as arguments of `Falling`."""
-
-    def at(levels: Sequence[float]) -> float:
-        return float(np.interp(5.0 * amount, range(1, 6), levels))
-
-    if kind == "snow":
-        # Wet flakes of heavy snowfall: smaller ones are less than a pixel in most data sets.
-        return {
-            "sizes": (0.006, 0.014, 0.036), "near": 1.0, "far": 10.0, "middle": at(_MIDDLE),
-            "sway": (0.02, 4.0),
-        }  # fmt: skip
-    # Several times the sizes of drops, whose streaks no picture of a data set would show.
-    return {
-        "sizes": (0.004, 0.007, 0.020), "near": 0.7, "far": 10.0, "middle": 0.9,
-        "streak": at(_STREAK),
-    }  # fmt: skip
-
-
-@kept(256)
-def _falling_of(
-    amount: float, profile: Profile, veil: float, kind: Literal["snow", "rain"]
-) -> tuple[float, Falling | None]:
-    """Return the loss of contrast of an amount, and what falls."""
-    loss = contrast_loss(amount, profile=profile, weather=kind)
-    depth = math.log1p(-veil * loss) - math.log1p(-loss) if loss > 0.0 else 0.0
-    return loss, Falling(depth=depth, veil=veil, **_look(kind, amount)) if depth > 1e-9 else None
+    WEATHER: ClassVar[Kind] = "rain"

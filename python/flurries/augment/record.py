@@ -14,20 +14,21 @@ import numpy.typing as npt
 from flurries._contract import Array, choice, int64, mapping, real
 from flurries._kept import kept
 from flurries.augment.air import Air, View
-from flurries.augment.calibration import PROFILES, Profile
+from flurries.augment.calibration import PROFILES, Kind, Profile, strength
 from flurries.augment.distance import Ground, ground_of
 from flurries.augment.draws import Range, between, own_index, range_of, uniforms
 from flurries.augment.pictures import picture_of
 from flurries.camera.lens import Camera
+from flurries.effects.strength import Strength
 
-VERSION = 2
+VERSION = 3
 SEVERITY = (1, 5)
 DEFAULT_AMOUNT = (0.2, 0.8)
 
 _Kind = TypeVar("_Kind", bound="Recorded")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Recorded(ABC):
     """The fields of a weather, which are described in the weathers themselves."""
 
@@ -43,6 +44,7 @@ class Recorded(ABC):
 
     # Numbers that are drawn, in the order of their random numbers: (name, limits).
     DRAWN: ClassVar[tuple[str, ...]] = ()
+    WEATHER: ClassVar[Kind]
 
     def __post_init__(self) -> None:
         settle = partial(object.__setattr__, self)
@@ -66,6 +68,24 @@ class Recorded(ABC):
         for name in ("seed", "weather_seed"):
             if getattr(self, name) is not None:
                 settle(name, int64(name, getattr(self, name)))
+
+    def strength(self) -> tuple[Strength, Strength]:
+        """Return how strong the weakest and the strongest weather are that are drawn.
+
+        Returns
+        -------
+        two flurries.Strength
+            Before a sky; of the hard profile with the depths of a picture of 512 px.
+        """
+        ends = self.severity and [level / SEVERITY[1] for level in self.severity]  # type: ignore[union-attr]
+        low, high = ends or self.amount or DEFAULT_AMOUNT  # type: ignore[misc]
+        own = self.profile, self.WEATHER, self.focal
+        return strength(low, *own), strength(high, *own)
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{f.name}={getattr(self, f.name)!r}" for f in fields(self))
+        said = " to ".join(dict.fromkeys(map(str, self.strength())))
+        return f"{type(self).__name__}({values})  # {said}"
 
     def record(self, image: npt.ArrayLike | None = None, *, index: int | None = None) -> Any:
         """Return the draws of a call, as plain numbers and words.

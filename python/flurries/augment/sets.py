@@ -47,6 +47,12 @@ _DEPTHS = (".exr", ".tif", ".tiff", ".png", ".npy")
 _UNDONE = {6: 8, 8: 6}
 
 
+def strength_of(kind: str, severity: int, profile: Profile) -> str:
+    """Return how strong a weather is, in words."""
+    weather = getattr(augment, WEATHERS[kind])(severity=severity, profile=profile)
+    return str(weather.strength()[0])
+
+
 @dataclass(frozen=True)
 class Part:
     """One file that is made: a picture in a weather, a plane of its truth, or a copy."""
@@ -247,6 +253,7 @@ class Pictures(Job):
         record = self._record(part)
         more: dict[str, Any] = {"plane": part.plane} if part.plane else {}
         more |= {"weather": part.kind, "severity": part.level, "record": record}
+        more["strength"] = strength_of(part.kind, part.level, self.profile)
         time = self.members.known[part.name].time
         return {"source": part.name, **more, **({} if time is None else {"time": time})}
 

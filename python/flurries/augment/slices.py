@@ -13,7 +13,7 @@ from flurries.augment.air import Here
 from flurries.effects.air import Air as Request
 
 # Depths that drawn flakes are sorted into.
-_SLABS = 12
+_SLABS = 8
 
 
 class Slice(NamedTuple):
@@ -37,24 +37,30 @@ class Labels(NamedTuple):
 
 
 def labels_of(here: Here, fps: float) -> Labels:
-    """Return the labels of the flakes before a picture, a film's frame or one by itself."""
+    """Return the labels of the flakes before a picture."""
     shape, air = here.view.shape, here.air
-    alpha, nearness = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    motion = np.zeros((*shape, 2), np.float32)
-    most = Slice(alpha.copy(), motion.copy(), np.full(shape, np.inf, np.float32))
-    if air.loss > 0.0 and air.patches is not None:
+    left, nearness = np.ones(shape, np.float32), np.zeros(shape, np.float32)
+    motion, densest = np.zeros((2, *shape), np.float32), np.zeros(shape, np.float32)
+    most = [np.zeros(shape, np.float32) for _ in "xyz"]
+    most[2].fill(np.inf)
+    if air.patches is not None and here.extinction > 0.0:
         # Fog moves as the mean of its patches and is nowhere in particular.
-        most.motion[...] = air.patches.motion(shape, fps)
+        most[0][...], most[1][...] = air.patches.motion(shape, fps)
     for part in slices(here, fps):
-        weight = (1.0 - alpha) * part.opacity
-        motion += weight[..., None] * part.motion
+        weight = left * part.opacity
+        left -= weight
+        seen = part.opacity > densest
+        np.copyto(densest, part.opacity, where=seen)
+        values = part.motion[..., 0], part.motion[..., 1], part.depth
+        for known, value in zip(most, values, strict=True):
+            np.copyto(known, value, where=seen)
+        for axis in (0, 1):
+            motion[axis] += weight * values[axis]
         nearness += weight / part.depth
-        alpha += weight
-        seen = part.opacity > most.opacity
-        most.opacity[seen] = part.opacity[seen]
-        most.motion[seen] = np.broadcast_to(part.motion, (*shape, 2))[seen]
-        most.depth[seen] = np.broadcast_to(part.depth, shape)[seen]
-    return Labels(alpha, motion, nearness, most)
+    way = np.ascontiguousarray(np.moveaxis(motion, 0, -1))
+    return Labels(
+        1.0 - left, way, nearness, Slice(densest, np.stack(most[:2], axis=-1), most[2])
+    )  # fmt: skip
 
 
 def slices(here: Here, fps: float) -> list[Slice]:
@@ -69,15 +75,15 @@ def slices(here: Here, fps: float) -> list[Slice]:
         for near, far in itertools.pairwise(bounds):
             part = _drawn(here, request._replace(classes=[one._replace(shown=(*near, *far))]))
             found += [] if part is None else [part]
-    sheets = here.sheets
-    if sheets is not None:
-        focal, speed = here.view.camera.focal, np.asarray(here.air.velocity)
-        for layer, depth in zip(here.layers, sheets.depths[:, 0].tolist(), strict=True):
-            plane = np.empty(here.view.shape, np.float32)
-            _core.sheet_read(plane, (0, 0), [layer], here.depth, True)
-            step = (speed * (focal / depth / fps)).astype(np.float32)
-            near = np.minimum(np.float32(depth), here.distances.plane)
-            found.append(Slice(plane, step.reshape(1, 1, 2), near))
+    focal, speed = here.view.camera.focal, np.asarray(here.air.velocity)
+    for layer, own in zip(here.layers, here.sheets.layers if here.layers else (), strict=True):
+        plane = np.empty(here.view.shape, np.float32)
+        _core.sheet_read(plane, (0, 0), [layer], here.depth, True)
+        depth = here.near * own.depth
+        step = (speed * (focal / depth / fps)).astype(np.float32)
+        # Before a wall inside the layer its flakes are nearer than the wall.
+        near = np.minimum(np.float32(depth), here.distances.plane)
+        found.append(Slice(plane, step.reshape(1, 1, 2), near))
     return found
 
 
@@ -91,7 +97,7 @@ def _drawn(here: Here, request: Request) -> Slice | None:
     plane, number = np.empty(shape, np.float32), np.empty(shape, np.int32)
     _core.particle_draw(plane, flakes, request.window, here.depth, number)
     opacity = np.empty(shape, np.float32)
-    _core.sheet_read(opacity, (0, 0), [], None, True, (plane, here.gain))
+    _core.sheet_read(opacity, (0, 0), [], None, True, (plane, here.falling.gain))
     motion = (others[:, 2:] - others[:, :2]).astype(np.float32)
     # A pixel without any has no opacity either.
     return Slice(opacity, motion[number], rows[:, 5].astype(np.float32)[number])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, Literal, overload
 
 import numpy as np
@@ -12,10 +13,9 @@ import numpy.typing as npt
 from flurries._contract import Array, choice, flag, int64, mapping, output, rate_of, real
 from flurries.augment.air import FPS, Here
 from flurries.augment.distance import Depth, Distances, distances_of
-from flurries.augment.labels import Weathered, boxes_of, flow_of, hidden, layer_of, mixture
+from flurries.augment.labels import Weathered, boxes_of, flow_of, hidden, layer_of, mixture_of
 from flurries.augment.pictures import mixed, picture_of, stack_of
 from flurries.augment.record import Recorded, view_of
-from flurries.augment.slices import labels_of
 
 
 class Weather(Recorded):
@@ -233,19 +233,16 @@ class Weather(Recorded):
         film = rate if time is not None or len(set(times)) > 1 else None
         airs = self._airs(pictures, [record] * count, depth, times, film, distance, sides)
         found = []
+        color = record["color"]
         for k, here in enumerate(airs):
             alpha, veil = here.alpha()
-            more = hidden(alpha, veil, corners[k], each[1][k])
-            far = here.distances
-            if wanted or sides or flows[k] is not None or far.given is not None:
-                parallax = here.view.camera.focal * 2.0 * here.view.eyes
-                more |= mixture(
-                    alpha, labels_of(here, rate), flow=flows[k], depth=far.given, came=far.came,
-                    motion=wanted, parallax=parallax,
-                )  # fmt: skip
-            color = record["color"]
-            seen = mixed(pictures[k], alpha, color, self.white)
-            found.append(Weathered(seen, alpha, color, record, each[0][k], each[1][k], **more))
+            later = None
+            if wanted or sides or flows[k] is not None or here.distances.given is not None:
+                later = partial(mixture_of, here, alpha, flows[k], wanted, rate)
+            found.append(Weathered(
+                mixed(pictures[k], alpha, color, self.white), alpha, color, record, each[0][k],
+                each[1][k], **hidden(alpha, veil, corners[k], each[1][k]), _mixture=later,
+            ))  # fmt: skip
         if isinstance(image, tuple):
             return tuple(found)
         return found if getattr(image, "ndim", 0) == 4 else found[0]

@@ -25,7 +25,7 @@ FAILED = 2
 @option("--severity", default="1-5", metavar="RANGE", help="how bad the weather is, from 1 to 5",
         example="2,4")  # fmt: skip
 @option("--profile", type=OneOf(["natural", "hard"]), default="natural",
-        help="weather as it is, or as hard as published corruptions", example="hard")  # fmt: skip
+        help="weather as it is, or harder, for benchmarks", example="hard")  # fmt: skip
 @option("--seed", type=int, default=0, metavar="N", example="7",
         help="which of all sets of this kind")  # fmt: skip
 @option("--layout", type=OneOf(sorted(LAYOUTS)), unset="told by its folders",
@@ -72,6 +72,8 @@ def corrupt(
     words.say(f"{source}: layout {made.layout}")
     for why, number in {**made.found, **made.skipped}.items():
         words.say(f"{count(number, 'file')}: {why}")
+    for name, strength in made.strengths.items():
+        words.say(f"{name}: {strength}")
     if dry_run:
         return 0
     kept = len(made.kept)
