@@ -68,8 +68,8 @@ class FlakeTexture:
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
         film, motion = self.weather.film(frame), self.weather.motion
         weights, nearness = film.covers, film.covers / film.depths
-        depth = np.full(frame.size, weights.sum() / nearness.sum(), np.float32)
         speed = float(nearness @ film.falls / nearness.sum() / self.weather.mean_speed)
+        depth = np.full(frame.size, weights.sum() / nearness.sum(), np.float32)
         mean = Motion(times(motion.fall, speed), motion.wind)
         here, *places = mean.places(frame.path, frame.fps, [at.t for at in (frame, *others)])
         moves = [

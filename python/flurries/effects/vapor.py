@@ -102,7 +102,7 @@ class Vapor:
         mist, density = self.mist, self.density(frame.t)
         _, color, local = base_of(mist.color, frame)
         step = "lit gas" if lit_by_sun(mist, frame) or frame.lights else "gas"
-        drawn = frame.run(self, step, lambda: self._draw(frame, density))
+        drawn = frame.run(self, step, self._draw, frame, density)
         alpha, light = drawn or (np.zeros(frame.size, np.float32), None)
         shade = even_shade(frame, color) if local or light is not None else None
         layer = Layer(mist.NAME, alpha, color, shade=shade, glow=light)

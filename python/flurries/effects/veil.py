@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flurries._contract import Array
-from flurries.frame.needs import Needs, Step
+from flurries.frame.needs import LeftOut, Needs, Step
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
 
@@ -20,7 +20,7 @@ class Veil:
     def needs(self, frame: Frame, amount: float) -> Needs:
         haze = amount * float(value_at(self.haze, frame.t))
         if haze == 0.0:
-            return Needs.none("veil", "its opacity is 0")
+            return Needs((), (LeftOut("veil", "its opacity is 0"),), most=0.0)
         deep = frame.deep or frame.depth is not None
         return Needs((Step("veil"),) if deep else (), most=haze)
 

@@ -132,10 +132,6 @@ class Front:
     deep: Deep | None = None  # Those at a depth.
 
     @property
-    def empty(self) -> bool:
-        return not self.flat and self.deep is None
-
-    @property
     def cover(self) -> Array | None:
         """The share of the weather that masks hide, (H, W); None without masks."""
         found: Array | None = None

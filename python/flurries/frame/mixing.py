@@ -73,9 +73,8 @@ class Mix:
         return _by_parts(turn, picture, np.empty(picture.shape, np.float32))
 
     def _decode(self, colors: Array) -> Array:
-        return (
-            to_linear(colors, self.encoding) if self.linear else to_display(colors, self.encoding)
-        )
+        turn = to_linear if self.linear else to_display
+        return turn(colors, self.encoding)
 
     def plate(self, picture: Array) -> Array:
         """Return the background in the light that layers are mixed in, float32."""
@@ -176,7 +175,6 @@ class Mix:
         return result
 
     def light(self, color: Any) -> list[float]:
-        """Return a display color in the light that layers are mixed in."""
         if not self.linear:
             return list(color)
         light = srgb_to_linear(np.asarray(color, np.float64))
@@ -206,7 +204,6 @@ def behind(layer: Layer, cover: Array) -> Layer:
 
 
 def lit(layer: Layer) -> Layer:
-    """Return a layer of a shade with the color of each pixel."""
     assert layer.shade is not None
     rgb = np.empty((*layer.alpha.shape, 3), np.float32)
     _core.shade_over(rgb, np.zeros_like(rgb), layer.alpha, layer.shade.given(), layer.glow)

@@ -11,9 +11,9 @@ import numpy as np
 from flurries._contract import Array
 from flurries._trace import current
 from flurries.camera.lens import Camera
-from flurries.frame.bands import Window, bands_of, common, crop, shape_of, within
+from flurries.frame.bands import Window, bands_of, common, crop, within
 from flurries.frame.layer import Layer, layers_of
-from flurries.frame.matte import Front
+from flurries.frame.matte import NOTHING_IN_FRONT, Front
 from flurries.frame.mixing import Mix, behind
 from flurries.frame.program import Ask, Program
 from flurries.frame.view import Frame, Shared
@@ -32,13 +32,15 @@ def images(
     whole_front = program.front(t)
     inner = program.open_part(window, whole_front)
     mix = program.mix(plate)
-    front = whole_front.window(window)
+    front = whole_front
+    if front is not NOTHING_IN_FRONT:
+        front = front.window(window)
     pictures = []
     for camera in cameras:
         asks = [] if inner is None else program.asks(t, camera, inner, dtype)
         pictures.append(Picture(asks, mix, plate, front, window, inner))
     # One where no more than the result is held then.
-    plain = not pictures[0].asks and front.empty and mix.same
+    plain = not pictures[0].asks and front is NOTHING_IN_FRONT and mix.same
     bands = [window] if plain else bands_of(window)
     if inner is not None and (len(eyes) > 1 or len(bands) > 1):
         shared = Shared(cameras, inner, len(bands))
@@ -80,13 +82,14 @@ class Picture:
     def compose(self, band: Window, into: Array | None) -> Array:
         """Return the composite of a band, written to `into` where that is given."""
         mix, plate, front, part = self.mix, self.plate, self.front, self.inner
+        bare = front is NOTHING_IN_FRONT
         if band != self.window:
             place = within(band, self.window)
             plate = crop(plate, place)
-            front = front.window(place)
+            front = front if bare else front.window(place)
             part = None if part is None else common(band, part)
         part = part if self.asks else None
-        alone = self.asks[0] if len(self.asks) == 1 and front.empty and part == band else None
+        alone = self.asks[0] if len(self.asks) == 1 and bare and part == band else None
         # Only what is lit by places may go over bytes at once: else its layer waits in memory.
         if alone is not None and _by_places(alone) and mix.bytes_of(plate):
             made = self._layers(0, alone, _narrow(alone, band), band)
@@ -94,13 +97,15 @@ class Picture:
                 with current.get().stage("composite"):
                     done = mix.in_bytes(made[0], plate, into)
                 if done is not None:
-                    self._note(made[0])
+                    if self.shown is not None:
+                        self.shown.append(made[0])
                     return done
             self._ready = made
         with current.get().stage("composite"):
             light = mix.decode(plate)
-        light = front.behind(light, linear=mix.linear)
-        if part is not None and front.empty:
+        if not bare:
+            light = front.behind(light, linear=mix.linear)
+        if part is not None and bare:
             # The last layer lies over the rest in the frame itself.
             light = self._over(part, light, None, into if mix.same else None)
         elif part is not None:
@@ -114,7 +119,8 @@ class Picture:
                     light = light if light.flags.writeable else light.copy()
                     crop(light, inside)[...] = over
         with current.get().stage("composite"):
-            return mix.encode(front.over(light, linear=mix.linear), plate, into)
+            light = light if bare else front.over(light, linear=mix.linear)
+            return mix.encode(light, plate, into)
 
     def _over(self, part: Window, over: Array, cover: Array | None, into: Array | None) -> Array:
         """Return all layers over what lies behind them, the last one in `into` if it can be."""
@@ -125,13 +131,10 @@ class Picture:
                 last = number + 1 == len(self.asks) and place + 1 == len(layers)
                 with current.get().stage("composite"):
                     shown = layer if cover is None else behind(layer, cover)
-                    self._note(shown)
+                    if self.shown is not None:
+                        self.shown.append(shown)
                     over = self.mix.over(over, shown, into if last else None)
         return over
-
-    def _note(self, layer: Layer) -> None:
-        if self.shown is not None:
-            self.shown.append(layer)
 
     def _layers(self, number: int, ask: Ask, frame: Frame, part: Window) -> tuple[Layer, ...]:
         if self._ready is not None:
@@ -190,7 +193,8 @@ def draw(effect: Any, frame: Frame) -> tuple[Layer, ...]:
 
 
 def _drawn(effect: Any, frame: Frame) -> tuple[Layer, ...]:
-    shape = shape_of(frame.window)
+    top, bottom, left, right = frame.window
+    shape = bottom - top, right - left
     if hasattr(effect, "needs"):
         return layers_of(effect.render(frame), effect, shape)
     # One that does not say what it needs is a step by itself.

@@ -111,14 +111,12 @@ def _strengths(program: Program, frames: Sequence[int]) -> Iterator[tuple[str, i
 
 
 def _keyed(program: Program) -> set[int]:
-    """Return the frames at which a number of the scene has a key."""
     holders = [*program.effects, *program.base.lights, program.base.lens]
     values = [value for one in holders for value in getattr(one, "__dict__", {}).values()]
     return {round(frame) for keys in values if isinstance(keys, Keys) for frame, _ in keys.keys}
 
 
 def _looks(program: Program, numbers: Sequence[int], keyed: set[int]) -> list[_Look]:
-    """Return frames that stand for a film: evenly spread, and at every key."""
     spread = np.linspace(0, len(numbers) - 1, LOOKED_AT).astype(int)
     near = sorted(keyed)[:MOST_KEYED]
     return [_look(program, t) for t in sorted({*near, *(numbers[i] for i in spread)})]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -86,7 +86,7 @@ class Program:
             kept = Kept(4 * len(bands_of(base.window)) + 8)
         moves = not base.path.still or has_keys(base.lens) or has_keys(base.lights)
         deep = self.distance is not None or (self.mattes is not None and self.mattes.deep)
-        self.base = base.derive(kept=kept, settled=kept is not None and not moves, deep=deep)
+        self.base = replace(base, kept=kept, settled=kept is not None and not moves, deep=deep)
         for index, effect in enumerate(self.effects):
             self._add(index, effect)
 
@@ -115,7 +115,7 @@ class Program:
     def frame(self, t: float, camera: Camera | None = None, window: Window | None = None) -> Frame:
         """Return the view of an effect that draws no random numbers, without depth and light."""
         camera = self.camera(None, t) if camera is None else camera
-        return self.base.derive(t=t, camera=camera, window=window or self.base.window)
+        return replace(self.base, t=t, camera=camera, window=window or self.base.window)
 
     def asks(
         self, t: float, camera: Camera, window: Window, dtype: np.dtype[Any] | None, *,
@@ -131,7 +131,7 @@ class Program:
         depth, edges = self._depths_at(t) if "depth" in reads else (None, None)
         ambient = self._ambient(t) if "ambient" in reads else None
         front = self.front(t)
-        visible = None if dtype is None else front.visible
+        visible = None if dtype is None or front is NOTHING_IN_FRONT else front.visible
         sides = (edges and edges.front, front.deep if read else None)
         nearer = tuple(deep for deep in sides if deep is not None)
         plate = self._plate(t, depth) if "plate" in reads else None
@@ -182,7 +182,7 @@ class Program:
 
     def open_part(self, window: Window, front: Front) -> Window | None:
         """Return the part of a window in which the weather can be seen at all."""
-        if not self.parts or front.visible is None:
+        if not self.parts or front is NOTHING_IN_FRONT or front.visible is None:
             return window if self.parts else None
         return front.visible.within(window)
 

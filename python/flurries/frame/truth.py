@@ -13,7 +13,7 @@ from flurries._trace import current
 from flurries.camera.lens import Camera
 from flurries.frame.bands import Window, crop
 from flurries.frame.layer import Layer
-from flurries.frame.matte import Front
+from flurries.frame.matte import NOTHING_IN_FRONT, Front
 from flurries.frame.mixing import Mix, free_name
 from flurries.frame.picture import Picture
 from flurries.frame.program import Program
@@ -139,7 +139,9 @@ def _truth(
 ) -> Rendered:
     with current.get().stage("background"):
         plate = crop(program.backdrop.frame(t), window)
-    front = program.front(t).window(window)
+    front = program.front(t)
+    if front is not NOTHING_IN_FRONT:
+        front = front.window(window)
     asks = [
         ask._replace(frame=ask.frame.derive(shared=shared, whole=known))
         for ask in program.asks(t, camera, window, None)

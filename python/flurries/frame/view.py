@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur, Lens
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_vector
-from flurries.frame.bands import Visible, crop, shape_of
+from flurries.frame.bands import Visible, crop
 from flurries.frame.matte import Deep
 from flurries.frame.needs import Step
 from flurries.light.lamp import ROW, Lamp, Sun
@@ -26,6 +26,7 @@ from flurries.light.plate import PlateLight
 from flurries.motion.keys import Number, Vector
 
 _Made = TypeVar("_Made")
+_P = ParamSpec("_P")
 
 
 class Shared:
@@ -162,14 +163,16 @@ class Frame:
         made.__dict__.pop("blur", None)
         return made
 
-    def run(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made | None:
+    def run(
+        self, owner: object, name: str, make: Callable[_P, _Made], *args: _P.args, **more: _P.kwargs
+    ) -> _Made | None:
         """Return the product of a step; None where it is left out, and one for all frames once."""
         if self.steps is not None and name not in self.steps:
             return None
 
         def made() -> _Made:
             with current.get().stage(name):
-                return make()
+                return make(*args, **more)
 
         once = self.settled and self.steps is not None and self.steps[name].once
         if not once or self.kept is None:
@@ -215,7 +218,6 @@ class Frame:
 
     @property
     def eye(self) -> int:
-        """The number of the eye, 0 or 1."""
         return int(self.shared is not None and self.camera != self.shared.cameras[0])
 
     @property
@@ -225,7 +227,8 @@ class Frame:
 
     @property
     def size(self) -> tuple[int, int]:
-        return shape_of(self.window)
+        top, bottom, left, right = self.window
+        return bottom - top, right - left
 
     def crop(self, plane: Array) -> Array:
         """Return the window of a plane of the whole frame, C-contiguous."""

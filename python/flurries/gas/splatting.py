@@ -168,10 +168,8 @@ def sorted_gas(
 def gas_of(centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike) -> Gas:
     """Return particles as the kernels take them, or refuse them."""
     places = check.moderate("centers", check.rows_of("centers", centers, 3))
-    sizes, cover = (
-        check.each_of("radius", radius, len(places)),
-        check.each_of("density", density, len(places)),
-    )
+    sizes = check.each_of("radius", radius, len(places))
+    cover = check.each_of("density", density, len(places))
     wanted = f"from {SMALLEST:g} to {LARGEST:g}"
     check.require("radius", sizes, (sizes >= SMALLEST) & (sizes <= LARGEST), wanted)
     check.require("density", cover, (cover >= 0.0) & (cover <= 1.0), "from 0 to 1")

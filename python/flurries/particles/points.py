@@ -192,13 +192,10 @@ def _read(
 ) -> tuple[tuple[Any, ...], list[npt.NDArray[Any]]]:  # fmt: skip
     place = check.rows_of("points", points, 3)
     aspect = expect_camera(camera, stretched=True).aspect
-    width, cover = (
-        check.each_of("radius", radius, len(place)),
-        check.each_of("opacity", opacity, len(place)),
-    )
-    rate = check.each_of(
-        "velocity", np.zeros(3) if velocity is None else velocity, len(place), (3,)
-    )
+    width = check.each_of("radius", radius, len(place))
+    cover = check.each_of("opacity", opacity, len(place))
+    moves = np.zeros(3) if velocity is None else velocity
+    rate = check.each_of("velocity", moves, len(place), (3,))
     exposure = check.real("shutter", shutter, low=0.0)
     closest = check.real("near", near, above=0.0)
     map_ = None if depth is None else check.plane_of("depth", depth, shape)

@@ -138,7 +138,6 @@ class Sources:
 
     @property
     def _film(self) -> Any:
-        """The source of a background that is a video; None for others."""
         return self._source if isinstance(self._source, VideoSource) else None
 
     def _tags(self, first: int) -> Tags:
@@ -174,7 +173,6 @@ class Sources:
 
     @property
     def _source(self) -> Any:
-        """The opened files of the background, or None."""
         files = self._backdrop.files
         return None if files is None else files.source
 

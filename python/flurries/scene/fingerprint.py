@@ -136,7 +136,6 @@ class Settings:
     def _take(
         self, table: dict[str, Any], name: str, keys: list[Any], after: float | None = None
     ) -> None:
-        """Take keys out of a table."""
         digest, hashes = hashlib.sha256(), []
         for key in keys:
             digest.update(repr(key).encode())

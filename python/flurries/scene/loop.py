@@ -226,7 +226,6 @@ class Earlier:
         return made
 
     def then(self, frame: Frame) -> Frame:
-        """Return the frame of the earlier round."""
         then = frame.later(-self.frames)
         turns = frame.path.turns or frame.path.zooms
         return then.derive(

@@ -52,7 +52,6 @@ class Numbered:
         return math.floor(t) - self.span.number(math.floor(t))
 
     def file(self, t: float) -> Path:
-        """Return the file that frame floor(t) is in."""
         found: Path = self.source.file(self.place(t))
         return found
 

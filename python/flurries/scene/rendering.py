@@ -13,7 +13,7 @@ from flurries._contract import Array, real
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
-from flurries.effects.color import is_local
+from flurries.effects.color import LOCAL
 from flurries.effects.texture import Texture
 from flurries.frame.bands import whole
 from flurries.frame.needs import renderer_of
@@ -79,12 +79,12 @@ class Rendering(Sources):
     @property
     def _linear(self) -> bool:
         if self.space == "auto":
-            local = any(is_local(getattr(effect, "color", None)) for effect in self.effects)
+            colors = [getattr(effect, "color", None) for effect in self.effects]
+            local = any(isinstance(color, str) and color == LOCAL for color in colors)
             return local or bool(self.lights) or self._backdrop.encoding == "linear"
         return self.space == "linear"
 
     def _in_frame(self, camera: Camera) -> Camera:
-        """Return a camera of the display window as one of the frame."""
         if self._backdrop.display is None:
             return camera
         left, top, width, height = self._backdrop.display
@@ -119,9 +119,9 @@ class Rendering(Sources):
         parts = (self.effects, self._path, self.lights, self.light, self.lens)
         effects, path, lights, light, lens = parts if self.loop is None else self._looped[:5]
         base = Frame(
-            shape=self.shape, window=whole(self.shape), t=0.0, fps=self.fps, camera=path.camera,
-            path=path, seed=0, sun=self.sun, lights=lights, lens=lens, lap=self._lap,
-            still=self._still,
+            shape=self.shape, window=(0, self.size[1], 0, self.size[0]), t=0.0, fps=self.fps,
+            camera=path.camera, path=path, seed=0, sun=self.sun, lights=lights, lens=lens,
+            lap=self._lap, still=self._still,
         )  # fmt: skip
         return Program(
             effects=effects, base=base, seed=self.seed, backdrop=self._backdrop,
