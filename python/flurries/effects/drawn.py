@@ -55,16 +55,8 @@ class DrawnFlakes:
     def alpha(self, frame: Frame, amount: float) -> Array:
         if frame.whole:
             return self.seen(frame, amount)[0]
-<<<<<<< HEAD
         result = plane(frame.size)
         flakes = self._sorted(frame, amount)
-=======
-        top, bottom, left, right = frame.window
-        flakes, result = (
-            self._sorted(frame, amount),
-            np.empty((bottom - top, right - left), np.float32),
-        )
->>>>>>> 7ace1247 (A frame goes a short way through the code again: steps are called without a detour, and a scene without mattes asks none)
         _core.particle_draw(result, flakes, frame.window, frame.depth, None)
         return result
 

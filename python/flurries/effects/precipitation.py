@@ -123,12 +123,7 @@ class Precipitation:
         elif shown and frame.depth is not None:
             planes.append(haze)
         even = haze if shown and frame.depth is None else 0.0
-<<<<<<< HEAD
         alpha = plane(frame.size)
-=======
-        top, bottom, left, right = frame.window
-        alpha = np.zeros((bottom - top, right - left), np.float32)
->>>>>>> 7ace1247 (A frame goes a short way through the code again: steps are called without a detour, and a scene without mattes asks none)
         with current.get().stage("join"):
             _core.join(alpha, planes or [np.zeros_like(alpha)], even)
         if self._local:
