@@ -156,6 +156,8 @@ def within(fault: str, shot: Shot, whole: dict[str, bytes]) -> str:
     again = shot.write()
     if not shot.is_as(whole) or "Error" in again:
         return f"other files than those of a run without a fault: {again}"
+    if fault == "its codec is killed" and "Error" not in words:
+        return NAMED  # It was at rest: another took its place.
     if WITHIN[fault] == GOES_ON:
         return GOES_ON if "Error" not in words else words
     return NAMED if "Error: " in words and str(shot.room) in words else f"not named: {words}"

@@ -110,6 +110,7 @@ def plain_file(path: str | os.PathLike[str]) -> Path:
     found = Path(path_text("path", path))
     _require_plain(found.stat(), found)  # FileNotFoundError names the file by itself.
     if not os.access(found, os.R_OK):
+        found.stat()  # It may be gone by now.
         raise PermissionError(errno.EACCES, "Cannot be read", str(found))
     return found
 
