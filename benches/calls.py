@@ -46,7 +46,7 @@ def counts(call: Any) -> dict[str, int]:
 def main() -> None:
     """Print a table."""
     picture = np.zeros((512, 512, 3), np.uint8)
-    still = fl.Scene(picture, effects=[fl.Snow("heavy", clumps=0.0)])
+    still = fl.Scene(picture, effects=[fl.Snow("heavy")])
     flying = still.replace(camera=fl.CameraPath(fl.Camera(600.0), velocity=(0.0, 0.0, 1.0)))
     cases = {
         "first heavy frame": lambda: still.render(0),

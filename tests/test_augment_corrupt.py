@@ -19,8 +19,9 @@ import flurries as fl
 from flurries.augment.corrupt import corrupt
 from flurries.cli import main
 from flurries.io import read_picture, write_picture
+from flurries.io.stores import Store
 from flurries.output.journal import NAME, Journal
-from flurries.output.store import Store, check
+from flurries.output.store import check
 from test_nothing_wrong import contents as everything
 
 

@@ -10,7 +10,7 @@ import pytest
 import flurries as fl
 from flurries import io
 from flurries.io.layers.deep import Deep, read_deep, write_deep
-from flurries.output import deep
+from flurries.scene import deep
 from measure import cover
 
 H, W = 36, 48

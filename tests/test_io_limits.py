@@ -18,8 +18,8 @@ from flurries import io
 from flurries.camera import importers
 from flurries.camera.csv import read_path
 from flurries.io.files import read_bytes
+from flurries.io.stores import Store
 from flurries.output.journal import MOST_BYTES, NAME, Journal
-from flurries.output.store import Store
 
 # What one process may take: the interpreter and its libraries need a quarter of it.
 MOST_MEMORY = 2 << 30

@@ -11,9 +11,10 @@ import pytest
 import flurries as fl
 from flurries.cli import main
 from flurries.io import read_picture, read_video, write_picture
+from flurries.io.stores import Store
 from flurries.output.frames import Frames
 from flurries.output.journal import NAME, Journal
-from flurries.output.store import Store, check
+from flurries.output.store import check
 from flurries.scene.fingerprint import BITS, Settings
 
 PLATE = np.random.default_rng(3).integers(0, 220, (50, 66, 3)).astype(np.uint8)

@@ -27,8 +27,8 @@ from flurries.io import (
     write_layers,
     write_picture,
 )
+from flurries.io.stores import Store
 from flurries.output.journal import NAME, Journal
-from flurries.output.store import Store
 
 # One that takes longer hangs: the alarm ends the process.
 LONGEST = 20

@@ -20,6 +20,16 @@ def write_card(folder: Path) -> None:
     card = folder / _CARD
     if card.exists() and _OURS not in card.read_text("utf-8", "replace"):
         return
+    before, after = None, _texts(folder)
+    # Others that work on the set may end while this is written.
+    while after != before:
+        for name, text in after.items():
+            with replacing(folder / name) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+        before, after = after, _texts(folder)
+
+
+def _texts(folder: Path) -> dict[str, str]:
     journal = Journal(Store(), folder)
     rows, counts = [], Counter[tuple[str, int, str, str]]()
     for name in journal.names():
@@ -45,6 +55,5 @@ def write_card(folder: Path) -> None:
         "| --- | --- | --- | --- | --- | --- |",
         *table,
     ]  # fmt: skip
-    for path, text in ((card, lines), (folder / _TABLE, rows)):
-        with replacing(path) as temporary:
-            temporary.write_text("\n".join(text) + "\n", encoding="utf-8")
+    texts = ((_CARD, lines), (_TABLE, rows))
+    return {name: "\n".join(text) + "\n" for name, text in texts}

@@ -164,6 +164,7 @@ def air_of(
     weather: Weather | Flakes, frame: Frame, amount: float, steps: tuple[float, ...] = ()
 ) -> Air:
     """Return the flakes that are drawn before a frame's camera."""
+    clumps = clumps_of(weather, frame)
     exposure, wind = weather.motion.exposure(frame), weather.motion.varied
     path, fps = frame.path, frame.fps
     after = (0.0, -0.5 * exposure, 0.5 * exposure, *steps)
@@ -215,7 +216,7 @@ def air_of(
         seed=frame.seed, opacity=opacity, images=images_of(opacity), classes=classes, eyes=eyes,
         sway=weather.sway[0],
         waves=None if wind is None or wind.waves is None else cycles_of(wind.waves),
-        clumps=clumps_of(weather, frame), shape=frame.shape,
+        clumps=clumps, shape=frame.shape,
         window=frame.window if frame.shared is None else frame.shared.window,
         room=room, near=NEAREST, closeup=closeup,
     )  # fmt: skip

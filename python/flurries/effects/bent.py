@@ -23,7 +23,7 @@ from flurries._contract import Array, Float64
 from flurries._kept import kept
 from flurries.effects.clumps import APART, clumps_of, denser, rays_of
 from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
-from flurries.effects.sheets import SHEAR, SHEETS, areas_of, circles_of, key_of, sheets_of
+from flurries.effects.sheets import SHEAR, areas_of, circles_of, key_of, sheets_of
 from flurries.effects.weather import Film, Layer, Weather, amounts_at
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
@@ -79,7 +79,6 @@ def read_bent(weather: Weather, frame: Frame, film: Film, amount: float) -> Arra
     result = plane(frame.size)
     depth = None if frame.depth is None else frame.crop(frame.depth)
     _core.sheet_bent(result, (frame.window[0], frame.window[2]), groups, depth)
-    SHEETS.trim(sum(len(sheets) for sheets, *_ in groups))
     return result
 
 
@@ -93,10 +92,11 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
     rungs = [_rungs(weather, frame, layer, amount, eyes) for layer in film.layers]
     clumps = clumps_of(weather, frame)
     if clumps is not None:
-        rays = eyes.rays.mean(axis=0)
+        rays, turn = eyes.rays.mean(axis=0), frame.camera.matrix()
+        factors = denser(clumps, frame.camera, turn, rays, slabs)
         rungs = [
-            [(rung, part * denser(clumps, frame, rays, slab)) for rung, part in each]
-            for each, slab in zip(rungs, slabs, strict=True)
+            [(rung, part * more) for rung, part in each]
+            for each, more in zip(rungs, factors, strict=True)
         ]
     focals = np.array(frame.camera.focals) * (frame.path.longest_focal / frame.camera.focal)
     areas = _areas(film, *focals.tolist())
@@ -122,22 +122,26 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
         made[..., 3] = (one.weight**2 * many - gain) * part * mean
         return made
 
-    found = []
-    for ends, places in sorted(groups.items()):
+    parts = []
+    for places in (groups[ends] for ends in sorted(groups)):
         shares = np.array([planes[at].weight ** 2 * film.power[numbers[at]] for at in places])
         ways: Float64 = np.einsum("p,prca->rca", shares / shares.sum(), moves[places])
         length = float(np.hypot(*ways.reshape(-1, 2).T).mean())
-        reads = [(at, rung, part) for at in places for rung, part in rungs[numbers[at]]]
-        keys = [
-            key_of(weather, slabs[n], frame.seed, n, areas[n], film.many[n], (0.0, 0.0), circles[n],
-                   rung, planes[at].focal, _part_seen(film.wide[n], length))
-            for at, rung, _ in reads for n in [numbers[at]]
-        ]  # fmt: skip
+        reads = [(at, rung, part, _part_seen(film.wide[numbers[at]], length))
+                 for at in places for rung, part in rungs[numbers[at]]]  # fmt: skip
+        parts.append((np.clip(ways, -LONGEST, LONGEST).astype(np.float32), reads))
+    keys = [
+        key_of(weather, slabs[n], frame.seed, n, areas[n], film.many[n], (0.0, 0.0), circles[n],
+               rung, planes[at].focal, thin)
+        for _, reads in parts for at, rung, _, thin in reads for n in [numbers[at]]
+    ]  # fmt: skip
+    made = iter(sheets_of(keys))
+    found: list[Any] = []
+    for (move, reads), ends in zip(parts, sorted(groups), strict=True):
         sheets = [
-            (sheet, nodes(at, part, sheet.mean))
-            for sheet, (at, _, part) in zip(sheets_of(keys), reads, strict=True)
+            (one, nodes(at, part, one.mean)) for at, _, part, _ in reads for one in [next(made)]
         ]
-        found.append((sheets, np.clip(ways, -LONGEST, LONGEST).astype(np.float32), *ends))
+        found.append((sheets, move, *ends))
     return found
 
 
@@ -197,8 +201,9 @@ def _eyes_of(frame: Frame, film: Film, times: tuple[float, float]) -> Eyes:
     eye = np.stack([ways[layer.share] for layer in film.layers], axis=1)
     for number, t in enumerate(times):
         camera = frame.later(t - frame.t).camera if bends else frame.camera
-        rays.append(rays_of(camera, frame.shape))
-        eye[number] += camera.matrix() @ np.array(camera.offset)
+        own, turn = rays_of(camera, frame.shape)
+        rays.append(own)
+        eye[number] += turn @ np.array(camera.offset)
     return Eyes(np.stack(rays), eye, np.array([rates[layer.share] for layer in film.layers]))
 
 

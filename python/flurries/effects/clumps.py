@@ -16,8 +16,8 @@ from flurries import _core
 from flurries._contract import Float64
 from flurries._kept import kept
 from flurries.camera.lens import Camera
+from flurries.effects.motion import Motion
 from flurries.frame.view import Frame
-from flurries.motion.keys import value_at
 from flurries.particles.population import Slab
 
 # Pixels from node to node, as the kernel has them; the first ones lie so far before the picture.
@@ -45,7 +45,7 @@ def clumps_of(weather: Any, frame: Frame) -> Clumps | None:
     if not weather.clumps:
         return None
     motion = weather.motion
-    waves, phases, rates = _waves(value_at(motion.mean_wind, 0.0), frame.seed)
+    waves, phases, rates = _waves(motion, frame.seed)
     (place,) = motion.places(frame.path, frame.fps, [frame.t])
     turned = np.exp(2j * math.pi * (phases + waves @ place - rates * (frame.t / frame.fps)))
     weights = math.sqrt(1.0 / _WAVES) * np.stack([turned.real, turned.imag], axis=1)
@@ -53,8 +53,9 @@ def clumps_of(weather: Any, frame: Frame) -> Clumps | None:
 
 
 @kept(32)
-def _waves(wind: tuple[float, float, float], seed: int) -> tuple[Float64, Float64, Float64]:
+def _waves(motion: Motion, seed: int) -> tuple[Float64, Float64, Float64]:
     """Return waves, phases and rates beyond the flakes' own motion, cycles, metres and seconds."""
+    wind = motion.mean_wind_at(0.0)
     draws = np.empty((4, 2 * _WAVES))
     for row, draw in enumerate(draws):
         _core.uniform(draw, seed, _STREAM + row)
@@ -74,29 +75,34 @@ def _waves(wind: tuple[float, float, float], seed: int) -> tuple[Float64, Float6
     return waves, draws[3], np.where(front, _FASTER, 0.0) * (waves @ wind)
 
 
-def rays_of(camera: Camera, shape: tuple[int, int]) -> Float64:
-    """Return the rays of the nodes, (R, C, 3), house axes, with a depth of 1."""
+def rays_of(camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
+    """Return the rays of the nodes, (R, C, 3), house axes, with a depth of 1; and the axes."""
+    (x, y), (across, down), turn = camera.principal(shape), camera.focals, camera.matrix()
     height, width = (math.ceil(length / APART) + 3 for length in shape)
-    x, y = camera.principal(shape)
     rays = np.ones((height, width, 3))
-    rays[..., 0] = (APART * np.arange(-1, width - 1) - x) / camera.focals[0]
-    rays[..., 1] = (APART * np.arange(-1, height - 1)[:, None] - y) / camera.focals[1]
-    return np.asarray(rays @ camera.matrix().T)
+    rays[..., 0] = (APART * np.arange(-1, width - 1) - x) / across
+    rays[..., 1] = (APART * np.arange(-1, height - 1)[:, None] - y) / down
+    return np.asarray(rays @ turn.T), turn
 
 
-def denser(clumps: Clumps, frame: Frame, rays: Float64, slab: Slab) -> Float64:
-    """Return how many times as dense as the mean a slab is at the nodes of the frame, (R, C)."""
-    camera, waves = frame.camera, clumps.waves
-    # Of waves shorter than the slab is thick, or than nodes are apart, the mean is seen.
-    apart = APART * slab.depth / camera.focal
-    length = np.linalg.norm(waves, axis=1)
-    seen = np.sinc(waves @ camera.matrix()[:, 2] * (slab.far - slab.near))
-    seen *= np.exp(-0.5 * (math.pi * apart * length) ** 2)
-    weights = np.ascontiguousarray(clumps.weights * seen[:, None])
-    points = slab.depth * rays.reshape(-1, 3) + camera.matrix() @ np.array(camera.offset)
-    s = np.empty((len(points), 1))
-    _core.wind_waves(s, np.ascontiguousarray(points), waves, weights)
-    return np.asarray(1.0 + clumps.strength * s / np.sqrt(1.0 + s * s)).reshape(rays.shape[:2])
+def denser(
+    clumps: Clumps, camera: Camera, turn: Float64, rays: Float64, slabs: Sequence[Slab]
+) -> list[Float64]:
+    """Return how many times as dense as the mean slabs are at the nodes of the frame, (R, C)."""
+    waves, found = clumps.waves, []
+    length, along = np.linalg.norm(waves, axis=1), waves @ turn[:, 2]
+    for slab in slabs:
+        # Of waves shorter than the slab is thick, or than nodes are apart, the mean is seen.
+        apart = APART * slab.depth / camera.focal
+        seen = np.sinc(along * (slab.far - slab.near))
+        seen *= np.exp(-0.5 * (math.pi * apart * length) ** 2)
+        weights = np.ascontiguousarray(clumps.weights * seen[:, None])
+        points = slab.depth * rays.reshape(-1, 3) + turn @ np.array(camera.offset)
+        s = np.empty((len(points), 1))
+        _core.wind_waves(s, np.ascontiguousarray(points), waves, weights)
+        more = 1.0 + clumps.strength * s / np.sqrt(1.0 + s * s)
+        found.append(np.asarray(more).reshape(rays.shape[:2]))
+    return found
 
 
 def gains_of(weather: Any, frame: Frame, slabs: Sequence[Slab]) -> Any:
@@ -104,8 +110,9 @@ def gains_of(weather: Any, frame: Frame, slabs: Sequence[Slab]) -> Any:
     clumps = clumps_of(weather, frame)
     if clumps is None:
         return None
+    rays, turn = rays_of(frame.camera, frame.shape)
     parts = [part for part in np.array_split(np.arange(len(slabs)), _GROUPS) if len(part)]
-    rays = rays_of(frame.camera, frame.shape)
-    found = [denser(clumps, frame, rays, slabs[part[len(part) // 2]]) for part in parts]
+    middles = [slabs[part[len(part) // 2]] for part in parts]
+    found = denser(clumps, frame.camera, turn, rays, middles)
     counts, corner = [len(part) for part in parts], (frame.window[0], frame.window[2])
     return np.asarray(found, np.float32), counts, corner

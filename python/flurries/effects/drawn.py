@@ -43,8 +43,10 @@ class DrawnFlakes:
 
     def needs(self, frame: Frame, amount: float) -> Needs:
         weather = self.weather
-        opacity, shares = weather.opacity_at(frame.t), weather.shares(frame)
-        if opacity == 0.0 or not any(one.size.density * one.reach for one in shares):
+        opacity, most = weather.opacity_at(frame.t), 0.0
+        for one in weather.shares(frame):
+            most = max(most, one.size.density * one.reach)
+        if opacity == 0.0 or most == 0.0:
             return Needs.none("flakes", "there are none")
         still = frame.settled and weather.motion.still and 0.0 in weather.sway
         # Shapes tumble.
@@ -55,8 +57,8 @@ class DrawnFlakes:
     def alpha(self, frame: Frame, amount: float) -> Array:
         if frame.whole:
             return self.seen(frame, amount)[0]
-        result = plane(frame.size)
         flakes = self._sorted(frame, amount)
+        result = plane(frame.size)
         _core.particle_draw(result, flakes, frame.window, frame.depth, None)
         return result
 

@@ -24,7 +24,7 @@ from flurries.effects.clumps import gains_of
 from flurries.effects.lighting import lamp_shade
 from flurries.effects.motion import Motion
 from flurries.effects.passes import plane_motion
-from flurries.effects.sheets import SHEETS, areas_of, circles_of, key_of, sheets_of
+from flurries.effects.sheets import areas_of, circles_of, key_of, sheets_of
 from flurries.effects.weather import Film, Weather, times
 from flurries.frame.layer import Shade
 from flurries.frame.needs import Needs, Step, has_keys
@@ -86,14 +86,15 @@ class FlakeTexture:
 def _read(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
     """Return the opacity of layers that move as they do in all frames, (h, w) float32."""
     top, _, left, _ = frame.window
-    result = plane(frame.size)
+    exposure, size = weather.motion.exposure(frame), frame.size
     camera, blur = frame.camera, None if frame.lens is None else frame.blur
+    result = plane(size)
     shown, focals = amount * float(weather.emission), camera.focals  # type: ignore[arg-type]
-    keys, start, rate, places = _standing(
-        weather, film, frame.path, frame.fps, focals, camera.rotation, frame.seed, shown,
-        weather.motion.exposure(frame), blur, _core.reproducible(),
-    )  # fmt: skip
     x, y = camera.principal(frame.shape)
+    keys, start, rate, places = _standing(
+        weather, film, frame.path, frame.fps, focals, camera.rotation, frame.seed, shown, exposure,
+        blur, _core.reproducible(),
+    )  # fmt: skip
     u, v = camera.center_shift
     row, column = math.floor(top - y + v), math.floor(left - x + u)
     moved = start + frame.t * rate
@@ -111,7 +112,6 @@ def _read(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
     depth = None if frame.depth is None else frame.crop(frame.depth)
     gains = gains_of(weather, frame, film.slabs)
     _core.sheet_read(result, (row, column), layers, depth, True, gains=gains)
-    SHEETS.trim(len(layers))
     return result
 
 
@@ -131,16 +131,16 @@ def _standing(
     # Longer streaks are as faint as can be seen.
     streaks = np.clip(exposure * rate, -_LONGEST, _LONGEST).tolist()
     areas, circles = areas_of(film, focals), circles_of(blur, film.depths)
-    keys = [
-        key_of(weather, slab, seed, number, area, many, tuple(streak), circle, amount)
-        for number, (slab, area, many, streak, circle) in enumerate(
-            zip(film.slabs, areas, film.many, streaks, circles, strict=True)
-        )
-    ]
     # Fewer places of the fastest.
     pixels, speed = np.array([rows * columns for rows, columns in areas]), np.hypot(*rate.T)
     places = np.select([speed >= _FAST[1], speed >= _FAST[0]], [1.0, 2.0], 4.0)
     for number in np.argsort(-speed, kind="stable"):
         while places[number] > 1.0 and (places**2 * pixels).sum() > _FILM_BYTES:
             places[number] /= 2.0
+    keys = [
+        key_of(weather, slab, seed, number, area, many, tuple(streak), circle, amount)
+        for number, (slab, area, many, streak, circle) in enumerate(
+            zip(film.slabs, areas, film.many, streaks, circles, strict=True)
+        )
+    ]
     return keys, start, rate, places[:, None]

@@ -41,6 +41,10 @@ class Motion:
         """The part of the wind that is the same everywhere."""
         return self.wind.steady if isinstance(self.wind, Wind) else self.wind
 
+    def mean_wind_at(self, t: float) -> tuple[float, float, float]:
+        wind = self.mean_wind
+        return value_at(wind, t) if isinstance(wind, Keys) else wind  # type: ignore[return-value]
+
     @property
     def varied(self) -> Wind | None:
         """The wind where it differs from place to place; None where it is the same all over."""
@@ -118,9 +122,9 @@ def comes_nearer(path: CameraPath, axis: Float64, fall: Number, wind: Vector) ->
     winds = wind.keys if isinstance(wind, Keys) else [(0.0, wind)]
     falls = fall.keys if isinstance(fall, Keys) else [(0.0, fall)]
     return (
-        path.goes_along(axis)
-        or any(np.dot(axis, wind) != 0.0 for _, wind in winds)
+        any(np.dot(axis, wind) != 0.0 for _, wind in winds)
         or any(axis[1] * fall != 0.0 for _, fall in falls)
+        or path.goes_along(axis)
     )
 
 

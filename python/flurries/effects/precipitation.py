@@ -77,12 +77,16 @@ class Precipitation:
         if lamps and any(step.name == "texture" for step in steps):
             steps.append(Step("lamps"))
         steps.append(Step("join"))
+        out = [
+            LeftOut(f"{self.name}: {one.what}", one.why)
+            for needs in asked
+            for one in needs.left_out
+        ]
         reads = reads_of(self.color)
         steps += [Step("local light")] if "plate" in reads else []
-        out = [one for needs in asked for one in needs.left_out]
         return Needs(
             tuple(steps),
-            tuple(LeftOut(f"{self.name}: {one.what}", one.why) for one in out),
+            tuple(out),
             reads,
             most=1.0 - clear,
             by_rows=True,
@@ -112,13 +116,14 @@ class Precipitation:
         elif front is not None:
             near = frame.run(self, "flakes", front.alpha, frame, amount)
         planes = [np.ascontiguousarray(one) for one in (behind, near) if one is not None]
+        light = None if self._local else color_at(self.color, frame)
+        color = None if light is None else bright(light, brightness)
         if frame.depth is not None:
             haze = frame.run(self, "veil", self.veil.alpha, frame, amount)
         shown = haze is not None and (frame.depth is not None or haze > 0.0)
         far: tuple[Layer, ...] = ()
         # A veil does not shine as drops do.
         if shown and (self._local or brightness != 1.0):
-            light = None if self._local else color_at(self.color, frame)
             far, shown = (veil_layer(f"{self.name}.veil", frame, haze, light),), False
         elif shown and frame.depth is not None:
             planes.append(haze)
@@ -126,11 +131,10 @@ class Precipitation:
         alpha = plane(frame.size)
         with current.get().stage("join"):
             _core.join(alpha, planes or [np.zeros_like(alpha)], even)
-        if self._local:
+        if color is None:
             shade = frame.run(self, "local light", local_shade, frame, self.optics)
             layer = Layer(self.name, alpha, shade=shade, glow=glow)
         else:
-            color = bright(color_at(self.color, frame), brightness)
             shade = None if glow is None else even_shade(frame, color)
             layer = Layer(self.name, alpha, color, shade=shade, glow=glow)
         known = back is None or hasattr(back, "passes")

@@ -43,8 +43,10 @@ SHEETS = ALL[__name__] = Kept(most_bytes=MOST_BYTES)
 
 
 def sheets_of(keys: list[Any]) -> list[_core.FlakeSheet]:
-    """Return the sheets of some arguments each, made where they are not yet."""
-    return SHEETS.each(keys, lambda few: [_core.FlakeSheet(*key[1:]) for key in few])
+    """Return all sheets of a frame by their arguments, made where they are not yet."""
+    found = SHEETS.each(keys, lambda few: [_core.FlakeSheet(*key[1:]) for key in few])
+    SHEETS.trim(len(found))
+    return found
 
 
 def key_of(

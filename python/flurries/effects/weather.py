@@ -167,8 +167,8 @@ def _film(
             found.append(Share(one, Motion(fall, motion.wind, motion.shutter), reach, shown))
         return found
 
-    comes = motion.spreads(path, rotation)
-    rigid = not (comes or changes) and motion.varied is None and motion.line(path, fps) is not None
+    even, comes = motion.varied is None, motion.spreads(path, rotation)
+    rigid = not (comes or changes) and even and motion.line(path, fps) is not None
     drawn = classes(CLASSES, rigid)
     if rigid:
         rates = [(share.motion.line(path, fps) or ([], [0.0]))[1] for share in drawn]

@@ -1,16 +1,16 @@
 """Planes of a frame in memory that an earlier frame has given back.
 
 The system hands out fresh memory page by page and clears it, which a frame with layers waits for.
-What a dropped frame held is kept here, up to a limit, and used again once no array and no view of
-it is left.
+What a frame held is kept here, up to a limit, and used again once no array and no view of it is
+left: until then each of them holds the memory.
 """
 
 from __future__ import annotations
 
 import math
+import sys
 from collections import deque
 from contextlib import suppress
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,24 +21,8 @@ from flurries._contract import Array
 LEAST, MOST = 1 << 20, 1 << 28
 
 # Memory is taken from the right, where the newest is; what does not fit goes to the left. There is
-# no lock: `_Lent.__del__` may run in the middle of anything, and a deque's own steps are whole.
-_free: deque[npt.NDArray[np.uint8]] = deque()
-
-
-class _Lent:
-    """The owner of an array's memory: it goes when the last view does."""
-
-    def __init__(self, memory: npt.NDArray[np.uint8], shape: tuple[int, ...], kind: Any) -> None:
-        place = (memory.ctypes.data, False)
-        self.memory = memory
-        self.__array_interface__ = {"shape": shape, "typestr": kind, "data": place, "version": 3}
-
-    def __del__(self, free: deque[npt.NDArray[np.uint8]] = _free) -> None:
-        # Ctrl-C may come before it has memory; other threads take and give at the same time.
-        with suppress(AttributeError, IndexError):
-            free.append(self.memory)
-            while sum(one.nbytes for one in free.copy()) > MOST:
-                free.popleft()
+# no lock: a deque's own steps are whole, and who has taken a memory out has it alone.
+_kept: deque[npt.NDArray[np.uint8]] = deque()
 
 
 def plane(shape: tuple[int, ...], dtype: npt.DTypeLike = np.float32) -> Array:
@@ -47,23 +31,27 @@ def plane(shape: tuple[int, ...], dtype: npt.DTypeLike = np.float32) -> Array:
     size = kind.itemsize * math.prod(shape)
     if size < LEAST:
         return np.empty(shape, kind)
-    memory = _given_back(size)
-    return np.asarray(
-        _Lent(np.empty(size, np.uint8) if memory is None else memory, shape, kind.str)
-    )
+    # The list is the one holder of a memory that is free.
+    one: list[npt.NDArray[np.uint8]] = []
+    with suppress(IndexError):
+        for _ in range(len(_kept)):
+            one = [_kept.pop()]
+            if one[0].nbytes == size and sys.getrefcount(one[0]) == _ALONE:
+                break
+            _kept.appendleft(one.pop())
+    one = one or [np.empty(size, np.uint8)]
+    result = one[0].view(kind).reshape(shape)
+    _kept.append(one[0])
+    with suppress(IndexError):
+        while sum(memory.nbytes for memory in _kept.copy()) > MOST:
+            _kept.popleft()
+    return result
 
 
 def forget() -> None:
     """Give the system what is kept."""
-    _free.clear()
+    _kept.clear()
 
 
-def _given_back(size: int) -> npt.NDArray[np.uint8] | None:
-    """Return memory of a size that nobody holds any more, or None."""
-    with suppress(IndexError):
-        for _ in range(len(_free)):
-            memory = _free.pop()
-            if memory.nbytes == size:
-                return memory
-            _free.appendleft(memory)
-    return None
+# What Python counts as the holders of what one list holds, which differs among its versions.
+_ALONE = (lambda one: sys.getrefcount(one[0]))([np.empty(1, np.uint8)])

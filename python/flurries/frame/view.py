@@ -161,6 +161,7 @@ class Frame:
         made = object.__new__(Frame)
         made.__dict__.update(self.__dict__, **changes)
         made.__dict__.pop("blur", None)
+        made.__dict__.pop("size", None)
         return made
 
     def run(
@@ -225,7 +226,7 @@ class Frame:
         """Whether the window is one of several bands of rows, which come from the top down."""
         return self.shared is not None and self.shared.bands > 1
 
-    @property
+    @cached_property
     def size(self) -> tuple[int, int]:
         top, bottom, left, right = self.window
         return bottom - top, right - left

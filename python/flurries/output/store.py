@@ -6,10 +6,10 @@ import os
 from pathlib import Path
 from typing import Any
 
-from flurries.io.stores import Store, store_of
+from flurries.io.stores import store_of
 from flurries.output.journal import NAME, Journal
 
-__all__ = ["Store", "check"]
+__all__ = ["check"]
 
 
 def check(place: str | os.PathLike[str]) -> tuple[int, list[str]]:

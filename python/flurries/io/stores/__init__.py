@@ -6,10 +6,8 @@ import importlib
 from pathlib import Path
 from typing import Any
 
-from flurries.io.stores.bucket import Bucket
-from flurries.io.stores.folder import Store
-
-__all__ = ["Bucket", "Store", "store_of"]
+from flurries.io.stores.bucket import Bucket as Bucket
+from flurries.io.stores.folder import Store as Store
 
 
 def store_of(place: str) -> tuple[Store, str]:
