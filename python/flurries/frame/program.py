@@ -91,10 +91,10 @@ class Program:
             self._add(index, effect)
 
     def _add(self, index: int, effect: Any) -> None:
-        needs, renderer = None, renderer_of(effect)
+        needs, first, renderer = None, self.frame(0.0), renderer_of(effect)
         if not has_keys(effect):
             # What an effect needs does not depend on the seed.
-            needs = needs_of(effect, self.frame(0.0))
+            needs = needs_of(effect, first)
             if not needs.steps:
                 self.left_out += needs.left_out
                 return
