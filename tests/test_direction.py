@@ -15,7 +15,7 @@ SIDE, TIME = 384, 20.0
 FAR = 20.0
 
 # One picture's lean deviates by up to .01 from that of another seed, and a block's by .02 to .05:
-# of four seeds the difference of two whole pictures has a deviation of a quarter of `LIMIT` at most.
+# of four seeds the difference of two whole pictures has a deviation of at most `LIMIT` / 4.
 SEEDS = 4
 
 # Whole pictures of drawn flakes and of ours lean alike within this.
