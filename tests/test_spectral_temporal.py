@@ -26,7 +26,7 @@ def test_temporal_filter_is_the_twins(
     got = fl.spectral.temporal_filter(amplitude, (14.0, 9.0), **options)
     want = twin.temporal_filter(amplitude, (14.0, 9.0), **options)
     assert got.dtype == np.float64 and got.shape == shape
-    assert np.abs(got - want).max() < 3e-14
+    assert np.abs(got - want).max() < 1e-14
     assert np.array_equal(got == 0.0, want == 0.0)
 
 

@@ -12,16 +12,8 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
-from flurries.augment.calibration import (
-    GAINS,
-    Kind,
-    Profile,
-    contrast_loss,
-    depths_of,
-    extinction,
-    natural,
-    natural_reach,
-)
+from flurries.augment import calibration
+from flurries.augment.calibration import GAINS, Kind, Profile
 from flurries.augment.distance import Distances
 from flurries.augment.draws import uniforms
 from flurries.augment.sheets import Falling, Sheets, sheets_of
@@ -96,10 +88,12 @@ class Here:
     def __init__(
         self, air: Air, view: View, distances: Distances, time: float, fps: float | None = None
     ) -> None:
-        self.near, self.far = depths_of(air.kind, air.profile, view.camera.focal)
+        self.near, self.far = calibration.depths_of(air.kind, air.profile, view.camera.focal)
         if air.kind == "fog":
             hard = air.visible is None and air.profile == "hard"
-            seen = natural_reach(air.amount) if air.visible is None else reach(air.visible)
+            seen = (
+                calibration.natural_reach(air.amount) if air.visible is None else reach(air.visible)
+            )
             distances = distances.until(distances.end if hard else seen)
         self.air, self.view, self.distances, self.time = air, view, distances, time
         self.moving = fps is not None or view.eyes > 0.0
@@ -113,10 +107,10 @@ class Here:
         if air.visible is not None:
             return visibility(air.visible)
         if air.profile == "natural" or air.amount == 0.0:
-            return natural(air.kind, air.amount)
-        loss = contrast_loss(air.amount, profile="hard", weather=air.kind)
+            return calibration.natural(air.kind, air.amount)
+        loss = calibration.contrast_loss(air.amount, profile="hard", weather=air.kind)
         density = np.ones(1) if air.patches is None else air.patches.densities()
-        found = extinction(loss, self._way(self.distances.quantiles), density)
+        found = calibration.extinction(loss, self._way(self.distances.quantiles), density)
         open_air = -math.log1p(-loss) / (self.far - self.near)
         return found if air.kind == "fog" else min(found, _DENSEST * open_air)
 

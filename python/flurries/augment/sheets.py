@@ -53,6 +53,9 @@ _SIDE, _FLAKES = (240.0, 512.0), 60.0
 # Sizes of flakes in a sheet, and flakes for each pixel of it at most.
 _SIZES, _MOST = 4, 2.0
 
+# A sheet that has so much more or less than it should is made once more.
+_CLOSE = 0.1
+
 SEED = 7004
 
 _SHEETS = ALL[__name__] = Kept(most_bytes=MOST_BYTES)
@@ -201,8 +204,9 @@ def _made(rungs: Rungs) -> Sheets:
         )
         length, wanted, count = way * lens / slab.depth, rungs.gain * slab.coverage, slab.count
         streak = length * math.sin(angle), length * math.cos(angle)
-        # Bright drops that hide one another are as many more.
-        for _ in range(2 if rungs.gain > 1.0 else 1):
+        # A sheet of few flakes has some more or less than the mean of all such sheets, and bright
+        # drops that hide one another are as many more.
+        for last in (False, True):
             used, many = count, max(count / _MOST, 1.0)
             sheet = _core.FlakeSheet(
                 hash_of(SEED, number), (rows, columns), 0, count / many,
@@ -213,18 +217,18 @@ def _made(rungs: Rungs) -> Sheets:
             light = sheet.left([0.9 * gain, gain, 1.1 * gain])
             less, own, more = (-math.log(left) for left in light)
             if own == 0.0:
-                # It has no flakes.
+                break  # It has no flakes.
+            ratio = wanted / (even + own)
+            if last or abs(ratio - 1.0) < _CLOSE:
+                power = math.log(more / less) / math.log(1.1 / 0.9)
+                units = slab.coverage / (density * area)
+                layers.append(Layer(sheet, slab.near, slab.far, slab.depth, (columns, rows),
+                                    units, even + own, gain, even, power))  # fmt: skip
                 break
-            count *= wanted / (even + own)
-        else:
-            layers.append(Layer(
-                sheet, slab.near, slab.far, slab.depth, (columns, rows),
-                slab.coverage / (density * area), even + own, gain, even,
-                math.log(more / less) / math.log(1.1 / 0.9),
-            ))  # fmt: skip
+            count *= ratio
         alone += wanted * slab.count / used
     whole = rungs.gain * sum(slab.coverage for slab in slabs)
-    return Sheets(reach, alone / whole, tuple(layers))
+    return Sheets(reach, alone / whole if rungs.gain > 1.0 else 1.0, tuple(layers))
 
 
 def _reach_of(law: Sizes, density: float, way: float, lens: float, rungs: Rungs) -> float:
