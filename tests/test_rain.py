@@ -199,3 +199,8 @@ def test_the_gain_is_light():
     # Each drop is faint; those near enough to be drawn wide fade out.
     assert means[1] / means[0] == pytest.approx(4.0, rel=0.1)
     assert means[2] / means[1] == pytest.approx(4.0, rel=0.1)
+
+
+def test_drops_without_light_are_none():
+    dark, none = (black(Rain(**given)).render(3) for given in ({"gain": 0.0}, {"drops": 0}))
+    assert np.array_equal(dark, none) and dark.any()

@@ -232,8 +232,9 @@ near_depth, overlap, blend, alias, jitter, depth_mode, look, seed
     def parts(self) -> Precipitation:
         # Light goes with the area: a gain is a larger drop, whose streak is as long as ever. Wider
         # ones look like smears on the lens.
-        small, large = (math.sqrt(self.gain) * size for size in self.drop_size)
+        small, large = (math.sqrt(self.gain or 1.0) * size for size in self.drop_size)
+        number, density = (self.drops, self.drop_density) if self.gain else (0, None)
         return self._parts(
-            (2.0, 12.0), True, number=self.drops, density=self.drop_density,
-            reach=self.drop_depth, sizes=(small, large), opacity=1.0, largest=(1.8, 3.0),
+            (2.0, 12.0), True, number=number, density=density, reach=self.drop_depth,
+            sizes=(small, large), opacity=1.0, largest=(1.8, 3.0),
         )  # fmt: skip
