@@ -107,3 +107,12 @@ def test_a_flake_is_a_ball_over_pixels():
     # Radii of tables are 4 % apart.
     assert np.abs(alpha - (1.0 - through)).max() < 0.03
     assert alpha.sum() == pytest.approx((1.0 - through).sum(), rel=0.01)
+
+
+def test_the_longest_ways_hide_as_much_as_short_ones():
+    cover = []
+    for speed, exposure in ((0.0, 0.0), (20.0, 1.0), (200.0, 2.0)):
+        path = fl.CameraPath(fl.Camera(1200.0), velocity=(speed, 0.0, 1.0))
+        snow = fl.Snow("heavy", shutter=exposure, clumps=0.0)
+        cover.append(scene(snow, size=(400, 300), camera=path).layers(5).alpha.mean())
+    assert cover == pytest.approx([cover[0]] * 3, rel=0.05)

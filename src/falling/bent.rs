@@ -26,8 +26,9 @@ pub const NUMBERS: usize = 4;
 const RUN: usize = 8;
 const RUNS: usize = APART / RUN;
 
-/// A way is at most so long along an axis, px, and one shorter than the second is none.
-const LONGEST: f32 = 120.0;
+/// A way is at most so long along an axis, px, so that its half and the runs beside it fit between two nodes; and
+/// one shorter than the second is none.
+const LONGEST: f32 = 114.0;
 const REST: f32 = 0.3;
 
 /// Taps on whole pixels leave more of the finest waves along a way than its even share does; so much of its length

@@ -38,8 +38,8 @@ _FLAKES, _PIXELS = 500_000.0, 700_000.0
 # Rays that run along a plane are taken to meet it so far aside.
 _SLANT = 0.1
 
-# Pixels that a streak is long at most, along an axis.
-LONGEST = 120.0
+# Pixels that a streak is long at most, along an axis, and the least part of a flake that is seen.
+LONGEST, _FAINTEST = 114.0, 2.0**-9.5
 
 # Radians that a camera turns, and by which logarithm a lens zooms, before other planes are seen. A
 # whole number of the first make a round.
@@ -159,7 +159,8 @@ def _areas(film: Film, *focals: float) -> list[tuple[int, int]]:
 
 def _part_seen(wide: float, length: float) -> float:
     """Return the part of a flake that a pixel shows at a time, in steps: 1 where it rests."""
-    return float(2.0 ** (0.5 * round(2.0 * math.log2(wide / math.hypot(wide, length)))))
+    part = 2.0 ** (0.5 * round(2.0 * math.log2(wide / math.hypot(wide, length))))
+    return max(float(part), _FAINTEST)
 
 
 def _on_torus(at: Float64, seed: int, planes: list[Plane], areas: list[tuple[int, int]]) -> Float64:

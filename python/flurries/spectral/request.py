@@ -59,7 +59,7 @@ def _vectors(name: str, value: object, rings: int | None) -> Float64:
         return array.reshape(*(array.shape[:-2] or (1, 1)), -1, 2)
     wanted = "(2,) or (rows, cols, 2)"
     if name in ("drift", "velocity"):
-        wanted += ", with a ring_edges also (rings, 2) or (rows, cols, rings, 2)"
+        wanted += ", and with ring_edges also (rings, 2) or (rows, cols, rings, 2)"
     raise ValueError(f"{name} must have shape {wanted}, got {array.shape}")
 
 
