@@ -159,8 +159,8 @@ def _areas(film: Film, *focals: float) -> list[tuple[int, int]]:
 
 def _part_seen(wide: float, length: float) -> float:
     """Return the part of a flake that a pixel shows at a time, in steps: 1 where it rests."""
-    part = 2.0 ** (0.5 * round(2.0 * math.log2(wide / math.hypot(wide, length))))
-    return max(float(part), _FAINTEST)
+    part: float = 2.0 ** (0.5 * round(2.0 * math.log2(wide / math.hypot(wide, length))))
+    return max(part, _FAINTEST)
 
 
 def _on_torus(at: Float64, seed: int, planes: list[Plane], areas: list[tuple[int, int]]) -> Float64:
