@@ -39,7 +39,7 @@ _FLAKES, _PIXELS = 500_000.0, 700_000.0
 _SLANT = 0.1
 
 # Pixels that a streak is long at most, along an axis, and the least part of a flake that is seen.
-LONGEST, _FAINTEST = 114.0, 2.0**-9.5
+LONGEST, _FAINTEST = 114.0, 0.0014
 
 # Radians that a camera turns, and by which logarithm a lens zooms, before other planes are seen. A
 # whole number of the first make a round.
