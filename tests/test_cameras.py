@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 import flurries as fl
 from flurries.camera import importers as cameras
 from flurries.camera import project
-from flurries.camera.extent import extent
 from flurries.cli import main
 from flurries.cli.render import render as command
 from flurries.cli.weather import scene_of
@@ -61,7 +60,7 @@ def test_chan(order: str, start: int, tmp_path: Path):
     other = cameras.read_chan(tmp_path / "a.chan", (H, W), order="YXZ")
     third = start + 3.0
     assert np.abs(other.turn(third) - path.turn(third)).max() > 1e-3, "the order matters"
-    assert extent(path) == (start, start + FRAMES - 1)
+    assert path.extent == (start, start + FRAMES - 1)
 
 
 def test_chan_with_gaps_and_a_lens_of_its_own(tmp_path: Path):

@@ -16,7 +16,6 @@ import pytest
 import flurries as fl
 from flurries import io
 from flurries.camera import importers
-from flurries.camera.csv import read_path
 from flurries.io.files import read_bytes
 from flurries.io.stores import Store
 from flurries.output.journal import MOST_BYTES, NAME, Journal
@@ -101,7 +100,7 @@ READERS: list[tuple[str, Callable[[Path], Any]]] = [
     ("a.exr", io.read_layers), ("a.exr", io.read_views), ("a.exr", io.read_depth),
     ("a.exr", io.open_depth), ("a.mp4", io.open_background),
     ("a.mp4", lambda path: next(io.read_video(path))),
-    ("a.csv", read_path), ("a.csv", lambda path: importers.load(path, (48, 64))),
+    ("a.csv", lambda path: importers.load(path, (48, 64))),
     ("a.chan", lambda path: importers.load(path, (48, 64))),
     ("a.txt", lambda path: importers.load(path, (48, 64))),
     ("images.txt", lambda path: importers.load(path.parent, (48, 64))),
@@ -131,7 +130,8 @@ def test_16_8_what_is_no_plain_file_is_not_read(
 
 def test_16_8_text_files_have_a_largest_size(tmp_path: Path):
     for name, read, size in [
-        ("a.toml", fl.open, 1 << 20), ("a.csv", read_path, 1 << 25),
+        ("a.toml", fl.open, 1 << 20),
+        ("a.csv", lambda path: importers.load(path, (48, 64)), 1 << 25),
         ("a.chan", lambda path: importers.load(path, (48, 64)), 1 << 25),
         (NAME, journal_of, MOST_BYTES),
     ]:  # fmt: skip

@@ -40,8 +40,6 @@ DOORS = {
     ("scene.rendering", "output.groups"),
     ("scene.scene", "scene.toml"),
     ("viewer", "viewer.widget"),
-    # The way of a camera is read from a file, and made of keys.
-    ("io", "camera.csv"),
 }
 
 # Libraries that take long to import, or need not be there.

@@ -18,8 +18,6 @@ from flurries._contract import LARGEST, SMALLEST, Array, Float64
 from flurries._kept import kept
 from flurries.camera.rotation import rotation_matrix
 
-__all__ = ["Camera", "image_velocity", "project"]
-
 
 @check.suggesting
 @dataclass(frozen=True)
@@ -52,22 +50,27 @@ class Camera:
     aspect: float = 1.0
 
     def __post_init__(self) -> None:
-        settle = object.__setattr__
-        settle(self, "focal", check.real("focal", self.focal, low=SMALLEST, high=LARGEST))
-        if self.center is not None:
-            settle(self, "center", tuple(check.vector("center", self.center, 2).tolist()))
-        settle(self, "offset", tuple(check.vector("offset", self.offset, 3).tolist()))
-        settle(
-            self, "center_shift", tuple(check.vector("center_shift", self.center_shift, 2).tolist())
-        )
-        settle(self, "rotation", tuple(check.vector("rotation", self.rotation, 3).tolist()))
-        settle(self, "aspect", check.real("aspect", self.aspect, low=0.05, high=20.0))
+        def numbers(name: str, count: int) -> Any:
+            return tuple(check.vector(name, getattr(self, name), count).tolist())
+
+        vars(self).update(
+            focal=check.real("focal", self.focal, low=SMALLEST, high=LARGEST),
+            center=None if self.center is None else numbers("center", 2),
+            offset=numbers("offset", 3), center_shift=numbers("center_shift", 2),
+            rotation=numbers("rotation", 3),
+            aspect=check.real("aspect", self.aspect, low=0.05, high=20.0),
+        )  # fmt: skip
 
     def derive(self, **changes: Any) -> Camera:
         """Return the camera with some values changed, without checks."""
         made = object.__new__(Camera)
         made.__dict__.update(self.__dict__, **changes)
         return made
+
+    def magnified(self, ratio: float) -> Camera:
+        """Return the camera with another focal length, its principal point shifted as much."""
+        shift = (ratio * self.center_shift[0], ratio * self.center_shift[1])
+        return self.derive(focal=ratio * self.focal, center_shift=shift)
 
     @property
     def focals(self) -> tuple[float, float]:
@@ -181,11 +184,7 @@ def image_velocity(
     fx, fy = view.focals
     x, y = (given - np.array(view.principal(size))).T
     flow = np.stack([tz * x - fx * tx, tz * y - fy * ty], axis=1)
-    flow /= distance[:, None]
-    turned = rotational(x, y, view.focals, omega)
-    flow[:, 0] += turned[0]
-    flow[:, 1] += turned[1]
-    return flow
+    return np.asarray(flow / distance[:, None] + np.stack(rotational(x, y, view.focals, omega), 1))
 
 
 def rotational(

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,8 @@ import numpy as np
 from flurries._contract import Float64, choice, suggesting, table
 from flurries._kept import kept
 from flurries.camera.lens import Camera
-from flurries.camera.rotation import rotation_vector
-from flurries.camera.turning import Turning, turning_of
-from flurries.camera.zoom import lengths_of, weigh
+from flurries.camera.rotation import quaternions_of, rotation_vector
+from flurries.camera.turning import Turning, lengths_of, turning_of, weigh
 from flurries.motion.keys import (
     Course,
     Integral,
@@ -32,8 +30,6 @@ from flurries.motion.keys import (
 )
 
 __all__ = ["CameraPath"]
-
-EXTEND = ("on", "stop")
 
 
 @suggesting
@@ -53,12 +49,11 @@ class CameraPath:
     velocity : (3,) or Keys, optional
         World units per second, house axes; integrated in closed form from frame 0.
     orientation : (n, 3), (n, 4) or (n, 3, 3) array, or Keys, optional
-        Rotation vectors (axis times angle in radians, as `Camera.rotation`), unit quaternions
-        (w, x, y, z), or matrices from the camera's axes to the house's: one for each frame from 0
-        on, or keyed (vectors and quaternions). Between them the camera turns at one rate about one
-        axis; outside it goes on with the first and the last rate. It turns the shorter way, less
-        than half a turn from one to the next; rotation vectors may mean more: (0, 0, 0) to
-        (0, 7, 0) is 7 radians. `camera.rotation` is how the camera sits on what turns.
+        Rotation vectors (as `Camera.rotation`), unit quaternions (w, x, y, z), or matrices from the
+        camera's axes to the house's: one for each frame from 0 on, or keyed (not matrices). Between
+        them it turns at one rate about one axis the shorter way, but for rotation vectors, which
+        may mean more: (0, 0, 0) to (0, 7, 0) is 7 radians. Outside it goes on with the first and
+        the last rate. `camera.rotation` is how the camera sits on what turns.
     focal : (n,) array or Keys, optional
         Focal length in pixels, in place of the camera's, for a lens that zooms: one for each frame
         from 0 on, or keyed; linear between them, held outside.
@@ -86,38 +81,35 @@ class CameraPath:
     extend: str = "on"
     _places: Keys | None = field(init=False, repr=False)
     _turning: Turning | None = field(init=False, repr=False)
-    # Of the lens over time, pixels.
-    _lengths: Keys = field(init=False, repr=False)
+    _lengths: Keys = field(init=False, repr=False)  # Of the lens over time, pixels.
 
     def __post_init__(self) -> None:
-        settle = partial(object.__setattr__, self)
         if not isinstance(self.camera, Camera):
             raise TypeError(f"camera must be a Camera, got {type(self.camera).__name__}")
         if self.position is not None and self.velocity is not None:
             raise ValueError("position and velocity must not both be given")
-        choice("extend", self.extend, EXTEND)
+        choice("extend", self.extend, ("on", "stop"))
+        own: dict[str, Any] = {"_places": self.position}
         if self.velocity is not None:
-            settle("velocity", as_vector("velocity", self.velocity, 3))
-        settle("_places", self.position)
+            own["velocity"] = as_vector("velocity", self.velocity, 3)
         if isinstance(self.position, Keys):
             as_vector("position", self.position, 3)
         elif self.position is not None:
             places = table("position", self.position)
             if places.shape[1] != 3 or len(places) == 0:
                 raise ValueError(f"position must have shape (n, 3), got {places.shape}")
-            settle("position", _frozen(places))
-            settle("_places", Keys(list(enumerate(places.tolist()))))
-        turning = None if self.orientation is None else turning_of(self.orientation)
-        settle("_turning", turning)
-        if turning is not None and not isinstance(self.orientation, Keys):
-            settle("orientation", _frozen(table("orientation", self.orientation, ndim=None)))
-        lengths = Keys([(0.0, self.camera.focal)])
+            own["_places"] = Keys(list(enumerate(places.tolist())))
+        own["_turning"] = None if self.orientation is None else turning_of(self.orientation)
+        own["_lengths"] = Keys([(0.0, self.camera.focal)])
         if self.focal is not None:
-            lengths = lengths_of(self.focal)
-            settle("camera", replace(self.camera, focal=lengths.value(0.0)))
-            if not isinstance(self.focal, Keys):
-                settle("focal", _frozen(table("focal", self.focal, ndim=1)))
-        settle("_lengths", lengths)
+            own["_lengths"] = lengths_of(self.focal)
+            own["camera"] = replace(self.camera, focal=own["_lengths"].value(0.0))
+        for name in ("position", "orientation", "focal"):
+            given = getattr(self, name)
+            if given is not None and not isinstance(given, Keys):
+                own[name] = table(name, given, ndim=None).copy()
+                own[name].flags.writeable = False
+        vars(self).update(own)
 
     def __reduce__(self) -> tuple[Any, ...]:
         given = (self.camera, self.position, self.velocity, self.orientation, self.focal)
@@ -132,7 +124,7 @@ class CameraPath:
     @cached_property
     def turns(self) -> bool:
         """Whether the camera ever turns."""
-        return self._turning is not None and self._turning.moves
+        return self._turning is not None and bool((self._turning.rates != 0.0).any())
 
     @cached_property
     def zooms(self) -> bool:
@@ -146,7 +138,6 @@ class CameraPath:
 
     @property
     def longest_focal(self) -> float:
-        """The longest focal length of the film, pixels."""
         return float(self._lengths.columns[1].max())
 
     def zoom(self, t: float) -> tuple[float, float]:
@@ -164,67 +155,86 @@ class CameraPath:
 
     def spin(self, t: float) -> Float64:
         """Return the spin at `t`, (3,) radians per frame, house axes, right-handed."""
-        if self._turning is None:
-            return np.zeros(3)
-        return np.asarray(self._turning.at(t) @ self._turning.rate(t))
+        return np.zeros(3) if self._turning is None else self.rig(t) @ self._turning.rate(t)
 
     def pose(self, camera: Camera, t: float) -> Camera:
         """Return a camera that sits on the path as it looks at `t`: its rotation is the whole."""
         if self.zooms:
-            ratio = math.exp(self.zoom(t)[0])
-            shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
-            camera = camera.derive(focal=ratio * camera.focal, center_shift=shift)
+            camera = camera.magnified(math.exp(self.zoom(t)[0]))
         if self._turning is None:
             return camera
         whole = rotation_vector(self._turning.at(t) @ camera.matrix())
         return camera.derive(rotation=tuple(whole.tolist()))
 
     def travel(self, t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:
-        """Return P, the camera's way through air that falls and blows, as the camera felt it.
-
-        The integral from frame 0 of R^T v, v = camera minus air, in the camera's own axes; given in
-        house axes as the camera stands at `t`, (3,) world units. Where the camera does not turn it
-        is the difference of the places. While it zooms the way across the view is weighed by the
-        focal length of its time over that at `t`, so that f P is how far the picture has moved.
-        """
-        if not self.turns:
-            way = self.place(t, fps=fps) - air_moved(t, fps=fps, fall=fall, wind=wind)
+        """Return P, the camera's way through air that falls and blows, as the camera felt it."""
+        # The integral from frame 0 of R^T v, v = camera minus air, in the camera's own axes; given
+        # in house axes as it stands at `t`, (3,) world units. While it zooms the way across the
+        # view is weighed by the focal length of its time over that at `t`, so that f P is how far
+        # the picture has moved.
+        if self.turns:
+            way = self.rig(t) @ _way(self, fps, fall, wind, zoomed=False).to(t)
         else:
-            way = self.rig(t) @ _kept(_relative_way, self, fps, fall, wind).to(t)
+            way = self.place(t, fps=fps) - air_moved(t, fps=fps, fall=fall, wind=wind)
         if not self.zooms:
             return np.asarray(way)
-        weighted = self.rig(t) @ _kept(_weighted_way, self, fps, fall, wind).to(t)
-        weighted = weighted / self._lengths.value(t)
-        axis = self.turn(t)[:, 2]
-        return np.asarray(weighted + axis * (axis @ (way - weighted)))
+        return self._across(t, way, _way(self, fps, fall, wind, zoomed=True))
 
     def rotation(self, t: float) -> Float64:
-        """Return the integral of the rate of turning in the camera's own axes since frame 0.
-
-        Given in house axes as the camera stands at `t`, (3,) radians. A zoom weighs what is not
-        about the view's axis as it does the way in `travel`.
-        """
+        """Return the integral of the rate of turning since frame 0, (3,) radians, as `travel`."""
         if self._turning is None:
             return np.zeros(3)
         angle = self._turning.at(t) @ self._turning.angle(t)
-        if not (self.zooms and self.turns):
-            return np.asarray(angle)
-        weighted = self._turning.at(t) @ _kept(_weighted_turn, self).to(t) / self._lengths.value(t)
+        return self._across(t, angle, _turned(self)) if self.zooms and self.turns else angle
+
+    def _across(self, t: float, whole: Float64, zoomed: Integral) -> Float64:
+        """Return an integral along the view's axis, and one weighed by the focal length across."""
+        weighted = self.rig(t) @ zoomed.to(t) / self._lengths.value(t)
         axis = self.turn(t)[:, 2]
-        return np.asarray(weighted + axis * (axis @ (angle - weighted)))
+        return np.asarray(weighted + axis * (axis @ (whole - weighted)))
 
     def resize(self, scale: float) -> CameraPath:
         """Return the same view on a picture that is `scale` times as wide and high."""
-        lens = self.camera
-        center = None if lens.center is None else (scale * lens.center[0], scale * lens.center[1])
-        shift = (scale * lens.center_shift[0], scale * lens.center_shift[1])
-        changed = replace(lens, focal=lens.focal * scale, center=center, center_shift=shift)
-        focal = self.focal
+        center, focal = self.camera.center, self.focal
+        if center is not None:
+            center = scale * center[0], scale * center[1]
         if isinstance(focal, Keys):
             focal = Keys([(frame, scale * value) for frame, value in focal.keys])
         elif focal is not None:
             focal = scale * focal
-        return replace(self, camera=changed, focal=focal)
+        camera = replace(self.camera.magnified(scale), center=center)
+        return replace(self, camera=camera, focal=focal)
+
+    @property
+    def extent(self) -> tuple[int, int] | None:
+        """The first and last whole frame of a camera that must not go on by itself, or None."""
+        keyed = [own for own in (self._places, self._lengths) if own is not None]
+        frames = [own.columns[0] for own in keyed]
+        frames += [] if self._turning is None else [self._turning.frames]
+        # One pose stands for all frames.
+        several = [own for own in frames if len(own) > 1]
+        if self.extend != "stop" or not several:
+            return None
+        first, last = max(own[0] for own in several), min(own[-1] for own in several)
+        return math.ceil(first), math.floor(last)
+
+    def holding(self) -> CameraPath:
+        """Return the path with a camera that stands still before its first and after its last."""
+        # Outside their frames paths go on with the first and the last rate: a rate of 0. Keys may
+        # hold quaternions, and no matrices.
+        turned = self.orientation
+        if turned is not None and not isinstance(turned, Keys):
+            rows = quaternions_of(turned) if turned.ndim == 3 else turned
+            turned = Keys(list(enumerate(rows.tolist())))
+
+        def padded(keys: Keys | None) -> Keys | None:
+            if keys is None or len(keys.keys) < 2:
+                return keys
+            (first, start), (last, end) = keys.keys[0], keys.keys[-1]
+            return Keys([(first - 1.0, start), *keys.keys, (last + 1.0, end)])
+
+        places = padded(self._places)
+        return replace(self, position=places, orientation=padded(turned), extend="on")
 
     @kept(32)
     def course(self, fps: float) -> Course:
@@ -268,12 +278,6 @@ class CameraPath:
         return self.place(t, fps=fps) - gone, self.rate(t, fps=fps) - air / fps
 
 
-def _frozen(given: Float64) -> Float64:
-    own: Float64 = given.copy()
-    own.flags.writeable = False
-    return own
-
-
 def air_moved(t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:
     """Return the way of flakes in the wind since frame 0, house axes, (3,)."""
     moved = integral_to(wind, t) / fps
@@ -282,21 +286,11 @@ def air_moved(t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:
 
 
 @kept(96)
-def _kept(make: Callable[..., Integral], *given: Any) -> Integral:
-    """Return an integral along a path; its sums are made once for a film."""
-    return make(*given)
-
-
-def _relative_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Integral:
-    """Return P of a camera that turns."""
-    assert path._turning is not None
-    return path._turning.integral(sum_of([path.course(fps), *air_courses(wind, fall, -1.0 / fps)]))
-
-
-def _weighted_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Integral:
-    """Return the integral of f R^T v, in the rig's axes."""
-    way = sum_of([path.course(fps), *air_courses(wind, fall, -1.0 / fps)])
-    course = weigh(path._lengths, way)
+def _way(path: CameraPath, fps: float, fall: Number, wind: Vector, *, zoomed: bool) -> Integral:
+    """Return the integral of R^T v in the rig's axes, or of f R^T v."""
+    course = sum_of([path.course(fps), *air_courses(wind, fall, -1.0 / fps)])
+    if zoomed:
+        course = weigh(path._lengths, course)
     if path._turning is not None and path.turns:
         return path._turning.integral(course)
     # The rig stands still: house axes, turned back into its own.
@@ -305,7 +299,8 @@ def _weighted_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> I
     return integral_of(Course(course.knots, course.values @ rig, slopes, course.times))
 
 
-def _weighted_turn(path: CameraPath) -> Integral:
+@kept(96)
+def _turned(path: CameraPath) -> Integral:
     """Return the integral of f w, in the rig's axes."""
     assert path._turning is not None
     turning = path._turning

@@ -1,4 +1,4 @@
-"""How tiles of :func:`flurries.spectral.field` move for a camera that moves, turns and zooms."""
+"""How tiles of :func:`flurries.spectral.field` move for a camera that moves and turns."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from flurries import _contract as check
 from flurries._contract import OVERLAP, SMALLEST, TILE, Float64
 from flurries.camera.lens import Camera, expect_camera, rotational
 from flurries.spectral.tiles import starts
-
-__all__ = ["tile_drift", "tile_shift"]
 
 
 def tile_drift(
@@ -80,9 +78,6 @@ def _asked(
     size, view = check.shape_of("shape", shape), expect_camera(camera, stretched=True)
     x, y = tile_middles(size, view, *check.tile_of(tile, overlap))
     return view, x, y, check.output(out, (len(y), len(x), 2), np.dtype(np.float64))
-
-
-# The same for numbers that are checked.
 
 
 def tile_middles(

@@ -1,29 +1,32 @@
-"""Orientation over time, and integrals in axes that turn.
+"""A camera that turns and zooms: integrals in its axes, weighed by its focal length.
 
 Between keys a camera turns about one axis at one rate: R(t) = R_i exp([w] (t - t_i)), with w in the
 camera's own axes. Integrals of R^T u for a velocity u that is linear in time are then sums of
-elementary terms: any time can be asked for without the ones before it.
+elementary terms: any time can be asked for without the ones before it. What moves across the view
+by dP moves by f dP / Z in the picture, with the focal length of that moment: a zoom weighs the way
+instead of changing what has long passed.
 """
 
 from __future__ import annotations
 
 import bisect
+import math
 from dataclasses import dataclass, field
 from functools import partial
-from math import factorial as f
 from typing import Any
 
 import numpy as np
 
-from flurries._contract import Float64, moderate, table
+from flurries._contract import LARGEST, SMALLEST, Float64, moderate, table
 from flurries.camera.rotation import matrices_of, quaternions_of, rotation_matrix, rotation_vector
-from flurries.motion.keys import Course, Integral, Keys
-
-__all__ = ["Turning", "turning_of"]
+from flurries.motion.keys import Course, Integral, Keys, as_number, course_of
 
 # Below this angle the terms are summed as series: there the closed forms cancel.
 _SMALL = 0.5
 _TERMS = 9
+
+# Pieces of a product of two that both slope are cut at whole frames, at most so many.
+_MOST_CUTS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +44,6 @@ class Turning:
             return np.asarray(self.rates[self.pieces(inside)] * (end - start)[:, None])
 
         object.__setattr__(self, "_angle", Integral.of(angles, self.frames[1:-1]))
-
-    @property
-    def moves(self) -> bool:
-        return bool((self.rates != 0.0).any())
 
     def at(self, t: float) -> Float64:
         """Return the matrix (3, 3) at `t`, rig to house axes."""
@@ -116,6 +115,7 @@ def _terms(x: Float64) -> Float64:
         (0.5 * y**2 - y * s - c + 1.0) / y**4,
     )
     # Term n of each over (-x^2)^n.
+    f = math.factorial
     terms = [
         (1 / f(2 * n + 2), 1 / f(2 * n + 3), (2 * n + 2) / f(2 * n + 3), (2 * n + 3) / f(2 * n + 4))
         for n in range(_TERMS)
@@ -180,3 +180,37 @@ def _rates(frames: Float64, matrices: Float64, vectors: Float64 | None) -> Float
             turn = axis * (angle + 2.0 * np.pi * round((meant - angle) / (2.0 * np.pi)))
         rates[i] = turn / (frames[i + 1] - frames[i])
     return rates
+
+
+def weigh(lengths: Keys, course: Course) -> Course:
+    """Return a velocity times a keyed focal length."""
+    focal = course_of(Keys([(frame, (value,)) for frame, value in lengths.keys]))
+    knots = np.union1d(focal.knots, course.knots)
+    sloped = course.slopes is not None and bool(course.slopes.any())
+    if sloped and len(knots) > 1:
+        # Two that slope make a parabola: near enough on whole frames.
+        cuts = np.arange(math.ceil(knots[0]), math.floor(knots[-1]) + 1)
+        if len(cuts) > _MOST_CUTS:
+            raise ValueError(f"focal: at most {_MOST_CUTS} frames of keys, got {len(cuts)}")
+        knots = np.union1d(knots, cuts)
+    if len(knots) == 0:
+        knots = np.zeros(1)
+    # Each piece from its start, the first from its end; the last two times lie in the last one.
+    ends = np.concatenate([knots[:1] - 1.0, knots, knots[-1:] + 1.0])
+    start, end = ends[:-1], ends[1:]
+    inside = 0.5 * (start + end)
+    values = [focal.line(at, inside)[0] * course.line(at, inside)[0] for at in (start, end)]
+    slopes = (values[1] - values[0]) / (end - start)[:, None]
+    return Course(knots, values[0], slopes, start)
+
+
+def lengths_of(focal: Any) -> Keys:
+    """Return keys of a `focal` argument: keyed lengths in pixels, or one for each frame."""
+    keys = focal
+    if not isinstance(keys, Keys):
+        values = table("focal", focal, ndim=1)
+        if len(values) == 0:
+            raise ValueError("focal must hold at least one length, got none")
+        keys = Keys(list(enumerate(values.tolist())))
+    as_number("focal", keys, low=SMALLEST, high=LARGEST)
+    return keys

@@ -242,9 +242,8 @@ class Frame:
             turn = self.path.rig(after) @ self.path.rig(self.t).T @ camera.matrix()
             camera = camera.derive(rotation=tuple(rotation_vector(turn).tolist()))
         if self.path.zooms:
-            ratio = math.exp(self.path.zoom(after)[0] - self.path.zoom(self.t)[0])
-            shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
-            camera = camera.derive(focal=ratio * camera.focal, center_shift=shift)
+            zoom = self.path.zoom(after)[0] - self.path.zoom(self.t)[0]
+            camera = camera.magnified(math.exp(zoom))
         less = {"depth": None, "ambient": None, "nearer": (), "plate": None, "shared": None}
         return self.derive(t=after, camera=camera, **less)
 

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from flurries._contract import integer, real
-from flurries.camera.extent import extent
 from flurries.camera.path import CameraPath
 from flurries.io import frame_range
 from flurries.io.films.codecs import frame_rate
@@ -88,7 +87,7 @@ class Sources:
     def _spans(self) -> list[Span]:
         """The frame numbers of all that has any: files and a camera from a file."""
         found = [files.span for files in self._files.values() if files.span is not None]
-        ends = extent(self.camera)
+        ends = self.camera.extent
         if ends is not None:
             found.append(Span("camera", *ends, "hold" if self._holds else "stop"))
         return found
@@ -105,7 +104,7 @@ class Sources:
 
     @property
     def _holds(self) -> bool:
-        return self.extend == "hold" and extent(self.camera) is not None
+        return self.extend == "hold" and self.camera.extent is not None
 
     def _require(self, frames: Sequence[int], *, gaps: bool = True) -> None:
         """Refuse frame numbers that a file or the camera does not have; files missing: `gaps`."""

@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 from flurries._contract import Array, choice, flag, rate_of, seed_of, suggesting
 from flurries._warnings import warn
-from flurries.camera.extent import holding
 from flurries.camera.lens import Camera
 from flurries.camera.optics import USUAL, Lens
 from flurries.camera.path import CameraPath, as_path
@@ -191,7 +190,7 @@ class Scene(Rendering):
             short = self.camera.longest_focal < LONGEST_FOCAL * self._display[2]
             lens = USUAL if found.photograph and self._color is None and short else None
         settle("lens", one_or_none("lens", lens, Lens))
-        path = holding(self.camera) if self._holds else self.camera
+        path = self.camera.holding() if self._holds else self.camera
         settle("_path", replace(path, camera=self._in_frame(path.camera)))
         several = isinstance(foreground, (list, tuple))
         front: Any = tuple(map(frozen, foreground)) if several else frozen(foreground)  # type: ignore[arg-type]

@@ -13,10 +13,9 @@ from pathlib import Path
 import numpy.typing as npt
 
 from flurries._contract import shape_of
-from flurries.camera.csv import read_path
 from flurries.camera.importers.colmap import read_colmap
 from flurries.camera.importers.matrices import from_matrices
-from flurries.camera.importers.text import read_chan, read_kitti
+from flurries.camera.importers.text import read_chan, read_csv, read_kitti
 from flurries.camera.importers.usd import SUFFIXES, read_usd
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
@@ -58,14 +57,11 @@ def load(
         return read_colmap(place, size, down=down, scale=scale)
     if down is not None:
         raise ValueError(f"{place}: down is for COLMAP's folders: other files say which way it is")
-    if suffix == ".chan":
-        return read_chan(place, size, camera=lens, scale=scale)
-    if suffix in SUFFIXES:
-        return read_usd(place, size, camera=lens, scale=scale)
-    if suffix == ".csv":
-        return CameraPath(lens, **read_path(place, scale), extend="stop")
-    if suffix == ".txt":
-        return read_kitti(place, lens, scale=scale)
+    if suffix in (".csv", ".txt"):
+        return (read_csv if suffix == ".csv" else read_kitti)(place, lens, scale=scale)
+    if suffix == ".chan" or suffix in SUFFIXES:
+        read = read_chan if suffix == ".chan" else read_usd
+        return read(place, size, camera=lens, scale=scale)
     raise ValueError(
         f"{place}: a camera is a .chan, .usd, .csv or .txt file, or a folder of COLMAP's, "
         f"not {suffix!r}"

@@ -12,13 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Float64, shape_of, vector
-from flurries.camera.csv import floats
 from flurries.camera.importers.matrices import path_of
-from flurries.camera.importers.text import lines_of
+from flurries.camera.importers.text import floats, lines_of
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import matrices_of, rotation_matrix
-from flurries.io.files import plain_file
 
 # COLMAP's models: where focal lengths and the principal point are among the numbers.
 _MODELS = {
@@ -36,15 +34,14 @@ def read_colmap(
     # names. The axes have no relation to the ground and no unit: `down` is where things fall, the
     # mean of the cameras' own if not given, and `scale` metres to a unit. Lenses are scaled to
     # `shape`.
-    place = Path(folder)
     height, width = shape_of("shape", shape)
-    lenses = _colmap_lenses(place / "cameras.txt")
-    file = plain_file(place / "images.txt")
-    rows: list[tuple[str, list[float], str]] = []
-    lines = [(number, line) for number, line in lines_of(file) if not line.lstrip().startswith("#")]
+    lenses = _lenses(Path(folder) / "cameras.txt")
+    file = Path(folder) / "images.txt"
+    lines = [(i, line) for i, line in enumerate(lines_of(file), 1) if line.lstrip()[:1] != "#"]
     # Every second line holds an image's points, and may be empty.
     while lines and not lines[-1][1].strip() and len(lines) % 2:
         lines.pop()
+    rows: list[tuple[str, list[float], str]] = []
     for number, line in lines[::2]:
         parts = line.split(maxsplit=9)
         if len(parts) != 10:
@@ -78,27 +75,26 @@ def read_colmap(
     return path_of(frames, places @ world.T, world @ turns, lens, focal, scale)
 
 
-def _colmap_lenses(path: Path) -> dict[str, tuple[float, ...]]:
+def _lenses(file: Path) -> dict[str, tuple[float, ...]]:
     """Return (width, height, fx, fy, cx, cy) of COLMAP's cameras."""
-    file = plain_file(path)
     found: dict[str, tuple[float, ...]] = {}
     distorted = False
-    for number, line in lines_of(file):
+    for number, line in enumerate(lines_of(file), 1):
         parts = line.split()
         if not parts or parts[0].startswith("#"):
             continue
         if len(parts) < 5 or parts[1] not in _MODELS:
             known = ", ".join(_MODELS)
             raise ValueError(f"{file}, line {number}: a camera's model is one of {known}")
-        values = floats(file, number, parts[2:])
-        params = values[2:]
-        if len(params) <= max(_MODELS[parts[1]]):
+        width, height, *numbers = floats(file, number, parts[2:])
+        places = _MODELS[parts[1]]
+        if len(numbers) <= max(places):
             raise ValueError(f"{file}, line {number}: {parts[1]} needs more numbers")
-        fx, fy, cx, cy = (params[place] for place in _MODELS[parts[1]])
-        if min(fx, fy, *values[:2]) <= 0.0:
+        fx, fy, cx, cy = (numbers[place] for place in places)
+        if min(fx, fy, width, height) <= 0.0:
             raise ValueError(f"{file}, line {number}: sizes and focal lengths must be positive")
-        distorted |= any(params[max(_MODELS[parts[1]]) + 1 :])
-        found[parts[0]] = (values[0], values[1], fx, fy, cx, cy)
+        distorted |= any(numbers[max(places) + 1 :])
+        found[parts[0]] = width, height, fx, fy, cx, cy
     if distorted:
         warnings.warn(f"{file}: lens distortion is left out", UserWarning, stacklevel=4)
     return found
