@@ -73,7 +73,7 @@ def test_the_readme_and_pages_for_users_run(page: Path):
 
 
 def test_there_is_something_to_run_in_order():
-    assert len(EXAMPLES) > 20 and len(RUNNING) > 10
+    assert len(EXAMPLES) > 10 and len(RUNNING) > 10
     page = "```python\nx = 1\n```\nwords\n```python\nassert x == {}\n```\n"
     assert run_blocks(page.format(1)) == 2
     with pytest.raises(AssertionError):

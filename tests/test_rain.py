@@ -11,7 +11,8 @@ from scipy.integrate import quad
 
 import flurries as fl
 from flurries.effects.field import streaks_tile
-from flurries.spectral.contrast import kept_power, mean_opacity
+from flurries.spectral.tables import kept_power
+from flurries.spectral.tiles import mean_opacity
 from measure import frame_of
 
 Rain, Scene, Camera = fl.effects.TentRain, fl.Scene, fl.camera.Camera

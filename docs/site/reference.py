@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -62,7 +63,8 @@ In Python, `fl` is `import flurries as fl`. Arrays are `[row, column]`, x goes r
 away from the camera; lengths are metres, angles radians, times frames unless a name says otherwise.
 An argument that is not as described is refused by a `TypeError` or a `ValueError` that names it. `out`, where
 a function has it, is an array of the result's shape and dtype to write into and return. `dtype`
-is the type of its numbers, `np.float32` or `np.float64`.
+is the type of its numbers, `np.float32` or `np.float64`; `shape` is a picture's (H, W) in pixels, and `seed`
+any int64.
 """
 
 
@@ -83,7 +85,8 @@ def page(title: str, names: list[tuple[str, str]]) -> str:
         return effect(title, names[0])
     head = f"fl.{title}" if title in fl.__all__ else title.capitalize()
     module = getattr(fl, title) if title in fl.__all__ else None
-    about = SENTENCES.get(title) or (inspect.getdoc(module) or "").split("\n\n")[0]
+    # Words that hold for all of a module stand in its own docstring once.
+    about = SENTENCES.get(title) or re.sub(r":\w+:(?=`)", "", inspect.getdoc(module) or "")
     lines = [head, "=" * len(head), "", about.replace("`", "``").replace("````", "``"), ""]
     for path, name in names:
         lines += ["", name, "-" * len(name), ""]

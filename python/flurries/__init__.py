@@ -5,8 +5,9 @@ Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`f
 Pictures and film: :class:`Scene` and its effects.
 
 An argument that is not as described is refused by a TypeError or a ValueError that names it. `out`,
-where a function has it, is an array of the result's shape and dtype to write into and return;
-`dtype` is the type of its numbers, float32 or float64.
+where a function has it, is an array of the result's shape and dtype to write into and return, and
+none of the arguments; `dtype` is the type of its numbers, float32 or float64. `shape` is a
+picture's (H, W) in pixels, and `seed` any int64.
 """
 
 from importlib import import_module

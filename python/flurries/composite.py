@@ -60,8 +60,6 @@ def snow(
     intensity : float or RGB
         Color of the snow as a fraction of full scale; above 1 for bright snow in linear light. The
         default is the paper's 250 of 255.
-    out : like `background`, optional
-        Array to write into and return; not the background itself.
 
     Returns
     -------
@@ -72,15 +70,6 @@ def snow(
     Notes
     -----
     Langer 2004, Eq. 7. Eq. 7 mixes display values; give linear light and get linear light.
-
-    Examples
-    --------
-    >>> import numpy as np, flurries as fl
-    >>> picture = np.full((480, 640, 3), 40, np.uint8)
-    >>> alpha = fl.spectral.alpha((480, 640), drift=(1.0, 8.0), seed=7, mean=0.1)
-    >>> snowy = fl.composite.snow(picture, alpha)
-    >>> snowy.dtype.name, bool((snowy >= picture).all())
-    ('uint8', True)
     """
     planes, given = _background(background, (1, 3))
     cover, _ = check.pixels("alpha", alpha, ndim=2)
@@ -115,8 +104,6 @@ def over(background: npt.ArrayLike, layer: npt.ArrayLike, *, out: Array | None =
         to.
     layer : (H, W, 4)
         Premultiplied RGBA, float, full scale 1, in the light of the background.
-    out : like `background`, optional
-        Array to write into and return; not the background itself.
 
     Returns
     -------

@@ -59,13 +59,6 @@ def eyes(
         `offset` less and more by half the distance along x, and `center_shift` by
         ``focal distance / (2 convergence)`` px the other way: a point at depth Z is seen
         ``focal distance (1/Z - 1/convergence)`` px farther left by the right eye than by the left.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> left, right = fl.stereo.eyes(fl.Camera(1200.0), distance=0.065, convergence=3.0)
-    >>> left.offset, right.center_shift
-    ((-0.0325, 0.0, 0.0), (13.0, 0.0))
     """
     middle = expect_camera(camera, stretched=True)
     half = 0.5 * real("distance", distance, low=0.0, high=LARGEST)
@@ -106,13 +99,6 @@ def anaglyph(
     -----
     E. Dubois, "A projection method to generate anaglyph stereo images", ICASSP 2001. The projection
     is one of light: on display values it would be off by .03 on average and .3 at worst.
-
-    Examples
-    --------
-    >>> import numpy as np, flurries as fl
-    >>> white, black = np.ones((1, 1, 3)), np.zeros((1, 1, 3))
-    >>> fl.stereo.anaglyph(white, black).ravel().tolist()
-    [1.0, 0.0, 0.0]
     """
     first, second = _pair(left, right, (3,))
     toward = [np.array(m) for m in MATRICES[choice("matrix", matrix, tuple(MATRICES))]]

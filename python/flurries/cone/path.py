@@ -14,8 +14,6 @@ from flurries import _contract as check
 from flurries._contract import LARGEST, SMALLEST, Float64
 from flurries.cone.sheet import MOST_REPEATS, wrapped
 
-__all__ = ["Path", "State", "path"]
-
 # Below this speed, m/s, there is no direction: the axis stays as it was.
 STILL = 1e-3
 

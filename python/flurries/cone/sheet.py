@@ -14,8 +14,6 @@ from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.camera.lens import Camera, expect_camera
 
-__all__ = ["Rays", "layer", "rays"]
-
 MOST_REPEATS = 4096
 LARGEST_TILE = 4096
 
@@ -123,8 +121,6 @@ def layer(
 
     Parameters
     ----------
-    shape : (H, W)
-        Size of the picture.
     camera : Camera
         Its lens, rotation and offset.
     tile : (n, n)

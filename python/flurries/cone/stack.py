@@ -17,8 +17,6 @@ from flurries.camera.lens import Camera, expect_camera
 from flurries.cone.sheet import MOST_REPEATS, Pose, layer, pose, reach_of, wrapped
 from flurries.cone.tiles import Table, Texture
 
-__all__ = ["layers"]
-
 BLOCK = 16
 
 # A chart is three words a pixel: of larger pictures only the rows that are asked for have one.
@@ -54,7 +52,7 @@ def layers(
 
     Parameters
     ----------
-    shape, camera, axis, phase, stretch, slope, repeats, conserve, radius, dtype, out
+    camera, axis, phase, stretch, slope, repeats, conserve, radius
         See :func:`layer`. While all but the phase stays the same, the rays are looked up.
     tile : Texture or (n, n)
         Give a :class:`Texture` for many frames: from an array a new one is made at each call.
@@ -74,12 +72,6 @@ def layers(
     -----
     float32 looks into tables of 8 bits, filtered beforehand. float64 is the composition of
     :func:`layer`. The two differ by less than 0.011 in the mean.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> rain = fl.cone.Texture(fl.cone.rain_tile(128, seed=1))
-    >>> alpha = fl.cone.layers((90, 120), fl.Camera(150.0), rain, axis=(0, 1, 0), phase=0.1)
     """
     size = check.shape_of("shape", shape)
     kind = check.float_dtype(dtype)

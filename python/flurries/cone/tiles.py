@@ -12,8 +12,6 @@ from flurries import _core
 from flurries._contract import Array, Float64, aligned, float_dtype, integer, output, real, seed_of
 from flurries.cone.sheet import LARGEST_TILE, texture_of
 
-__all__ = ["Texture", "rain_tile", "snow_tile"]
-
 # Streams of counter-based numbers: places, sizes, opacities.
 ACROSS, ALONG, SIZE, OPACITY = 311, 312, 313, 314
 
@@ -31,8 +29,6 @@ def rain_tile(
     ----------
     size : int
         n, texels to a side, 4 to 4096.
-    seed : int
-        Any int64.
     drops : int
         How many.
     width : float

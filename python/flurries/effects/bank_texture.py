@@ -22,7 +22,7 @@ from flurries.camera.tiles import tile_drift, tile_shift
 from flurries.effects.motion import comes_nearer
 from flurries.frame.view import Frame
 from flurries.motion.keys import Vector
-from flurries.spectral.request import request
+from flurries.spectral.frame import request
 from flurries.spectral.texture import Texture
 
 # Amplitudes fall as k^(-11/6), their squares as k^(-11/3).

@@ -22,9 +22,8 @@ from flurries.effects.motion import Motion, Way
 from flurries.frame.bands import by_tiles
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
-from flurries.spectral.frame import Map
+from flurries.spectral.frame import Map, Request, request_of
 from flurries.spectral.motion import tile_motions
-from flurries.spectral.request import Request, request_of
 from flurries.spectral.tables import FAR, Aliasing, warn_far, warn_long, wave_depth
 from flurries.spectral.texture import Texture
 from flurries.spectral.tiles import Blend, power_shares, starts

@@ -27,9 +27,9 @@ from flurries.effects.motion import Way
 from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
-from flurries.spectral.contrast import kept_power, mean_opacity
 from flurries.spectral.frame import Map
-from flurries.spectral.tables import band_amplitude, wave_depth
+from flurries.spectral.tables import band_amplitude, kept_power, wave_depth
+from flurries.spectral.tiles import mean_opacity
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -14,8 +14,6 @@ import numpy.typing as npt
 from flurries._contract import Float64, choice, output, real
 from flurries.gas.splatting import gas_of
 
-__all__ = ["parallax_error", "projection_error"]
-
 Form: TypeAlias = Literal["exact", "printed"]
 FORMS = get_args(Form)
 
@@ -29,7 +27,7 @@ def projection_error(
     Parameters
     ----------
     centers : (n, 3)
-        Middles in camera axes (x right, y down, z forward), world units.
+        Middles in camera axes, world units.
     radius : float or (n,)
         Half the width of the billboards, world units.
     near : float

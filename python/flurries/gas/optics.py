@@ -12,8 +12,6 @@ from flurries import _core
 from flurries._contract import LARGEST, SMALLEST, Array, Float64
 from flurries.gas.splatting import gas_of
 
-__all__ = ["extinction", "footprint_table", "light", "phase", "visibility"]
-
 _RIM = math.exp(-4.5)
 
 # The plane integral of a footprint in squares of sigma, by how it ends. "disc" is "square" as the
@@ -74,12 +72,6 @@ def extinction(
     float
         Per world unit: ``count / volume * density * A * (radius / 3)^2``, A the plane integral of
         the footprint in squares of sigma. Exact for particles placed at random.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> round(fl.gas.extinction(1200, 5**3, 0.45, 0.4), 4)  # the paper's fog
-    0.5154
     """
     number = check.real("count", count, low=0.0, high=LARGEST)
     space = check.real("volume", volume, low=SMALLEST, high=LARGEST)
@@ -121,7 +113,7 @@ def light(
     Parameters
     ----------
     centers, radius, density
-        As in :func:`flurries.gas.splat`.
+        As in :func:`splat`.
     direction : (3,)
         Direction in which the light travels, in the axes of `centers`; any length.
     forward : float

@@ -13,8 +13,6 @@ from flurries import _core
 from flurries._contract import LARGEST, SMALLEST, Array, Float64
 from flurries.camera.lens import Camera, expect_camera
 
-__all__ = ["alpha", "splat"]
-
 Footprint: TypeAlias = Literal["viewplane_c", "viewplane", "viewpoint", "volume", "table"]
 FOOTPRINTS = get_args(Footprint)
 Edge: TypeAlias = Literal["taper", "square"]
@@ -51,14 +49,10 @@ def splat(
 
     Parameters
     ----------
-    shape : (H, W)
-        Pixels.
     centers : (n, 3)
-        Middles in camera axes (x right, y down, z forward), world units, not yet turned.
-    radius : float or (n,)
-        Three sigma, world units, positive.
-    density : float or (n,)
-        Opacity in the middle of a particle, 0 to 1.
+        Middles in camera axes, world units, not yet turned.
+    radius, density : float or (n,)
+        Three sigma, and the opacity in the middle of a particle, 0 to 1.
     color : float, (3,), (n,) or (n, 3)
         Linear light, one or for each; three numbers are one color, which costs half.
     camera : Camera
@@ -117,16 +111,7 @@ def alpha(
 ) -> Array:  # fmt: skip
     """Return the opacity of a gas: the alpha that :func:`splat` gives for one color, bit by bit.
 
-    Parameters
-    ----------
-    shape, centers, radius, density, camera, footprint, edge, near, near_mode, depth, occlusion, \
-error, dtype
-        As in :func:`splat`.
-
-    Returns
-    -------
-    (H, W) array
-        1 - prod(1 - alpha_i), 0 to 1.
+    Takes what :func:`splat` takes but the color, and gives (H, W): 1 - prod(1 - alpha_i), 0 to 1.
     """
     manner = footprint, edge, near, near_mode, occlusion, error
     gas = gas_of(centers, radius, density)

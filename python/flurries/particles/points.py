@@ -34,8 +34,6 @@ def positions(
         How many flakes, 0 or more.
     box : float or (3,) floats
         B, the sides of the box, world units, 1e-100 to 1e100.
-    seed : int
-        Any int64.
     velocity : (3,) or (count, 3)
         v, flake minus world, world units per unit of time.
     time : float
@@ -127,8 +125,6 @@ def splat(
 
     Parameters
     ----------
-    shape : (int, int)
-        (H, W), px.
     points : (n, 3)
         Where the flakes are at mid-exposure, in camera axes (x right, y down, z forward), world
         units. ``camera.offset`` is subtracted; ``camera.rotation`` is not applied.

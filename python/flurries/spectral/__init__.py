@@ -1,13 +1,14 @@
 """Falling snow as a texture whose spectrum lies on the tent surface (Langer 2004, sections 3-7).
 
 The steps are here one by one, on NumPy arrays, and :func:`field` and :func:`alpha` make a whole
-frame of overlapping tiles in one pass. Wave tables are in ``numpy.fft.fftfreq`` order, x right and
-y down; phases and rates are in cycles.
+frame of overlapping tiles in one pass. `shape` is (H, W) in pixels, of a tile or of a picture. Wave
+tables (H, W) are in ``numpy.fft.fftfreq`` order, x right and y down; phases and rates are in
+cycles, lengths in pixels.
 
 Two vectors move the texture, both in pixels of the picture's content and both accumulated since
-time 0: the *drift* is the displacement of the longest wave, ``wavelengths[1]`` (the nearest snow);
-a wave of wavelength L moves by ``drift * L / wavelengths[1]``. The *shift* is the displacement of
-all waves alike (a turning camera).
+time 0: the *drift* is the displacement of the longest wave, ``wavelengths[1]`` or `wavelength_max`
+(the nearest snow); a wave of wavelength L moves by ``drift * L`` over it. The *shift* is the
+displacement of all waves alike (a turning camera). What has a velocity moves by it in a frame.
 """
 
 from __future__ import annotations

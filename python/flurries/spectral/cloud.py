@@ -29,9 +29,9 @@ def cloud(
     tile : int or (rows, cols)
         Size of the texture in pixels; :func:`movie` and :func:`field` of this shape have no seam.
     velocity : (vx, vy)
-        Pixels per frame of all waves, x right, y down.
+        Pixels per frame of all waves.
     seed : int
-        Any int64: draws the speeds.
+        Draws the speeds.
     frequency : float
         Cycles per pixel, above 0 and at most 1/2.
     frequency_bandwidth : float
@@ -58,14 +58,6 @@ def cloud(
     of amplitudes: B_V and B_theta are ``sqrt(2)`` times these, and B_sf is ``frequency *
     (2 ** (sqrt(2) * frequency_bandwidth) - 1)``. There each wave has many rates and comes and goes;
     here it has one, so that frames are pure and each has the same contrast.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> bars = fl.spectral.cloud(64, (1.0, 0.0), seed=1, orientation_bandwidth=0.2, loop=32)
-    >>> film = fl.spectral.movie(32, (64, 64), seed=1, texture=bars, contrast=0.25)
-    >>> film.shape, round(float(film.std() / film.mean()), 4)
-    ((32, 64, 64), 0.25)
     """
     sides, _ = check.tile_of(tile, 0)
     vx, vy = check.vector("velocity", velocity, 2)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from flurries._contract import flag
 from flurries.spectral.tables import BANDS, SOFT_FROM, Aliasing
+from flurries.spectral.texture import Texture
 from flurries.spectral.tiles import opacity, opacity_map
 from flurries.spectral.volume import film, rendered
 
@@ -44,7 +45,7 @@ def export_loop(
     frames, shape, velocity, seed, wavelengths, exponent, alias, soft_from, shutter, jitter
         See :func:`loop`.
     mean, spread, power, amount
-        The map to opacity, see :func:`alpha`.
+        The map to opacity, see :func:`opacity`.
     bits : {8, 16}, optional
         Of integer files; 8 if not given.
     half : bool
@@ -73,10 +74,11 @@ def export_loop(
 
     again = flag("overwrite", overwrite)
     narrow = flag("half", half)
-    asked = film(
-        frames, shape, velocity, seed=seed, wavelengths=wavelengths, exponent=exponent,
-        alias=alias, soft_from=soft_from, shutter=shutter, jitter=jitter,
+    waves = Texture(
+        wavelengths=wavelengths, exponent=exponent, alias=alias, soft_from=soft_from,
+        shutter=shutter, jitter=jitter,
     )  # fmt: skip
+    asked = film(frames, shape, velocity, waves, seed=seed)
     mapped = opacity_map(mean, spread, power, amount)
     look: dict[str, Any] = dict(zip(("mean", "spread", "power", "amount"), mapped, strict=True))
     target = Pattern(os.fspath(pattern))

@@ -56,32 +56,18 @@ def flake_patterns(
     opacity : float
         Opacity in the middle of a flake, 0 to 1.
     patterns : int
-        P, patterns of each layer.
+        P, of each layer.
     shear : float
         h / M: the torus repeats at (M, 0) and (h, M) px, so that snow which falls straight down
         does not meet itself again. From -1 to 1; 0.382 is good.
-    seed : int
-        Any int64.
-    dtype : complex64 or complex128
 
     Returns
     -------
-    (L, P, M, M // 2 + 1)
+    (L, P, M, M // 2 + 1) complex64 or complex128
         Fourier coefficients, unnormalised, in the order of ``numpy.fft.rfft2``. The wave of row b
         and column a has ``(a, b - shear a) / M`` cycles/px, x right and y down. Waves of half a
         cycle are 0. Every ``[l, p, 0, 0]`` is the layer's mean coverage of a tile in square pixels,
         ``counts[l] * opacity * pi / 12 * (a^2 + a b + b^2)`` for diameters a to b.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import flurries as fl
-    >>> found = fl.spectral.flake_patterns(64, counts=[40], diameters=[[1.0, 2.0]], seed=1)
-    >>> found.shape, found.dtype.name
-    ((1, 8, 64, 33), 'complex64')
-    >>> drawn = np.fft.irfft2(found[0, 0], s=(64, 64))
-    >>> round(float(drawn.sum() / (0.9 * np.pi / 12 * 7)), 3)
-    40.0
     """
     (size, _), _ = check.tile_of(check.integer("tile", tile, low=1, high=2**15), 0)
     numbers = check.table("counts", counts, ndim=1)
@@ -147,8 +133,6 @@ def optical_depth(
 
     Parameters
     ----------
-    shape : (H, W)
-        Size of the frame in pixels.
     patterns : (L, P, M, M // 2 + 1) complex
         Of :func:`flake_patterns`. Waves of half a cycle are left out.
     drift : (L, 2) or (rows, cols, L, 2)
@@ -162,14 +146,10 @@ def optical_depth(
     shear : float
         That of the patterns.
     seed : int or None
-        Any int64: tiles take a pattern and a shift of the torus by a hash of (seed, layer, tile
+        Tiles take a pattern and a shift of the torus by a hash of (seed, layer, tile
         row, tile column). With None each takes pattern 0 as it is.
     overlap : int
         Pixels shared by neighbours, less than M.
-    dtype : float32 or float64
-        Precision of the pixels; phases are reduced in float64 always.
-    out : (H, W), optional
-        Array to write into and return.
 
     Returns
     -------

@@ -3,23 +3,126 @@
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from flurries import _contract as check
 from flurries import _core
-from flurries._contract import Array
-from flurries.spectral.own import own_field, own_of
-from flurries.spectral.request import NOWHERE, Request, request
+from flurries._contract import LARGEST, Array, Float64
+from flurries.spectral.tables import (
+    Aliasing,
+    random_phase,
+    temporal_gain,
+    tent_rate,
+    warn_far,
+    warn_long,
+)
 from flurries.spectral.texture import Texture
-from flurries.spectral.tiles import opacity_map
+from flurries.spectral.tiles import Blend, blend_tiles, opacity_map, starts
 
 # Mean, spread, power and amount of the map from field to opacity.
 Map = tuple[float, float, float, float]
 
 # The paper's.
 PLAIN = Texture()
+
+# The default of displacements that are not given.
+NOWHERE = (0.0, 0.0)
+_ZERO = np.zeros((1, 1, 1, 2))
+_NONE = np.empty(0)
+
+# A wave as long as the limit counts as too short, whatever the rounding of its length.
+_EQUAL = 1.0 + 1e-12
+
+
+class Request(NamedTuple):
+    """A frame of the field as the kernel reads it: every argument settled and checked."""
+
+    shape: tuple[int, int]
+    tile: tuple[int, int]
+    overlap: int
+    blend: Blend
+    wavelengths: tuple[float, float]
+    exponent: float
+    seed: int
+    jitter: bool
+    ring_edges: Float64
+    ring_gains: Float64
+    drift: Float64
+    shift: Float64
+    velocity: Float64
+    shift_rate: Float64
+    alias: Aliasing
+    soft_from: float
+    shutter: float
+    shortest: Float64 | None
+    window: tuple[int, int, int, int]
+    # Of a film that begins again: drift and shift over all of it, and how much of it has passed.
+    lap: tuple[Float64, Float64, float] | None = None
+
+
+def request_of(texture: Texture, shape: tuple[int, int], seed: int, **motion: Any) -> Request:
+    """Return what the kernel reads of a texture and of a motion that is settled already."""
+    edges, gains = (
+        _NONE if part is None else np.asarray(part)
+        for part in (texture.ring_edges, texture.ring_gains)
+    )
+    return Request(
+        shape=shape, seed=seed, tile=texture.sides, overlap=texture.overlap, blend=texture.blend,
+        wavelengths=texture.wavelengths, exponent=texture.exponent, jitter=texture.jitter,
+        alias=texture.alias, soft_from=texture.soft_from, shutter=texture.shutter,
+        ring_edges=edges, ring_gains=gains, **motion,
+    )  # fmt: skip
+
+
+def request(
+    shape: tuple[int, int], texture: Texture, *, seed: int, drift: npt.ArrayLike = NOWHERE,
+    shift: npt.ArrayLike = NOWHERE, velocity: npt.ArrayLike | None = None,
+    shift_rate: npt.ArrayLike | None = None, shortest: npt.ArrayLike | None = None,
+) -> Request:  # fmt: skip
+    """Settle the arguments of `field`."""
+    size = check.shape_of("shape", shape)
+    if not isinstance(texture, Texture):
+        raise TypeError(f"texture must be a flurries.spectral.Texture, got {texture!r:.60}")
+    band, edges = texture.wavelengths, texture.ring_edges
+    if velocity is None and texture.rate is not None and drift is NOWHERE:
+        # The rate alone moves the waves.
+        velocity = NOWHERE
+    if velocity is None and (texture.alias != "keep" or texture.shutter > 0.0):
+        raise ValueError(
+            f"velocity is needed for alias={texture.alias!r} and shutter={texture.shutter:g}, "
+            "got None"
+        )
+    if texture.envelope is None:
+        warn_long(texture.sides, band)
+    rings = None if edges is None else np.size(edges) - 1
+    offsets = _vectors("drift", drift, rings)
+    if offsets is not _ZERO and band[1] > 0.0:
+        warn_far(float(np.abs(offsets).max(initial=0.0)) / band[1])
+    return request_of(
+        texture, size, check.seed_of(seed), drift=offsets, shift=_vectors("shift", shift, None),
+        velocity=_ZERO if velocity is None else _vectors("velocity", velocity, rings),
+        shift_rate=_ZERO if shift_rate is None else _vectors("shift_rate", shift_rate, None),
+        shortest=None if shortest is None else check.table("shortest", shortest),
+        window=(0, size[0], 0, size[1]),
+    )  # fmt: skip
+
+
+def _vectors(name: str, value: object, rings: int | None) -> Float64:
+    """Return (rows or 1, cols or 1, rings or 1, 2) from any of the shapes that `field` allows."""
+    if value is NOWHERE:
+        return _ZERO
+    array = check.bounded(name, value)
+    if array.shape == (2,) or (array.ndim == 3 and array.shape[2] == 2):
+        return array.reshape(*(array.shape[:-1] or (1, 1)), 1, 2)
+    if array.ndim in (2, 4) and array.shape[-2:] == (rings, 2):
+        return array.reshape(*(array.shape[:-2] or (1, 1)), -1, 2)
+    wanted = "(2,) or (rows, cols, 2)"
+    if name in ("drift", "velocity"):
+        wanted += ", and with ring_edges also (rings, 2) or (rows, cols, rings, 2)"
+    raise ValueError(f"{name} must have shape {wanted}, got {array.shape}")
 
 
 def field(
@@ -32,16 +135,11 @@ def field(
 
     Parameters
     ----------
-    shape : (H, W)
-        Size of the frame in pixels.
-    seed : int
-        Any int64. Tiles are independent whatever the drift.
     texture : Texture
-        What the field is made of; the paper's if not given.
+        What the field is made of; the paper's if not given. Tiles are independent.
     drift : (2,), (rows, cols, 2), (rings, 2) or (rows, cols, rings, 2)
         Displacement in pixels, (x, y), of the longest wave since time 0, for all tiles, for each
-        tile, or for each ring of the texture's `ring_edges`. Tiles are those of
-        :func:`tile_starts`.
+        tile of :func:`tile_starts`, or for each ring of the texture's `ring_edges`.
     shift : (2,) or (rows, cols, 2)
         Displacement in pixels of all waves alike (a turning camera).
     velocity, shift_rate : like `drift` and `shift`, optional
@@ -52,8 +150,6 @@ def field(
         stand for). The normaliser stays, so that there is less snow in front of a near wall.
     time : float
         Frames that the texture's `rate` has run, any number.
-    dtype : float32 or float64
-        Precision of the pixels; geometry and phases are float64 always.
 
     Returns
     -------
@@ -65,13 +161,6 @@ def field(
     Notes
     -----
     Langer 2004, sections 5 and 7, in the form of ``docs/internals/deviations.md``.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> z = fl.spectral.field((480, 640), drift=(1.0, 8.0), seed=7)
-    >>> z.shape, z.dtype.name
-    ((480, 640), 'float32')
     """
     asked = request(
         shape, texture, drift=drift, shift=shift, seed=seed, velocity=velocity,
@@ -88,24 +177,17 @@ def alpha(
     amount: float = 1.0, preserve_mean: bool = False, dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:  # fmt: skip
-    """Opacity of one whole frame: :func:`opacity` of :func:`field` in one pass.
+    """Opacity (H, W), 0 to `amount`: :func:`opacity` of :func:`field` in one pass.
 
     Parameters
     ----------
-    shape, seed, texture, drift, shift, velocity, shift_rate, shortest, time, dtype
+    texture, drift, shift, velocity, shift_rate, shortest, time
         See :func:`field`.
-    mean, spread, amount
-        See :func:`opacity`.
-    power : float
-        Of :func:`opacity`; a texture's `exponent` is the slope of its spectrum.
+    mean, spread, power, amount
+        See :func:`opacity`; the texture's `exponent` is another one, the slope of its spectrum.
     preserve_mean : bool
         Add back the mean opacity that `alias` and `shutter` take from each tile: blurring a field
         and squaring it is not blurring its square.
-
-    Returns
-    -------
-    (H, W) float32 or float64
-        Opacity in [0, amount].
     """
     asked = request(
         shape, texture, drift=drift, shift=shift, seed=seed, velocity=velocity,
@@ -128,7 +210,7 @@ def movie(
     ----------
     frames : int
         T, how many.
-    shape, seed, texture, dtype
+    texture : Texture
         See :func:`field`; a Motion Cloud is a texture of :func:`cloud`.
     velocity : (vx, vy)
         Pixels per frame of the longest wave.
@@ -137,8 +219,6 @@ def movie(
         the film is the field itself.
     mean : float
         Mean luminance of a film with a contrast.
-    out : (T, H, W), optional
-        Array to write into and return.
 
     Returns
     -------
@@ -168,15 +248,77 @@ def _made(
     asked: Request, texture: Texture, time: float, mapped: Map | None, keep: bool,
     dtype: npt.DTypeLike, out: Array | None,
 ) -> Array:  # fmt: skip
-    own = own_of(asked, texture, time)
-    result = check.output(out, asked.shape, check.float_dtype(dtype), *asked.arrays())
-    if own is None:
+    now = check.real("time", time, low=-LARGEST, high=LARGEST)
+    if texture.rate is None and now != 0.0:
+        raise ValueError(
+            f"time must be 0 without a texture's rate, since drift says the rest, got {now:g}"
+        )
+    given = [value for value in asked if isinstance(value, np.ndarray)]
+    result = check.output(out, asked.shape, check.float_dtype(dtype), *given)
+    if not texture.is_own:
         _core.field(result, asked, mapped, keep)
     elif keep:
         raise ValueError("preserve_mean must be False beside envelope or rate, got True")
     else:
         whole = result if mapped is None else np.empty_like(result)
-        own_field(asked, own, whole)
+        _own_field(asked, texture, now, whole)
         if mapped is not None:
             _core.opacity(result, whole, mapped)
     return result
+
+
+def _own_field(asked: Request, texture: Texture, time: float, result: Array) -> None:
+    """Write the field of a spectrum and a motion of the caller's own, tile by tile.
+
+    The kernel knows one band and one law of motion. Here both are tables, so that any noise that
+    moves can be made of the same tiles: clouds of waves (Motion Clouds), water, smoke.
+    """
+    fy, fx = np.meshgrid(*map(np.fft.fftfreq, asked.tile), indexing="ij")
+    with np.errstate(divide="ignore"):
+        length = 1.0 / np.hypot(fy, fx)
+    # A wave of half a cycle is its own mirror, and moves neither way.
+    fy, fx = (np.where(f == -0.5, 0.0, f) for f in (fy, fx))
+    longest = asked.wavelengths[1]
+    turns = texture.own_rate * time
+    turns -= np.rint(turns)
+    filtered = asked.alias != "keep" or asked.shutter > 0.0
+    rows, cols = (
+        len(starts(n, side, asked.overlap)) for n, side in zip(asked.shape, asked.tile, strict=True)
+    )
+    motion = {
+        name: _by_tile(name, getattr(asked, name), (rows, cols))
+        for name in ("drift", "shift", "velocity", "shift_rate")
+    }
+    nearest = asked.shortest
+    if nearest is not None and nearest.shape != (rows, cols):
+        raise ValueError(f"shortest must have shape {(rows, cols)}, got {nearest.shape}")
+    tiles = np.empty((rows, cols, *asked.tile), result.dtype)
+    for place in np.ndindex(rows, cols):
+        waves = texture.own_amplitude
+        if filtered:
+            across, down = motion["shift_rate"][place]
+            rate = tent_rate(asked.tile, motion["velocity"][place], wavelength_max=longest)
+            rate += texture.own_rate
+            rate -= fx * across + fy * down
+            waves = waves * temporal_gain(
+                rate, alias=asked.alias, soft_from=asked.soft_from, shutter=asked.shutter
+            )
+        if nearest is not None:
+            waves = np.where(length > nearest[place] * _EQUAL, waves, 0.0)
+        phase = random_phase(asked.tile, seed=asked.seed, tile=(place[0], place[1])) + turns
+        moved = np.empty(asked.tile)
+        cycles = motion["drift"][place] / longest
+        _core.advance_phase(moved, phase, cycles.tolist(), motion["shift"][place].tolist())
+        _core.inverse_transform(tiles[place], np.ascontiguousarray(waves), moved)
+    blend_tiles(tiles, asked.shape, overlap=asked.overlap, blend=asked.blend, out=result)
+
+
+def _by_tile(name: str, vectors: Float64, grid: tuple[int, int]) -> Float64:
+    """Return (rows, cols, 2) of what a request has for all tiles or for each."""
+    if vectors.shape[:2] not in ((1, 1), grid):
+        raise ValueError(
+            f"{name} must have shape (2,) or {(*grid, 2)} for these tiles, got "
+            f"{(*vectors.shape[:2], 2)}"
+        )
+    each: Float64 = np.broadcast_to(vectors[:, :, 0], (*grid, 2))
+    return each

@@ -8,7 +8,7 @@ import numpy as np
 
 from flurries._contract import Float64
 from flurries._kept import kept
-from flurries.spectral.request import Request
+from flurries.spectral.frame import Request
 from flurries.spectral.tables import band_amplitude, temporal_gain
 from flurries.spectral.tiles import tile_starts
 

@@ -49,12 +49,8 @@ def tent_rate(
 
     Parameters
     ----------
-    shape : (H, W)
-        Size of the tile in pixels.
     velocity : (vx, vy)
-        Drift per frame: pixels per frame of the wave of `wavelength_max`, x right, y down.
-    wavelength_max : float
-        Wavelength in pixels that `velocity` belongs to.
+        Drift per frame, pixels.
     loop : int, optional
         Frames after which the film shall repeat: rates are rounded to ``n / loop``, half to even.
 
@@ -91,8 +87,6 @@ def velocity_from_paper(
         Direction of motion in radians from +x towards +y; pi/2 falls down the screen.
     period : float
         The paper's T, frames.
-    wavelength_max : float
-        Longest wavelength, pixels.
 
     Returns
     -------
@@ -114,29 +108,17 @@ def band_amplitude(
 
     Parameters
     ----------
-    shape : (H, W)
-        Size of the tile in pixels.
     wavelengths : (shortest, longest)
-        Pixels; waves with ``shortest < wavelength <= longest`` take part; at least 2. The default
-        is the paper's three octaves, (2, 16) the slides'; see :data:`BANDS`.
+        Pixels, ``2 <= shortest < longest``; waves with ``shortest < wavelength <= longest`` take
+        part. One that holds no wave is refused, longer waves than the tile's are warned of. The
+        default is the paper's three octaves, (2, 16) the slides'; see :data:`BANDS`.
     exponent : float
         Amplitude ~ ``|k| ** -exponent``; 1 gives octaves equal power, less makes finer snow.
 
     Returns
     -------
     (H, W) float64
-        Amplitudes in fftfreq order; their squares sum to 1, so the field has variance 1. 0 at dc.
-
-    Raises
-    ------
-    ValueError
-        If the tile is too small to hold a wave of the band, or the band is not
-        ``2 <= shortest < longest``.
-
-    Warns
-    -----
-    UserWarning
-        If `wavelengths` asks for waves longer than the tile, which do not exist.
+        Amplitudes whose squares sum to 1, so the field has variance 1. 0 at dc.
 
     Notes
     -----
@@ -175,18 +157,14 @@ def random_phase(
 
     Parameters
     ----------
-    shape : (H, W)
-        Size of the tile in pixels.
-    seed : int
-        Any int64.
     tile : (row, col)
         Which tile of the grid; int64.
 
     Returns
     -------
     (H, W) float64
-        Cycles in [-1/2, 1/2), uniform over a whole turn, fftfreq order. A hash of seed, tile and
-        wave: the same whatever else is computed. Bins that are their own mirror have 0 or -1/2.
+        Cycles in [-1/2, 1/2), uniform over a whole turn: a hash of seed, tile and wave, the same
+        whatever else is computed. Bins that are their own mirror have 0 or -1/2.
     """
     size = check.shape_of("shape", shape)
     if not check.is_pair(tile):
@@ -207,15 +185,9 @@ def advance_phase(
     Parameters
     ----------
     phase : (H, W)
-        Cycles at time 0, fftfreq order.
-    drift : (x, y)
-        Displacement in px of the wave of `wavelength_max`, to which others' are in proportion.
-    shift : (x, y)
-        Displacement in pixels of all waves alike.
-    wavelength_max : float
-        Wavelength in pixels that `drift` belongs to.
-    out : (H, W) float64, optional
-        Array to write into and return; not `phase` itself.
+        Cycles at time 0.
+    drift, shift : (x, y)
+        Displacements in pixels: of the wave of `wavelength_max`, and of all waves alike.
 
     Returns
     -------
@@ -248,7 +220,7 @@ def temporal_filter(
     Parameters
     ----------
     amplitude : (H, W)
-        Amplitudes in fftfreq order.
+        Amplitudes of the waves.
     velocity, shift_rate : (x, y)
         Change per frame of the drift and of the shift, pixels; both count.
     alias : {"cut", "soft", "keep"}
@@ -257,18 +229,14 @@ def temporal_filter(
     soft_from : float
         Cycles per frame, 0 to 1/2.
     shutter : float
-        Exposure in frames, centred on the frame's time: a factor sinc(rate * shutter).
+        Exposure in frames, centred on the frame's time: a factor sinc(rate * shutter), whose
+        negative lobes are kept.
     renormalise : bool
         Restore the power that the alias law took, before the shutter. Nothing kept gives zeros.
-    wavelength_max : float
-        Wavelength in pixels that `velocity` belongs to.
-    out : (H, W) float64, optional
-        Array to write into and return; not `amplitude` itself.
 
     Returns
     -------
     (H, W) float64
-        Amplitudes; the shutter's negative lobes are kept.
 
     Notes
     -----
@@ -292,11 +260,25 @@ def temporal_gain(
     rate: npt.ArrayLike, *, alias: str, soft_from: float = SOFT_FROM, shutter: float = 0.0
 ) -> Float64:
     """Return the factors of the amplitudes of waves of these rates, cycles per frame."""
-    # The alias law's, 0 to 1, times the shutter's, whose negative lobes are kept.
     given = np.ascontiguousarray(rate, np.float64)
     gain = np.empty(given.shape)
     _core.temporal_gain(gain.reshape(-1), given.reshape(-1), alias, soft_from, shutter)
     return gain
+
+
+def kept_power(cycles: float, alias: str, *, shutter: float = 0.0) -> float:
+    """Return the share of the power of a large tile that aliasing and the shutter leave."""
+    # A wave whose direction makes an angle b with the motion turns at c cos b cycles a frame,
+    # whatever its wavelength; `cycles` is c, so that the share is a mean over b. For the cut alone
+    # it is (2/pi) asin(1/(2c)) from c = 1/2 on.
+    if cycles <= 0.0:
+        return 1.0
+    # Equal steps of the rate's angle, only where something is kept: fast motion keeps little.
+    most = 1.0 if alias == "keep" else min(0.5 / cycles, 1.0)
+    angle = math.asin(most) * (np.arange(4096) + 0.5) / 4096
+    rate = cycles * np.sin(angle)
+    kept = temporal_gain(rate, alias=alias, shutter=shutter) ** 2
+    return float(kept.mean() * math.asin(most) / (0.5 * np.pi))
 
 
 def wave_depth(wavelength: npt.ArrayLike, *, near_depth: float, longest: float) -> Float64:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,17 +11,11 @@ import numpy.typing as npt
 
 from flurries import _contract as check
 from flurries._contract import LARGEST, OVERLAP, TILE, Float64
-from flurries.spectral.own import amplitude_of, odd_rate
-from flurries.spectral.tables import ALIAS, BANDS, SOFT_FROM, Aliasing, band_of
+from flurries.spectral.tables import ALIAS, BANDS, SOFT_FROM, Aliasing, band_amplitude, band_of
 from flurries.spectral.tiles import BLEND, Blend
 
-
-def edges_of(value: npt.ArrayLike) -> Float64:
-    edges = check.table("ring_edges", value, ndim=1)
-    if len(edges) < 2 or not (np.diff(edges) > 0).all():
-        came = edges.tolist() if len(edges) < 10 else f"{len(edges)} that do not increase"
-        raise ValueError(f"ring_edges must be at least two increasing wavelengths, got {came}")
-    return edges
+# Of the largest rate: how far a table of rates may be from odd, which is rounding.
+_ROUNDING = 1e-9
 
 
 @check.suggesting
@@ -88,42 +83,39 @@ class Texture:
     rate: npt.ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        def settle(**values: Any) -> None:
-            for name, value in values.items():
-                if isinstance(value, np.ndarray):
-                    value = value.copy()  # The caller's may change.
-                    value.flags.writeable = False
-                object.__setattr__(self, name, value)
-
         tile, overlap = check.tile_of(self.tile, self.overlap)
-        settle(
-            tile=tile, overlap=overlap, wavelengths=band_of(self.wavelengths),
-            exponent=check.real("exponent", self.exponent),
-            alias=check.choice("alias", self.alias, ALIAS),
-            blend=check.choice("blend", self.blend, BLEND),
-            soft_from=check.real("soft_from", self.soft_from),
-            shutter=check.real("shutter", self.shutter, low=0.0, high=LARGEST),
-            jitter=check.flag("jitter", self.jitter),
-        )  # fmt: skip
-        edges = None if self.ring_edges is None else edges_of(self.ring_edges)
-        settle(ring_edges=edges)
-        if self.ring_gains is not None:
-            gains = check.table("ring_gains", self.ring_gains, ndim=1)
-            rings = 0 if edges is None else len(edges) - 1
-            if len(gains) != rings or not rings:
-                raise ValueError(
-                    "ring_gains must be one number for each ring of ring_edges "
-                    f"({rings or 'none'}), got {len(gains)}"
-                )
-            settle(ring_gains=gains)
-        if self.envelope is not None:
-            amplitude_of(tile, self.envelope)
-            settle(envelope=check.table("envelope", self.envelope))
-        if self.rate is not None:
-            odd_rate(tile, self.rate)
-            settle(rate=check.table("rate", self.rate))
-        if not self.is_own:
-            return
+        settled: dict[str, Any] = {
+            "tile": tile, "overlap": overlap, "wavelengths": band_of(self.wavelengths),
+            "exponent": check.real("exponent", self.exponent),
+            "alias": check.choice("alias", self.alias, ALIAS),
+            "blend": check.choice("blend", self.blend, BLEND),
+            "soft_from": check.real("soft_from", self.soft_from),
+            "shutter": check.real("shutter", self.shutter, low=0.0, high=LARGEST),
+            "jitter": check.flag("jitter", self.jitter),
+        }  # fmt: skip
+        for name, ndim in (("ring_edges", 1), ("ring_gains", 1), ("envelope", 2), ("rate", 2)):
+            if (given := getattr(self, name)) is not None:
+                settled[name] = check.table(name, given, ndim=ndim).copy()  # It may change.
+                settled[name].flags.writeable = False
+        for name, value in settled.items():
+            object.__setattr__(self, name, value)
+        self._check_rings()
+        if self.is_own:
+            self._check_own()
+
+    def _check_rings(self) -> None:
+        edges, gains = self.ring_edges, self.ring_gains
+        if edges is not None and (np.size(edges) < 2 or not (np.diff(edges) > 0).all()):
+            came = str(edges) if np.size(edges) < 10 else f"{np.size(edges)} that do not increase"
+            raise ValueError(f"ring_edges must be at least two increasing wavelengths, got {came}")
+        rings = 0 if edges is None else np.size(edges) - 1
+        if gains is not None and (np.size(gains) != rings or not rings):
+            raise ValueError(
+                "ring_gains must be one number for each ring of ring_edges "
+                f"({rings or 'none'}), got {np.size(gains)}"
+            )
+
+    def _check_own(self) -> None:
         shortest, longest = self.wavelengths
         if not 2.0 <= shortest < longest <= LARGEST:
             raise ValueError(
@@ -133,6 +125,7 @@ class Texture:
             raise ValueError("jitter must be False beside envelope or rate, got True")
         if self.ring_edges is not None:
             raise ValueError("ring_edges must be None beside envelope or rate, which have all")
+        _ = self.own_rate, self.envelope is None or self.own_amplitude  # They refuse.
 
     @property
     def sides(self) -> tuple[int, int]:
@@ -143,3 +136,52 @@ class Texture:
     def is_own(self) -> bool:
         """Whether a spectrum or a temporal law of the caller's own is given."""
         return self.envelope is not None or self.rate is not None
+
+    @cached_property
+    def own_amplitude(self) -> Float64:
+        """Amplitudes of a tile's waves, even in k, 0 at dc, whose squares sum to 1."""
+        if self.envelope is None:
+            return band_amplitude(self.sides, wavelengths=self.wavelengths, exponent=self.exponent)
+        given = self._of_tile("envelope")
+        if (given < 0.0).any():
+            raise ValueError(f"envelope must be 0 or more, got {given.min():g}")
+        # A real field has its waves in pairs: what is given for one half stands for both.
+        even = given + _mirrored(given)
+        even[0, 0] = 0.0
+        largest = even.max()
+        if largest <= 0.0:
+            raise ValueError("envelope must have a wave besides that of frequency 0, got none")
+        even /= largest
+        return np.asarray(even / np.sqrt((even**2).sum()))
+
+    @cached_property
+    def own_rate(self) -> Float64:
+        """Cycles per frame of a tile's waves, of which pairs of a real field turn alike."""
+        if self.rate is None:
+            return np.zeros(self.sides)
+        given = self._of_tile("rate")
+        rest = given + _mirrored(given)
+        # A wave of half a cycle per pixel is its own mirror along that axis, which keeps no sign.
+        for axis, side in enumerate(self.sides):
+            if side % 2 == 0:
+                np.moveaxis(rest, axis, 0)[side // 2] = 0.0
+        worst = np.unravel_index(np.abs(rest).argmax(), rest.shape)
+        if np.abs(rest[worst]) > _ROUNDING * max(np.abs(given).max(), 1.0):
+            row, col = (int(i) for i in worst)
+            raise ValueError(
+                "rate must be odd, rate[-row, -col] = -rate[row, col], since the field is real; "
+                f"got {given[row, col]:g} at [{row}, {col}] and {given[-row, -col]:g} at its mirror"
+            )
+        return np.asarray(0.5 * (given - _mirrored(given)))
+
+    def _of_tile(self, name: str) -> Float64:
+        array = check.bounded(name, getattr(self, name))
+        if array.shape != self.sides:
+            raise ValueError(
+                f"{name} must have the shape of a tile, {self.sides}, got {array.shape}"
+            )
+        return array
+
+
+def _mirrored(waves: Float64) -> Float64:
+    return np.roll(waves[::-1, ::-1], 1, axis=(0, 1))

@@ -27,7 +27,7 @@ def inverse_transform(
     Parameters
     ----------
     amplitude, phase : (H, W)
-        Amplitudes, and phases in cycles, fftfreq order.
+        Amplitudes, and phases in cycles.
 
     Returns
     -------
@@ -55,10 +55,8 @@ def tile_starts(length: int, *, tile: int = TILE, overlap: int = OVERLAP) -> npt
 
     Parameters
     ----------
-    length : int
-        Pixels to cover.
-    tile, overlap : int
-        Size of a tile, and pixels shared by neighbours; ``0 <= overlap < tile``.
+    length, tile, overlap : int
+        Pixels to cover, of a tile, and shared by neighbours; ``0 <= overlap < tile``.
 
     Returns
     -------
@@ -83,21 +81,11 @@ def starts(length: int, tile: int, overlap: int) -> npt.NDArray[np.intp]:
     return np.arange(count, dtype=np.intp) * (tile - overlap)
 
 
-def tile_shares(
-    length: int, *, tile: int, overlap: int, blend: str = "power"
-) -> npt.NDArray[np.float64]:
-    """Return each tile's share of each pixel along an axis, (length, tiles)."""
-    # Of the power for "power", whose roots are the weights of the fields; a row sums to 1.
-    count = len(tile_starts(length, tile=tile, overlap=overlap))
-    shares = np.empty((length, count))
-    _core.tile_shares(shares, tile, overlap, check.choice("blend", blend, BLEND))
-    return shares
-
-
 def power_shares(length: int, *, tile: int, overlap: int, blend: str) -> tuple[Float64, Float64]:
     """Return each tile's share of the field's power at each pixel of an axis, and that power."""
     # The power (length,) against a tile's middle is 1, and falls in overlaps for "linear".
-    weights = tile_shares(length, tile=tile, overlap=overlap, blend=blend)
+    weights = np.empty((length, len(starts(length, tile, overlap))))
+    _core.tile_shares(weights, tile, overlap, blend)
     if blend == "power":
         return weights, np.ones(length)
     squares = weights**2
@@ -114,11 +102,7 @@ def blend_tiles(
     Parameters
     ----------
     tiles : (rows, cols, M, M)
-        The tiles; as many as :func:`tile_starts` gives for each axis.
-    shape : (H, W)
-        Size of the picture.
-    overlap : int
-        Pixels shared by neighbours.
+        As many as :func:`tile_starts` gives for each axis, `overlap` pixels shared by neighbours.
     blend : {"power", "linear"}
         Squares of the weights sum to 1, which keeps the variance of independent fields; or the
         weights do (the paper), and the variance dips to 1/2 at edges and 1/4 at corners.
@@ -160,12 +144,10 @@ def opacity(
         Above 0; the paper squares.
     amount : float
         0 to 1.
-    out : array of the shape of `field`, optional
-        Array to write into and return; not `field` itself.
 
     Returns
     -------
-    (H, W) or (n, H, W), dtype of `field`
+    like `field`
         Opacity in [0, amount]. The defaults have mean 0.2776 and standard deviation 0.1706.
 
     Notes
@@ -184,6 +166,22 @@ def opacity(
         _core.opacity(view.reshape(-1, width), given.reshape(-1, width), mapped)
 
     return check.filled(result, given.dtype, fill)
+
+
+def mean_opacity(variance: Float64, mean: float, spread: float, power: float) -> Float64:
+    """Return the mean of clip(mean + z / (2 spread), 0, 1)^power for fields of variances (n,)."""
+    deviation = np.sqrt(np.maximum(variance, 0.0)) / (2.0 * spread)
+    # On a table of deviations: frames have a variance for every pixel.
+    table = np.linspace(0.0, max(float(deviation.max()), 1e-12), 129)
+    z = np.linspace(-9.0, 9.0, 1801)
+    weight = np.exp(-0.5 * z * z)
+    weight /= weight.sum()
+    base = table[:, None] * z
+    # In place: it is larger than many a window.
+    base += mean
+    np.clip(base, 0.0, 1.0, out=base)
+    base **= power
+    return np.asarray(np.interp(deviation, table, base @ weight))
 
 
 def opacity_map(

@@ -10,9 +10,10 @@ import numpy.typing as npt
 
 from flurries import _contract as check
 from flurries import _core
-from flurries._contract import LARGEST, MOST_ELEMENTS, Array, Float64
+from flurries._contract import MOST_ELEMENTS, Array, Float64
 from flurries._warnings import warn
-from flurries.spectral.tables import ALIAS, BANDS, SOFT_FROM, Aliasing, band_of, warn_long
+from flurries.spectral.tables import BANDS, SOFT_FROM, Aliasing, warn_long
+from flurries.spectral.texture import Texture
 
 Cells: TypeAlias = Literal["one", "overlap"]
 CELLS = get_args(Cells)
@@ -38,21 +39,18 @@ class Film(NamedTuple):
 
 
 def film(
-    frames: int, shape: tuple[int, int], velocity: npt.ArrayLike, *, seed: int,
-    wavelengths: tuple[float, float], exponent: float = 1.0, alias: Aliasing = "keep",
-    soft_from: float = SOFT_FROM, shutter: float = 0.0, jitter: bool = False, cells: Cells = "one",
-    most_still: float = STILL,
+    frames: int, shape: tuple[int, int], velocity: npt.ArrayLike, texture: Texture, *, seed: int,
+    cells: Cells = "one", most_still: float = STILL,
 ) -> Film:  # fmt: skip
     """Settle the arguments of a film, and warn of what would disappoint."""
     count = check.integer("frames", frames, low=1, high=2**31 - 1)
     size = check.shape_of("shape", shape)
-    band = band_of(wavelengths)
+    band = texture.wavelengths
     speed = check.vector("velocity", velocity, 2)
-    law = check.choice("alias", alias, ALIAS)
     warn_long(size, band)
     cycles = speed / band[1] if band[1] > 0.0 else np.zeros(2)
     steepest = math.hypot(float(cycles[0]), float(cycles[1]))
-    if steepest >= 0.5 and law == "keep":
+    if steepest >= 0.5 and texture.alias == "keep":
         warn(
             f"velocity turns the fastest waves by {steepest:.3g} cycles a frame; from half a cycle "
             'on they seem to run backwards: lower it, or drop them with alias="cut"'
@@ -67,10 +65,9 @@ def film(
         )
     return Film(
         frames=count, shape=size, drift=(float(cycles[0]), float(cycles[1])),
-        seed=check.seed_of(seed), wavelengths=band, exponent=check.real("exponent", exponent),
-        alias=law, soft_from=check.real("soft_from", soft_from),
-        shutter=check.real("shutter", shutter, low=0.0, high=LARGEST),
-        jitter=check.flag("jitter", jitter), cells=check.choice("cells", cells, CELLS),
+        seed=check.seed_of(seed), wavelengths=band, exponent=texture.exponent,
+        alias=texture.alias, soft_from=texture.soft_from, shutter=texture.shutter,
+        jitter=texture.jitter, cells=check.choice("cells", cells, CELLS),
     )  # fmt: skip
 
 
@@ -105,11 +102,11 @@ def volume(
     size : int
         M, pixels of a side.
     velocity : (vx, vy)
-        Drift per frame: pixels per frame of the longest wave, ``wavelengths[1]``; x right, y down.
+        Pixels per frame of the longest wave, ``wavelengths[1]``.
     seed : int
-        Any int64. Frame 0 with one cell per column is that of :func:`field` with one tile.
+        Frame 0 with one cell per column is that of :func:`field` with one tile.
     wavelengths : (shortest, longest)
-        Pixels; see :func:`band_amplitude` and :data:`BANDS`.
+        See :func:`band_amplitude`.
     cells : {"one", "overlap"}
         Which cells of a column hold power: the one nearest to the tent, so that each wave keeps
         its amplitude and moves at ``round(rate T) / T``; or, an experiment, all whose unit cube the
@@ -121,32 +118,17 @@ def volume(
     -------
     (T, M, M) float32 or float64
         ``sum_k,n a(k, n) cos 2 pi (f_k . (x, y) + n t / T + phase(k, n))``. Mean 0; mean square 1
-        over space and time, with one cell per column in every frame.
-
-    Warns
-    -----
-    UserWarning
-        If waves are so fast that they seem to run backwards, if rounding stops them all, or if
-        `wavelengths` asks for waves longer than the tile.
+        over space and time, with one cell per column in every frame. Waves so fast that they seem
+        to run backwards, longer than the tile, or all rounded to rest are warned of.
 
     Notes
     -----
     Langer 2004, section 5.1, and the slides of 2003, whose band is ``BANDS["slides"]``. Unlike
     :func:`field` it wants a constant motion, and M M T pixels in memory.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> band = fl.spectral.BANDS["slides"]
-    >>> film = fl.spectral.volume(60, 64, (0.5, 2.0), seed=7, wavelengths=band)
-    >>> film.shape
-    (60, 64, 64)
     """
     side = check.integer("size", size, low=1, high=2**15)
-    asked = film(
-        frames, (side, side), velocity, seed=seed, wavelengths=wavelengths, cells=cells,
-        most_still=0.999,
-    )  # fmt: skip
+    texture = Texture(wavelengths=wavelengths)
+    asked = film(frames, (side, side), velocity, texture, seed=seed, cells=cells, most_still=0.999)
     return rendered(asked, None, dtype, out)
 
 
@@ -170,42 +152,23 @@ def loop(
     shape : (H, W)
         Size of the texture in pixels; it is a torus.
     velocity : (vx, vy)
-        Pixels per frame of the longest wave, ``wavelengths[1]``; x right, y down.
-    seed : int
-        Any int64.
+        Pixels per frame of the longest wave, ``wavelengths[1]``.
     time : float or (n,), optional
         Which moments, in frames; any numbers. If not given, frames 0 to T - 1.
-    wavelengths, exponent
-        See :func:`band_amplitude`.
-    alias, soft_from, shutter
-        See :func:`temporal_filter`; they act on the rounded rates. Power is not restored.
-    jitter : bool
-        See :func:`field`.
+    wavelengths, exponent, alias, soft_from, shutter, jitter
+        See :class:`Texture`; the filter acts on the rounded rates.
 
     Returns
     -------
     (T, H, W), (n, H, W) or (H, W) float32 or float64
         All frames, or those at `time`. Mean 0, variance 1 in each, less what the filter takes.
-
-    Warns
-    -----
-    UserWarning
-        As :func:`volume`, and if rounding stops more than a quarter of the waves.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> film = fl.spectral.loop(60, (96, 128), (0.5, 2.0), seed=7)
-    >>> film.shape
-    (60, 96, 128)
-    >>> later = fl.spectral.loop(60, (96, 128), (0.5, 2.0), seed=7, time=63)
-    >>> bool((later == film[3]).all())
-    True
+        Warned of is what :func:`volume` warns of, and more than a quarter of the waves at rest.
     """
-    asked = film(
-        frames, shape, velocity, seed=seed, wavelengths=wavelengths, exponent=exponent,
-        alias=alias, soft_from=soft_from, shutter=shutter, jitter=jitter,
+    texture = Texture(
+        wavelengths=wavelengths, exponent=exponent, alias=alias, soft_from=soft_from,
+        shutter=shutter, jitter=jitter,
     )  # fmt: skip
+    asked = film(frames, shape, velocity, texture, seed=seed)
     if time is None:
         return rendered(asked, None, dtype, out)
     times = check.moderate("time", check.table("time", time, ndim=None))
