@@ -77,14 +77,6 @@ def test_everything_public_has_a_call():
     assert len(OF_ARRAYS) > 60 and len(OF_OUT) > 25 and len(OF_ARGUMENTS) > 130
 
 
-def test_a_function_that_is_forgotten_is_noticed(monkeypatch: pytest.MonkeyPatch):
-    def forgotten() -> None: ...
-
-    monkeypatch.setattr(fl.composite, "forgotten", forgotten, raising=False)
-    monkeypatch.setattr(fl.composite, "__all__", [*fl.composite.__all__, "forgotten"])
-    assert set(listed.__wrapped__()) - set(TABLE) == {"composite.forgotten"}
-
-
 # Arrays among words, arguments that a mode does not look at, and three of which
 # `test_flakes.py`, `test_cameras.py` and `test_augment.py` have more.
 UNTRIED = {
