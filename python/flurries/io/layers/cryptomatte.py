@@ -11,7 +11,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,7 @@ class Group(NamedTuple):
     def planes(self, opened: Opened) -> Iterator[tuple[Array, Array]]:
         """Yield pairs of planes (h, w): numbers as uint32, and shares."""
         for part, places in self.ranks:
-            values = opened.read(places, "float", part=part)
+            [values] = opened.at(part).read("float", places)
             for k in (0, 2):
                 yield np.ascontiguousarray(values[..., k]).view(np.uint32), values[..., k + 1]
 
@@ -108,7 +108,7 @@ def things_of(path: Path, names: Iterable[str]) -> tuple[dict[str, tuple[str, st
 def _groups(opened: Opened) -> dict[str, Group]:
     """Return the groups of a file by their names, or refuse a file without any."""
     about, channels = dict[str, dict[str, str]](), dict[str, tuple[int, int, str]]()
-    for part, spec in enumerate(opened.parts()):
+    for part, spec in enumerate(opened.parts):
         for attribute in spec.extra_attribs:
             if found := _ABOUT.fullmatch(attribute.name):
                 about.setdefault(found[1], {})[found[2]] = str(attribute.value)
@@ -119,19 +119,16 @@ def _groups(opened: Opened) -> dict[str, Group]:
             channels[name if "." in name else f"{called}.{name}"] = at
     if not about:
         raise ValueError(f"{opened.path}: no Cryptomatte is in it: its header has no cryptomatte/")
-    groups = {}
-    for said in about.values():
-        name = said.get("name", "")
-        for key, wanted in _HOW.items():
-            if said.get(key, wanted) != wanted:
-                raise ValueError(f"{opened.path}: {name} wants {key} {wanted}, got {said[key]}")
-        ranks = _ranks(f"{opened.path}: {name}", name, channels)
-        groups[name] = Group(name, _manifest(opened.path, said), ranks)
-    return groups
+    return {said.get("name", ""): _group(opened.path, said, channels) for said in about.values()}
 
 
-def _ranks(called: str, name: str, channels: dict[str, tuple[int, int, str]]) -> Any:
-    """Return the part and the places of every four channels of a group."""
+def _group(path: Path, said: dict[str, str], channels: dict[str, tuple[int, int, str]]) -> Group:
+    """Return the group that a header describes, with every four channels of it."""
+    name = said.get("name", "")
+    called = f"{path}: {name}"
+    for key, wanted in _HOW.items():
+        if said.get(key, wanted) != wanted:
+            raise ValueError(f"{called} wants {key} {wanted}, got {said[key]}")
     ranks: dict[str, dict[str, tuple[int, int, str]]] = {}
     for channel, at in channels.items():
         if found := re.fullmatch(rf"{re.escape(name)}(\d+)\.([rgba])\w*", channel, re.IGNORECASE):
@@ -143,11 +140,12 @@ def _ranks(called: str, name: str, channels: dict[str, tuple[int, int, str]]) ->
             raise ValueError(f"{called}{number} must be floats of 32 bits, got {four['r'][2]}")
     if not ranks:
         raise ValueError(f"{called} has no channels {name}00.R, .G, .B, .A")
-    return [(four["r"][0], [four[color][1] for color in "rgba"]) for four in ranks.values()]
+    places = [(four["r"][0], [four[color][1] for color in "rgba"]) for four in ranks.values()]
+    return Group(name, _manifest(path, said), places)
 
 
 def _manifest(path: Path, said: dict[str, str]) -> dict[str, str] | None:
-    """Return the names of a group, from the header or from the file beside that it names."""
+    """Return a group's names, from the header or from the file beside that it names."""
     text, beside = said.get("manifest"), path.parent / said.get("manif_file", "")
     if text is None and beside.is_file():
         text = read_text(beside, MOST_BYTES, "Cryptomatte manifest")

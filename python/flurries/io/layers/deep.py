@@ -13,12 +13,11 @@ from flurries._contract import rectangular
 from flurries.io.atomic import replacing
 from flurries.io.color import Array
 from flurries.io.layers.planes import require_exr
-from flurries.io.oiio import last_error, openimageio
-from flurries.io.pictures import metadata as header
+from flurries.io.oiio import openimageio
 from flurries.io.pictures.header import opened_picture
-from flurries.io.pictures.rows import output_of
-from flurries.io.pictures.samples import samples_of
-from flurries.io.pictures.slate import Slate
+from flurries.io.pictures.reader import samples_of
+from flurries.io.pictures.slate import Slate, checked_metadata
+from flurries.io.pictures.writer import output_of, unwritten
 
 __all__ = ["Deep", "read_deep", "write_deep"]
 
@@ -76,7 +75,7 @@ def write_deep(
     require_exr(path, "deep samples")
     if not isinstance(deep, Deep):
         raise TypeError(f"deep must be a Deep, got {deep!r:.80}")
-    strings, said = header.checked(metadata), Slate.of(slate)
+    strings, said = checked_metadata(metadata), Slate.of(slate)
     library, target = openimageio(), os.fspath(path)
     height, width = deep.counts.shape
     kinds = [library.TypeDesc("half" if half else "float")] * 4 + [library.TypeDesc("float")] * 2
@@ -93,11 +92,11 @@ def write_deep(
                 last = min(top + _ROWS, height)
                 values = deep.values[starts[top] : starts[last]]
                 band = _band(library, kinds, deep.counts[top:last], values)
-                above = specification.y
-                if not output.write_deep_scanlines(above + top, above + last, 0, band):
-                    raise OSError(f"{target}: cannot be written: {last_error(output)}")
+                rows = specification.y + top, specification.y + last
+                if not output.write_deep_scanlines(*rows, 0, band):
+                    raise unwritten(target, output)
         with opened_picture(temporary, deep=True) as opened:
-            there, _ = samples_of(opened, opened.part, [])
+            there, _ = samples_of(opened, [])
         if not np.array_equal(there, deep.counts):
             raise OSError(f"{target}: does not read back as what was written")
 
@@ -111,7 +110,7 @@ def read_deep(path: str | os.PathLike[str]) -> Deep:
         names = opened.specification.channelnames
         if not opened.specification.deep or not set(CHANNELS) <= set(names):
             raise ValueError(f"{opened.path}: holds no deep samples of {', '.join(CHANNELS)}")
-        return Deep(*samples_of(opened, opened.part, [names.index(name) for name in CHANNELS]))
+        return Deep(*samples_of(opened, [names.index(name) for name in CHANNELS]))
 
 
 def _band(library: Any, kinds: list[Any], counts: Array, values: Array) -> Any:

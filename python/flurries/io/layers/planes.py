@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,21 +14,19 @@ from flurries._contract import mapping
 from flurries.io.color import Array, to_half, to_single
 from flurries.io.files import Budget
 from flurries.io.oiio import openimageio
-from flurries.io.pictures import metadata as header
 from flurries.io.pictures.header import Opened, opened_picture
-from flurries.io.pictures.rows import Part, write_parts
-from flurries.io.pictures.slate import Slate
-from flurries.io.pictures.writer import format_of, packing
+from flurries.io.pictures.slate import Slate, checked_metadata
+from flurries.io.pictures.writer import Part, format_of, packing, write_parts
 
 MAIN = "rgba"
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*(\.[A-Za-z][A-Za-z0-9_]*)*")
 # The order of the channels in an array; files keep them by the alphabet.
 _ORDER = "RGBAXYZuv"
-# Two-dimensional layers get the channel name that tells programs what they are.
+# Two-dimensional layers get the channel name that tells programs what they are; vectors from this
+# frame to the next are called "u" and "v" by compositing programs.
 _SINGLE = {"depth": "Z", "alpha": "A", "mask": "A", "coverage": "A"}
-# Vectors from this frame to the next are called so by compositing programs.
-_FLOW = ("forward", "backward")
+_PAIR = {"forward": "uv", "backward": "uv"}
 # What a half is too coarse for.
 _PRECISE = ("depth",)
 # Whole numbers are two channels; Blender would take a bare "snow.id" for a fifth of "snow".
@@ -93,7 +92,7 @@ def _write(
     metadata: Mapping[str, object] | None, slate: Slate | None,
 ) -> None:  # fmt: skip
     """Write a part for each view; one without a name is not marked."""
-    strings, said = header.checked(metadata), Slate.of(slate)
+    strings, said = checked_metadata(metadata), Slate.of(slate)
     parts = []
     for name, layers in views.items():
         parts.append(part := _part_of(layers, half))
@@ -117,7 +116,8 @@ def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -
         places: dict[str, list[int]] = {}
         for place, name in enumerate(spec.channelnames):
             if str(spec.channelformat(place)) == "uint":
-                found[name] = opened.read([place], "uint")[..., 0].astype(np.int64)
+                [plane] = opened.read("uint", [place])
+                found[name] = plane[..., 0].astype(np.int64)
             else:
                 places.setdefault(name.rpartition(".")[0] or MAIN, []).append(place)
         for name in [name.removesuffix(_LOWER) for name in found if name.endswith(_LOWER)]:
@@ -125,7 +125,7 @@ def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -
                 found[name] = found.pop(name + _LOWER) | found.pop(name + _UPPER) << 32
         for group in places.values():
             group.sort(key=lambda place: _ORDER.find(spec.channelnames[place][-1:]))
-        planes = opened.read_groups([*places.values()], "float") if places else []
+        planes = opened.read("float", *places.values()) if places else []
     for name, plane in zip(places, planes, strict=True):
         found[name] = plane[..., 0] if plane.shape[2] == 1 else plane
     return found
@@ -140,13 +140,24 @@ def read_views(
     `read_picture`; ValueError also if the file does not hold two views.
     """
     with opened_picture(path, budget) as opened:
-        parts = opened.parts()
+        parts = opened.parts
         names = [part.get_string_attribute("view") for part in parts]
         if set(VIEWS) <= set(names):
-            return _eye(opened, names.index("left")), _eye(opened, names.index("right"))
-        if tuple(parts[0].getattribute("multiView") or ()) == VIEWS:
-            return _eye(opened, 0), _eye(opened, 0, "right.")
-        raise ValueError(f"{opened.path}: does not hold a left and a right view")
+            left, right = (_eye(opened.at(names.index(view)), "") for view in VIEWS)
+        elif tuple(parts[0].getattribute("multiView") or ()) == VIEWS:
+            left, right = (_eye(opened.at(0), prefix) for prefix in ("", "right."))
+        else:
+            raise ValueError(f"{opened.path}: does not hold a left and a right view")
+        return left, right
+
+
+def _eye(opened: Opened, prefix: str) -> Array:
+    """Return the colors of a part whose names begin with `prefix`, and alpha where there is one."""
+    names = opened.specification.channelnames
+    wanted = [names.index(prefix + name) for name in "RGBA" if prefix + name in names]
+    if len(wanted) < 3:
+        raise ValueError(f"{opened.path}: a view has no red, green and blue")
+    return opened.read("float", wanted)[0]
 
 
 def require_exr(path: str | os.PathLike[str], content: str) -> None:
@@ -160,15 +171,18 @@ def _part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> Part:
     for name, values in mapping("layers", layers).items():
         array = _checked_layer(name, values)
         sizes.add(array.shape[:2])
+        last, count = name.rpartition(".")[2], array.shape[2]
         if array.dtype.kind in "iu":
-            for ending, bits in zip((_LOWER, _UPPER), _halves(name, array), strict=True):
-                planes[name + ending] = bits.view(np.float32), "float"
+            for ending, bits in ((_LOWER, 0), (_UPPER, 32)):
+                part = (array[..., 0].astype(np.uint64) >> np.uint64(bits)).astype(np.uint32)
+                planes[name + ending] = part.view(np.float32), "float"
                 integers.append(name + ending)
             continue
-        last = name.rpartition(".")[2]
-        precise = not half or last in _PRECISE or array.shape[2] == 2
-        for number, channel in enumerate(_channels(name, array.shape[2])):
-            planes[channel] = (array[..., number], "float" if precise else "half")
+        precise = not half or last in _PRECISE or count == 2
+        own = {1: _SINGLE.get(last, "Y"), 2: _PAIR.get(last, "XY")}.get(count, "RGBA"[:count])
+        for number, channel in enumerate(own):
+            called = channel if name == MAIN else f"{name}.{channel}"
+            planes[called] = (array[..., number], "float" if precise else "half")
     if not planes:
         raise ValueError("layers must not be empty")
     if len(sizes) > 1:
@@ -195,24 +209,15 @@ def _part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> Part:
     return Part(specification, band, integers)
 
 
-def _halves(name: str, numbers: Array) -> tuple[Array, Array]:
-    """Return the lower and the upper 32 bits of whole numbers, (H, W) uint32."""
-    if numbers.shape[2:] != (1,):
-        raise ValueError(f"layers: {name!r} holds integers and must be (H, W), got several numbers")
-    plane = numbers[..., 0]
-    if int(plane.min()) < 0 or int(plane.max()) >= 2**63:
-        raise ValueError(f"layers: {name!r} must hold numbers from 0 to 2^63 - 1")
-    wide = plane.astype(np.uint64)
-    return wide.astype(np.uint32), (wide >> np.uint64(32)).astype(np.uint32)
-
-
-def _checked_layer(name: str, values: npt.ArrayLike) -> Array:
+def _checked_layer(name: str, values: npt.ArrayLike) -> Any:
+    """Return a layer as (H, W, C)."""
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise ValueError(
             f"layers: the name {name!r} must be letters, digits and '_', parts joined by '.'"
         )
     array = np.asarray(values)
-    if array.dtype.kind != "f" and not (array.dtype.kind in "iu" and array.dtype.itemsize == 8):
+    whole = array.dtype.kind in "iu"
+    if array.dtype.kind != "f" and not (whole and array.dtype.itemsize == 8):
         raise TypeError(f"layers: {name!r} must hold floats or 64-bit integers, got {array.dtype}")
     if array.ndim == 2:
         array = array[..., np.newaxis]
@@ -221,23 +226,8 @@ def _checked_layer(name: str, values: npt.ArrayLike) -> Array:
             f"layers: {name!r} must be (H, W), (H, W, 2), (H, W, 3) or (H, W, 4), "
             f"got {np.shape(values)}"
         )
+    if whole and array.shape[2] > 1:
+        raise ValueError(f"layers: {name!r} holds integers and must be (H, W), got several numbers")
+    if whole and (int(array.min()) < 0 or int(array.max()) >= 2**63):
+        raise ValueError(f"layers: {name!r} must hold numbers from 0 to 2^63 - 1")
     return array
-
-
-def _channels(name: str, count: int) -> list[str]:
-    if count == 1:
-        own = [_SINGLE.get(name.rpartition(".")[2], "Y")]
-    elif count == 2:
-        own = ["u", "v"] if name.rpartition(".")[2] in _FLOW else ["X", "Y"]
-    else:
-        own = ["R", "G", "B", "A"][:count]
-    return own if name == MAIN else [f"{name}.{channel}" for channel in own]
-
-
-def _eye(opened: Opened, part: int, prefix: str = "") -> Array:
-    """Return the colors of a part whose names begin with `prefix`, and alpha where there is one."""
-    names = list(opened.reader.spec(part).channelnames)
-    wanted = [prefix + name for name in ("R", "G", "B", "A") if prefix + name in names]
-    if len(wanted) < 3:
-        raise ValueError(f"{opened.path}: a view has no red, green and blue")
-    return opened.read([names.index(name) for name in wanted], "float", part=part)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -17,11 +18,19 @@ from flurries.io.color import Array, Encoding
 from flurries.io.files import Budget, plain_file, require_whole_png
 from flurries.io.oiio import last_error, let_open, libraries_silent, openimageio
 
+# Left, top, width and height, px.
+Window: TypeAlias = tuple[int, int, int, int]
+
 # Pixels that are decoded at a time, in whole blocks of compression of so many rows.
 _CHUNK, _ROWS = 1 << 20, 256
 
 # NumPy's names for the types of numbers, where OpenImageIO's are others.
 _DTYPES = {"half": "float16", "float": "float32", "uint": "uint32"}
+
+FLOATS = ("half", "float", "double")
+
+# What a header calls frames a second: OpenEXR, and OpenImageIO.
+RATES = ("framesPerSecond", "FramesPerSecond")
 
 
 @dataclass(frozen=True)
@@ -31,7 +40,6 @@ class Header:
     Attributes
     ----------
     path : str
-        The file.
     size : tuple of int
         (width, height) in px as the user sees it: display window, orientation applied.
     channels : tuple of str
@@ -44,17 +52,17 @@ class Header:
         Width of a pixel over its height.
     rate : Fraction or None
         Frames per second, if the header has them.
-    curve : str
-        What a DPX says of its numbers: "Logarithmic", "Linear" and so on; empty of other formats.
     moves : bool
         Whether it holds several pictures to be shown after each other, as GIF and WebP may.
+    curve : str
+        What a DPX says of its numbers: "Logarithmic", "Linear" and so on; empty of other formats.
     """
 
     path: str
     size: tuple[int, int]
     channels: tuple[str, ...]
     encoding: Encoding
-    display: tuple[int, int, int, int] | None = None
+    display: Window | None = None
     aspect: float = 1.0
     rate: Fraction | None = None
     moves: bool = False
@@ -63,16 +71,32 @@ class Header:
 
 @dataclass(frozen=True)
 class Opened:
-    """A picture that is open, and where in it the colors are."""
+    """A part of a picture that is open, and where in it the colors are."""
 
     path: Path
     reader: Any
-    specification: Any
+    budget: Budget
+    overscan: bool
     part: int
+    specification: Any
     color: tuple[int, ...]
     alpha: int | None
-    budget: Budget
-    overscan: bool = False
+
+    @classmethod
+    def of(cls, path: Path, reader: Any, budget: Budget, overscan: bool, part: int) -> Opened:
+        spec = reader.spec(part)
+        color, alpha = _channels(spec)
+        return cls(path, reader, budget, overscan, part, spec, color, alpha)
+
+    def at(self, part: int) -> Opened:
+        """Return another part."""
+        return Opened.of(self.path, self.reader, self.budget, self.overscan, part)
+
+    @property
+    def parts(self) -> list[Any]:
+        """The specifications of all parts, of a thousand at most."""
+        stated = self.reader.spec(0).get_int_attribute("oiio:subimages", 1)
+        return [self.reader.spec(part) for part in range(min(max(stated, 1), 1000))]
 
     @property
     def stored_type(self) -> str:
@@ -81,15 +105,7 @@ class Opened:
 
     @property
     def encoding(self) -> Encoding:
-        """Floats are linear light, integers are display values."""
-        return "linear" if self.stored_type in ("half", "float", "double") else "display"
-
-    @property
-    def premultiplied(self) -> bool:
-        """Whether the colors are multiplied by alpha: in EXR always, in TIFF if it says so."""
-        kind = self.reader.format_name()
-        straight = self.specification.get_int_attribute("oiio:UnassociatedAlpha") != 0
-        return kind == "openexr" or (kind == "tiff" and not straight)
+        return "linear" if self.stored_type in FLOATS else "display"
 
     @property
     def orientation(self) -> int:
@@ -97,76 +113,59 @@ class Opened:
         return stated if 1 <= stated <= 8 else 1
 
     @property
-    def window(self) -> tuple[int, int, int, int]:
-        """The display window (left, top, width, height) relative to the first stored pixel."""
+    def is_exr(self) -> bool:
+        return bool(self.reader.format_name() == "openexr")
+
+    @property
+    def window(self) -> Window:
+        """The window of what comes, from the first stored pixel: the display's, or overscan too."""
+        left, top, width, height = self._display
+        if self.orientation != 1 or not self.overscan:
+            return left, top, width, height
+        spec, first, above = self.specification, min(left, 0), min(top, 0)
+        last, below = max(left + width, spec.width), max(top + height, spec.height)
+        return first, above, last - first, below - above
+
+    @property
+    def _display(self) -> Window:
         spec = self.specification
-        if self.reader.format_name() != "openexr":
+        if not self.is_exr:
             # Offsets in other formats are about printing several pictures on one page.
             return 0, 0, spec.width, spec.height
         return spec.full_x - spec.x, spec.full_y - spec.y, spec.full_width, spec.full_height
 
     @property
-    def frame_window(self) -> tuple[int, int, int, int]:
-        """The window of all that is stored or shown, as `window`: overscan is around the latter."""
-        left, top, width, height = self.window
-        spec = self.specification
-        if self.orientation != 1 or not self.overscan:
-            return left, top, width, height
-        first, above = min(left, 0), min(top, 0)
-        last, below = max(left + width, spec.width), max(top + height, spec.height)
-        return first, above, last - first, below - above
-
-    @property
-    def display(self) -> tuple[int, int, int, int] | None:
+    def display(self) -> Window | None:
         """The display window's place in the picture with its overscan; None without any."""
-        left, top, width, height = self.window
-        first, above, across, down = self.frame_window
-        found = (left - first, top - above, width, height)
-        return None if found == (0, 0, across, down) else found
-
-    @property
-    def aspect(self) -> float:
-        """Width of a pixel over its height; 1 where it makes no sense."""
-        said = self.specification.get_float_attribute("PixelAspectRatio", 1.0)
-        said = said if 0.05 <= said <= 20.0 else 1.0
-        return 1.0 / said if self.orientation >= 5 else said
+        (left, top, *size), (first, above, *whole) = self._display, self.window
+        place = left - first, top - above
+        return None if place == (0, 0) and size == whole else (*place, size[0], size[1])
 
     @property
     def size(self) -> tuple[int, int]:
-        _, _, width, height = self.frame_window
+        _, _, width, height = self.window
         return (height, width) if self.orientation >= 5 else (width, height)
 
-    def parts(self) -> list[Any]:
-        return _parts(self.reader)
-
-    def read(self, channels: Sequence[int], kind: str, *, part: int | None = None) -> Array:
-        """Return channels of a part as stored, (h, w, c); see `bands`."""
-        return self.read_groups([channels], kind, part=part)[0]
-
-    def read_groups(
-        self, groups: Sequence[Sequence[int]], kind: str, *, part: int | None = None
-    ) -> list[Array]:
-        """Return groups of channels of a part, each as `read` does; the file is decoded once."""
-        channels = [channel for group in groups for channel in group]
+    def read(self, kind: str, *groups: Sequence[int]) -> list[Array]:
+        """Return groups of channels as stored, each (h, w, c); the file is decoded once."""
         ends = np.cumsum([len(group) for group in groups])[:-1]
-        spec = self.specification if part is None else self.reader.spec(part)
         made: list[Array] = []
-        for rows, band in self.bands(channels, kind, part=part):
+        for rows, band in self.bands([channel for group in groups for channel in group], kind):
             parts = np.split(band, ends, axis=2)
-            made = made or [np.empty((spec.height, *one.shape[1:]), band.dtype) for one in parts]
+            height = self.specification.height
+            made = made or [np.empty((height, *one.shape[1:]), band.dtype) for one in parts]
             for plane, values in zip(made, parts, strict=True):
                 plane[rows] = values
         return made
 
     def bands(
-        self, channels: Sequence[int], kind: str, *, part: int | None = None, step: int = 0
+        self, channels: Sequence[int], kind: str, step: int = 0
     ) -> Iterator[tuple[slice, Array]]:
-        """Yield channels of a part as stored, some rows at a time: where, and (rows, w, c)."""
-        number = self.part if part is None else part
-        spec = self.reader.spec(number)
+        """Yield channels as stored, some rows at a time: where, and (rows, w, c)."""
+        spec = self.specification
         size = np.dtype(_DTYPES.get(kind, kind)).itemsize * len(channels)
         # What is shown is another array where it is not what is stored.
-        whole = self.frame_window == (0, 0, spec.width, spec.height) and self.orientation == 1
+        whole = self.window == (0, 0, spec.width, spec.height) and self.orientation == 1
         for shown in ((spec.width, spec.height), self.size):
             self.budget.admit(self.path, shown, size if whole else 2 * size)
         first, last = min(channels), max(channels) + 1
@@ -180,19 +179,22 @@ class Opened:
             rows = spec.y + top, spec.y + bottom
             if spec.tile_width:
                 box = (spec.x, spec.x + spec.width, *rows, 0, 1)
-                band = self.reader.read_tiles(number, 0, *box, first, last, kind)
+                band = self.reader.read_tiles(self.part, 0, *box, first, last, kind)
             else:
-                band = self.reader.read_scanlines(number, 0, *rows, 0, first, last, kind)
+                band = self.reader.read_scanlines(self.part, 0, *rows, 0, first, last, kind)
             # libjpeg fills what is missing with grey, returns it as a success, leaves a message.
             if band is None or self.reader.has_error:
-                reason = last_error(self.reader) or "no reason given"
-                raise OSError(f"{self.path}: the picture is damaged or cut short: {reason}")
+                raise self.damage()
             band = band.reshape(bottom - top, spec.width, last - first)
             yield slice(top, bottom), band if in_order else band[..., wanted]
 
+    def damage(self) -> OSError:
+        reason = last_error(self.reader) or "no reason given"
+        return OSError(f"{self.path}: the picture is damaged or cut short: {reason}")
+
     def shown(self, values: Array, outside: float = 0.0) -> Array:
         """Return the shown part of stored values (h, w, c): the display window, upright."""
-        left, top, width, height = self.frame_window
+        left, top, width, height = self.window
         stored_height, stored_width = values.shape[:2]
         if (left, top, width, height) != (0, 0, stored_width, stored_height):
             framed = np.full((height, width, values.shape[2]), outside, values.dtype)
@@ -219,19 +221,15 @@ def read_header(
         Whether it may be deep, with many samples in a pixel.
     """
     with opened_picture(path, overscan=overscan, deep=deep) as opened:
+        spec, reader = opened.specification, opened.reader
+        said = spec.get_float_attribute("PixelAspectRatio", 1.0)
+        aspect = said if 0.05 <= said <= 20.0 else 1.0
         return Header(
-            path=str(opened.path),
-            size=opened.size,
-            channels=tuple(opened.specification.channelnames),
-            encoding=opened.encoding,
-            display=opened.display,
-            aspect=opened.aspect,
-            rate=rate_of(opened.specification),
-            curve=opened.specification.get_string_attribute("dpx:Transfer"),
-            moves=(
-                opened.reader.format_name() in ("gif", "webp") and opened.reader.seek_subimage(1, 0)
-            ),
-        )
+            str(opened.path), opened.size, tuple(spec.channelnames), opened.encoding,
+            opened.display, 1.0 / aspect if opened.orientation >= 5 else aspect, rate_of(spec),
+            reader.format_name() in ("gif", "webp") and reader.seek_subimage(1, 0),
+            spec.get_string_attribute("dpx:Transfer"),
+        )  # fmt: skip
 
 
 @contextmanager
@@ -239,7 +237,7 @@ def opened_picture(
     path: str | os.PathLike[str], budget: Budget | None = None, *, overscan: bool = False,
     deep: bool = False,
 ) -> Iterator[Opened]:  # fmt: skip
-    """Open a picture and find its colors."""
+    """Open a picture, at the first part with red, green and blue, or else its first."""
     flag("overscan", overscan)
     flag("deep", deep)
     found = plain_file(path)
@@ -248,11 +246,20 @@ def opened_picture(
         raise OSError(f"{found}: the file is empty")
     require_whole_png(found, f"{found}: the picture is damaged or cut short")
     with libraries_silent():
-        reader = reader_of(found, limits)
+        reader = _reader_of(found, limits)
         try:
-            part, spec = _part_with_color(found, reader, deep=deep)
-            color, alpha = find_channels(spec.channelnames, spec.nchannels, spec.alpha_channel)
-            opened = Opened(found, reader, spec, part, color, alpha, limits, overscan)
+            opened = Opened.of(found, reader, limits, overscan, 0)
+            names = [{*spec.channelnames} for spec in opened.parts] if opened.is_exr else []
+            if places := [place for place, own in enumerate(names) if {"R", "G", "B"} <= own]:
+                opened = opened.at(places[0])
+            spec = opened.specification
+            if spec.deep and not deep:
+                raise ValueError(f"{found}: deep pictures, with many samples in a pixel, are not "
+                                 "supported")  # fmt: skip
+            if {"RY", "BY"} & {*spec.channelnames}:
+                raise ValueError(f"{found}: pictures in luminance and chroma are not supported")
+            if spec.nchannels < 1:
+                raise OSError(f"{found}: the picture has no channels")
             for size in ((spec.width, spec.height), opened.size):
                 limits.admit(found, size, 1)
             if spec.tile_width:
@@ -266,7 +273,7 @@ def opened_picture(
             reader.close()
 
 
-def reader_of(path: Path, budget: Budget) -> Any:
+def _reader_of(path: Path, budget: Budget) -> Any:
     library = openimageio()
     let_open(budget.bytes)
     wishes = library.ImageSpec()
@@ -275,57 +282,30 @@ def reader_of(path: Path, budget: Budget) -> Any:
     reader = library.ImageInput.open(str(path), wishes)
     if reader is None:
         reason = last_error()
-        if path.suffix.lower().lstrip(".") in _extensions(library):
+        known = re.split("[:;,]", library.get_string_attribute("extension_list"))
+        if path.suffix.lower().lstrip(".") in known:
             raise OSError(f"{path}: the picture cannot be read: {reason}")
-        raise ValueError(f"{path}: not a picture of a known format")
     # Readers that were tried before the right one leave complaints in the global list. The reader's
     # own are kept: a progressive JPEG is decoded on opening, and tells then that it is cut short.
     last_error()
-    if reader.format_name() in ("null", "term"):
-        # The null format invents a black picture for any file with its extension.
+    # The null format invents a black picture for any file with its extension.
+    if reader is None or reader.format_name() in ("null", "term"):
         raise ValueError(f"{path}: not a picture of a known format")
     return reader
 
 
-def find_channels(
-    names: Sequence[str], count: int, stated_alpha: int = -1
-) -> tuple[tuple[int, ...], int | None]:
+def _channels(spec: Any) -> tuple[tuple[int, ...], int | None]:
     """Return the channels of the colors (one or three) and of the alpha, by their names."""
     # OpenImageIO's own note about alpha may point at a layer's, or past the end.
-    places = {name: place for place, name in reversed(list(enumerate(names)))}
-    layers = dict.fromkeys(name.rpartition(".")[0] for name in names)
+    places = {name: place for place, name in reversed(list(enumerate(spec.channelnames)))}
+    layers = dict.fromkeys(name.rpartition(".")[0] for name in spec.channelnames)
     for prefix in ["", *(f"{layer}." for layer in layers if layer)]:
         for wanted in (("R", "G", "B"), ("r", "g", "b"), ("Y",)):
             color = tuple(places[prefix + name] for name in wanted if prefix + name in places)
             if len(color) == len(wanted):
                 return color, places.get(f"{prefix}A", places.get(f"{prefix}a"))
-    color = (0, 1, 2) if count >= 3 else (0,)
-    alpha = stated_alpha if len(color) <= stated_alpha < count else None
-    return color, alpha
-
-
-def _parts(reader: Any) -> list[Any]:
-    """Return the specifications of all parts of a file, of a thousand at most."""
-    stated = reader.spec(0).get_int_attribute("oiio:subimages", 1)
-    return [reader.spec(part) for part in range(min(max(stated, 1), 1000))]
-
-
-def _part_with_color(path: Path, reader: Any, *, deep: bool) -> tuple[int, Any]:
-    """Return the first part of a picture that holds red, green and blue, or else its first."""
-    parts = _parts(reader) if reader.format_name() == "openexr" else [reader.spec()]
-    chosen = next((n for n, part in enumerate(parts) if {"R", "G", "B"} <= {*part.channelnames}), 0)
-    spec = parts[chosen]
-    if spec.deep and not deep:
-        raise ValueError(f"{path}: deep pictures, with many samples in a pixel, are not supported")
-    if {"RY", "BY"} & {*spec.channelnames}:
-        raise ValueError(f"{path}: pictures in luminance and chroma are not supported")
-    if spec.nchannels < 1:
-        raise OSError(f"{path}: the picture has no channels")
-    return chosen, spec
-
-
-# What a header calls frames a second: OpenEXR, and OpenImageIO.
-RATES = ("framesPerSecond", "FramesPerSecond")
+    color = (0, 1, 2) if spec.nchannels >= 3 else (0,)
+    return color, spec.alpha_channel if len(color) <= spec.alpha_channel < spec.nchannels else None
 
 
 def rate_of(specification: Any) -> Fraction | None:
@@ -350,8 +330,3 @@ def upright(values: Array, orientation: int) -> Array:
     if orientation in (2, 4):
         return values[:, ::-1] if orientation == 2 else values[::-1]
     return np.rot90(values, {3: 2, 6: -1, 8: 1}.get(orientation, 0))
-
-
-def _extensions(library: Any) -> set[str]:
-    listed = library.get_string_attribute("extension_list")
-    return {name for group in listed.split(";") for name in group.partition(":")[2].split(",")}

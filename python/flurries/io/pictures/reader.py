@@ -1,23 +1,29 @@
-"""Reading pictures: any format that OpenImageIO knows, as colors, alpha and an encoding."""
+"""Reading pictures: any format that OpenImageIO knows, as colors and alpha, or as depth."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from flurries._contract import depths
+from flurries._contract import depths, require
 from flurries._warnings import warn_of_units
 from flurries.io.color import Array, Encoding, to_unit
 from flurries.io.files import Budget
-from flurries.io.pictures.header import Opened, opened_picture
-from flurries.io.pictures.samples import two_depths
+from flurries.io.pictures.header import FLOATS, Opened, Window, opened_picture
 
 # What luminance is made of, Rec. 709.
-_GREEN, _BLUE = 0.7152, 0.0722
+_GREEN, _BLUE = np.float32(0.7152), np.float32(0.0722)
+
+# What programs call depth, alone or at the end of a layer's name.
+_DEPTHS = ("Z", "z", "depth", "Depth", "DEPTH")
+
+# Shares of a pixel that are none.
+_NONE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +52,7 @@ class Picture:
     encoding: Encoding
     path: str
     premultiplied: bool = False
-    display: tuple[int, int, int, int] | None = None
+    display: Window | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -92,15 +98,19 @@ def read_picture(
         All that is stored comes, and the display window is where `Picture.display` says.
     """
     with opened_picture(path, budget, overscan=overscan) as opened:
-        pixels, alpha = _decode(opened)
+        stored = opened.stored_type
+        # A grey picture gets its one channel three times.
+        groups = [opened.color if len(opened.color) == 3 else opened.color * 3]
+        groups += [] if opened.alpha is None else [(opened.alpha,)]
+        kind = stored if stored in ("uint8", "uint16") else "float"
+        pixels, *cover = map(opened.shown, opened.read(kind, *groups))
+        alpha = np.ascontiguousarray(to_unit(cover[0][..., 0])) if cover else None
+        straight = opened.specification.get_int_attribute("oiio:UnassociatedAlpha") != 0
+        multiplied = opened.is_exr or (opened.reader.format_name() == "tiff" and not straight)
         return Picture(
-            pixels=pixels,
-            alpha=alpha,
-            encoding=opened.encoding,
-            path=str(opened.path),
-            premultiplied=alpha is not None and opened.premultiplied,
-            display=opened.display,
-        )
+            np.ascontiguousarray(pixels), alpha, opened.encoding, str(opened.path),
+            alpha is not None and multiplied, opened.display,
+        )  # fmt: skip
 
 
 def luminance(picture: Picture) -> Array:
@@ -108,25 +118,8 @@ def luminance(picture: Picture) -> Array:
     values = np.clip(np.nan_to_num(to_unit(picture.pixels), nan=0.0), 0.0, 1.0)
     red, green, blue = np.moveaxis(values, -1, 0)
     # Written as differences, so that grey pictures give their grey level exactly.
-    grey: Array = red + np.float32(_GREEN) * (green - red) + np.float32(_BLUE) * (blue - red)
+    grey: Array = red + _GREEN * (green - red) + _BLUE * (blue - red)
     return grey
-
-
-def _decode(opened: Opened) -> tuple[Array, Array | None]:
-    """Return the colors (H, W, 3) and the alpha, window and orientation applied."""
-    stored = opened.stored_type
-    # A grey picture gets its one channel three times.
-    groups = [opened.color if len(opened.color) == 3 else opened.color * 3]
-    if opened.alpha is not None:
-        groups.append((opened.alpha,))
-    kind = stored if stored in ("uint8", "uint16") else "float"
-    pixels, *alpha = map(opened.shown, opened.read_groups(groups, kind))
-    cover = np.ascontiguousarray(to_unit(alpha[0][..., 0])) if alpha else None
-    return np.ascontiguousarray(pixels), cover
-
-
-# What programs call the channel, alone or at the end of a layer's name.
-_NAMES = ("Z", "z", "depth", "Depth", "DEPTH")
 
 
 def read_depth(
@@ -146,38 +139,108 @@ def read_depth(
         As `read_picture`.
     """
     with opened_picture(path, budget, overscan=overscan, deep=True) as opened:
-        part, channel = _channel_of(opened)
-        if opened.reader.spec(part).deep:
-            return two_depths(opened, part, channel)
-        plane = opened.read([channel], "float", part=part)
-        shown = np.ascontiguousarray(opened.shown(plane, np.inf)[..., 0])
+        part, channel = _find_depth(opened)
+        if part.specification.deep:
+            return _two_depths(part, channel)
+        [plane] = part.read("float", [channel])
+        shown = np.ascontiguousarray(part.shown(plane, np.inf)[..., 0])
     warn_of_units("depth", shown)
     return depths(f"{opened.path}: depth", shown)
-
-
-def _channel_of(opened: Opened) -> tuple[int, int]:
-    specs = opened.parts()
-    for ending in (False, True):
-        for wanted in _NAMES:
-            for part, spec in enumerate(specs):
-                for channel, name in enumerate(spec.channelnames):
-                    short = name.rpartition(".")[2] if ending else name
-                    if short == wanted and _is_float(spec, channel):
-                        return part, channel
-    if len(specs) == 1 and specs[0].nchannels == 1 and _is_float(specs[0], 0):
-        return 0, 0
-    names = ", ".join(name for spec in specs for name in spec.channelnames)
-    raise ValueError(
-        f"{opened.path}: no float channel 'Z' or 'depth' among {names}; a grey picture becomes "
-        "depths through DepthMap"
-    )
-
-
-def _is_float(spec: Any, channel: int) -> bool:
-    return str(spec.channelformat(channel)) in ("half", "float", "double")
 
 
 def require_depth(path: Path, budget: Budget | None) -> None:
     """Refuse a file without depth, before any frame is asked for."""
     with opened_picture(path, budget, deep=True) as opened:
-        _channel_of(opened)
+        _find_depth(opened)
+
+
+def _find_depth(opened: Opened) -> tuple[Opened, int]:
+    """Return the part that has depth, and its channel."""
+    found = [
+        (name, part, channel)
+        for part, spec in enumerate(opened.parts)
+        for channel, name in enumerate(spec.channelnames)
+        if str(spec.channelformat(channel)) in FLOATS
+    ]
+    for ending in (False, True):
+        for wanted in _DEPTHS:
+            for name, part, channel in found:
+                if (name.rpartition(".")[2] if ending else name) == wanted:
+                    return opened.at(part), channel
+    names = [name for spec in opened.parts for name in spec.channelnames]
+    if len(found) == len(names) == 1:
+        return opened.at(0), 0
+    raise ValueError(
+        f"{opened.path}: no float channel 'Z' or 'depth' among {', '.join(names)}; a grey picture "
+        "becomes depths through DepthMap"
+    )
+
+
+def samples_of(opened: Opened, channels: Sequence[int]) -> tuple[Array, Array]:
+    """Return the samples of each pixel, (H, W), and channels of all of them, (N, c) float32."""
+    spec = opened.specification
+    opened.budget.admit(opened.path, (spec.width, spec.height), 4 * len(channels))
+    data = opened.reader.read_native_deep_image(opened.part, 0)
+    if data is None:
+        raise opened.damage()
+    pixels = spec.width * spec.height
+    counts = np.fromiter(map(data.samples, range(pixels)), np.int64, pixels)
+    total = int(counts.sum())
+    opened.budget.admit(opened.path, (max(total, 1), 1), 4 * len(channels))
+    pixel = np.repeat(np.arange(pixels), counts)
+    number = np.arange(total) - np.repeat(np.cumsum(counts) - counts, counts)
+    # OpenImageIO hands samples over one number at a time.
+    places = pixel.tolist(), number.tolist()
+    values = np.empty((total, len(channels)), np.float32)
+    for column, channel in enumerate(channels):
+        read = map(data.deep_value, places[0], repeat(channel), places[1])
+        values[:, column] = np.fromiter(read, np.float32, total)
+    return counts.reshape(spec.height, spec.width), values
+
+
+def _two_depths(opened: Opened, depth: int) -> Array:
+    """Return (H, W, 3): a near depth, the one behind it, and the near one's share of the pixel."""
+    # Samples, and the infinity behind them, are parted where their inverse depths differ most.
+    names = opened.specification.channelnames
+    layer, dot, _ = names[depth].rpartition(".")
+    alpha = [k for k, name in enumerate(names) if name == f"{layer}{dot}A"]
+    counts, values = samples_of(opened, [depth, *alpha])
+    far = values[:, 0].astype(np.float64)
+    require(f"{opened.path}: depth", far, far > 0.0, "greater than 0 in all samples")
+    cover = values[:, 1].astype(np.float64) if alpha else np.ones(len(far))
+    whole = (cover >= 0.0) & (cover <= 1.0 + _NONE)
+    require(f"{opened.path}: alpha", cover, whole, "from 0 to 1 in all samples")
+    parted = _parted(counts.ravel(), far, np.minimum(cover, 1.0)).astype(np.float32)
+    shown = opened.shown(np.moveaxis(parted.reshape(3, *counts.shape), 0, 2), np.inf)
+    shown = np.ascontiguousarray(shown)
+    shown[..., 2][np.isinf(shown[..., 2])] = 0.0
+    warn_of_units("depth", shown[..., 0])
+    return shown
+
+
+def _parted(counts: Array, far: Array, cover: Array) -> Array:
+    """Return (3, n): the near depth of each pixel, the one behind it, and the near one's share."""
+    order = np.lexsort((far, np.repeat(np.arange(len(counts)), counts)))
+    close, cover, first = 1.0 / far[order], cover[order], np.cumsum(counts) - counts
+    most = int(counts.max(initial=0))
+    rounds = [(own, first[own] + k) for k in range(most) for own in [np.flatnonzero(counts > k)]]
+    # Of the samples so far: how much they hide, and their inverse depths by that.
+    hidden, total = np.zeros(len(counts)), np.zeros(len(counts))
+    sums = np.empty((len(far), 2))
+    for own, at in rounds:
+        shown = (1.0 - hidden[own]) * cover[at]
+        hidden[own] += shown
+        total[own] += shown * close[at]
+        sums[at] = np.stack([hidden[own], total[own]], axis=1)
+    best, share, inner = (np.zeros(len(counts)) for _ in range(3))
+    for own, at in rounds:
+        part, inside = sums[at].T
+        ends = np.clip(part * (1.0 - part), _NONE, None)
+        score = np.where(part < 1.0 - _NONE, (inside - part * total[own]) ** 2 / ends, 0.0)
+        better = score > best[own]
+        own = own[better]
+        best[own], share[own], inner[own] = score[better], part[better], inside[better]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rest = np.where(hidden - share < _NONE, 0.0, total - inner)
+        back = np.where(share > 0.0, (1.0 - share) / rest, 1.0 / total)
+        return np.stack([np.where(share > 0.0, share / inner, back), back, share])

@@ -1,25 +1,38 @@
-"""What a plate says of itself, carried into the frames that are made of it.
+"""What a picture's header says: the words of its plate, carried into the frames that are made of it.
 
-Everything in its header goes through but what is about how the file stores its pixels, and what is
-flurries' own. What describes colors goes where the colors are the plate's still.
+Everything in a plate's header goes through but what is about how the file stores its pixels, and
+what is flurries' own: small strings under ``flurries:`` about how a picture was made. What
+describes colors goes where the colors are the plate's still.
 """
 
 from __future__ import annotations
 
+import json
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 
+from flurries._contract import mapping
 from flurries.io.color import Encoding
 from flurries.io.files import Budget
 from flurries.io.oiio import openimageio
-from flurries.io.pictures.header import RATES, opened_picture, rate_of
-from flurries.io.pictures.metadata import PREFIX, put_strings
+from flurries.io.pictures.header import RATES, Window, opened_picture, rate_of
 from flurries.io.timecode import TimeCode
+
+PREFIX = "flurries:"
+
+# OpenImageIO stamps the present moment into every header, and then no two runs make the same
+# bytes. A moment that never changes says as much as a clock that nobody asked about.
+FIXED_MOMENT = "2000:01:01 00:00:00"
+
+_KEY = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,59}")
+_MOMENT = re.compile(r"[0-9]{4}:[0-9]{2}:[0-9]{2} [0-9]{2}:[0-9]{2}:[0-9]{2}")
 
 # How a file stores its pixels, or what is written anew: not the plate's any more.
 _STORAGE = {
@@ -29,8 +42,10 @@ _STORAGE = {
 _STORAGE_PREFIXES = ("oiio:", "openexr:", "png:", "jpeg:", "tiff:", "thumbnail", PREFIX)
 
 # What colors mean.
-_COLOR = {"chromaticities", "cicp", "colorinteropid", "iccprofile", "whiteluminance"}
-_COLOR |= {"adoptedneutral", "colorspace", "gamma"}
+_COLOR = {
+    "adoptedneutral", "chromaticities", "cicp", "colorinteropid", "colorspace", "gamma",
+    "iccprofile", "whiteluminance",
+}  # fmt: skip
 
 _TIME = "smpte:TimeCode"
 _VIDEO = ("dpx:Transfer", "dpx:Colorimetric")
@@ -65,12 +80,21 @@ class Slate:
     attributes: tuple[tuple[str, str, Any], ...] = ()
     encoding: Encoding = "display"
     origin: tuple[int, int] = (0, 0)
-    display: tuple[int, int, int, int] | None = None
+    display: Window | None = None
     rate: Fraction | None = None
     bits: int | None = None
     colored: bool = True
     crop: tuple[slice, slice] | None = None
     video: tuple[str, str] = ("Unspecified video", "ITU-R 709-4")
+
+    @staticmethod
+    def of(slate: object) -> Slate:
+        """Return a slate that a writer is given, or one that says nothing."""
+        if slate is None:
+            return Slate()
+        if not isinstance(slate, Slate):
+            raise TypeError(f"slate must be a flurries.io.Slate, got {type(slate).__name__}")
+        return slate
 
     def value(self, name: str) -> Any:
         return next((value for known, _, value in self.attributes if known == name), None)
@@ -82,28 +106,20 @@ class Slate:
             return None
         return TimeCode.of_word(int(word[0]), self.rate)
 
+    def _without(self, *names: str) -> tuple[tuple[str, str, Any], ...]:
+        return tuple(one for one in self.attributes if one[0] not in names)
+
     def at(self, rate: Fraction, timecode: TimeCode | None = None) -> Slate:
         """Return the slate with a rate, and with a time code if one is given."""
-        kept = [one for one in self.attributes if one[0] not in RATES]
-        kept.append(("framesPerSecond", "rational", (rate.numerator, rate.denominator)))
+        said: Any = [(RATES[0], "rational", (rate.numerator, rate.denominator))]
         if timecode is not None:
-            kept = [one for one in kept if one[0] != _TIME]
-            kept.append((_TIME, "timecode", (timecode.word, 0)))
-        return replace(self, attributes=tuple(kept), rate=rate)
-
-    @staticmethod
-    def of(slate: object) -> Slate:
-        """Return a slate that a writer is given, or one that says nothing."""
-        if slate is None:
-            return NOTHING
-        if not isinstance(slate, Slate):
-            raise TypeError(f"slate must be a flurries.io.Slate, got {type(slate).__name__}")
-        return slate
+            said.append((_TIME, "timecode", (timecode.word, 0)))
+        kept = self._without(*RATES, *(name for name, _, _ in said))
+        return replace(self, attributes=(*kept, *said), rate=rate)
 
     def resized(self) -> Slate:
         """Return the slate of a picture of another size: its windows are its own."""
-        gone = ("PixelAspectRatio", "screenWindowCenter", "screenWindowWidth")
-        kept = tuple(one for one in self.attributes if one[0] not in gone)
+        kept = self._without("PixelAspectRatio", "screenWindowCenter", "screenWindowWidth")
         return replace(self, attributes=kept, origin=(0, 0), display=None, crop=None)
 
     def cropped(self) -> Slate:
@@ -117,42 +133,41 @@ class Slate:
         self, specification: Any, format_name: str, encoding: str, strings: Mapping[str, str]
     ) -> None:
         """Write it and our own strings into the header of a picture that is about to be made."""
-        put_strings(specification, strings, format_name)
+        exr, dpx = format_name == "openexr", format_name == "dpx"
+        specification.attribute("DateTime", strings["DateTime"])
+        specification.attribute("Software", "flurries")
+        if exr or format_name == "png":
+            # Numbers travel as strings too: OpenImageIO would round integers to 32 bits and floats
+            # to single precision.
+            for key, text in _own(strings).items():
+                specification.attribute(key, text)
+        elif text := description(strings):
+            specification.attribute("ImageDescription", text)
+        for name, said in zip(_VIDEO, self.video, strict=True) if dpx else ():
+            specification.attribute(name, said)
         same = self.colored and encoding == self.encoding
-        if format_name == "dpx":
-            for name, said in zip(_VIDEO, self.video, strict=True):
-                specification.attribute(name, said)
         for name, kind, value in self.attributes:
-            if name in _VIDEO and (not same or value in ("Undefined", "User defined")):
-                continue
-            if name.lower().partition(":")[0] in _COLOR and not same:
-                continue
-            if name.startswith("dpx:") and format_name != "dpx":
-                continue
-            # Others know no such words; a DPX has a place for a time code.
-            own = format_name == "openexr" or (format_name == "dpx" and name == _TIME)
-            if not own and (kind in ("rational", "timecode") or name in RATES):
-                continue
-            if kind.startswith("uint8["):
+            colored = name in _VIDEO or name.lower().partition(":")[0] in _COLOR
+            said = name not in _VIDEO or value not in ("Undefined", "User defined")
+            # Others know no rates and no time codes; a DPX has a place for the latter.
+            timed = kind in ("rational", "timecode") or name in RATES
+            known = exr or (dpx and name == _TIME) or not timed
+            if said and known and (same or not colored) and (dpx or not name.startswith("dpx:")):
                 # Bytes are taken as an array alone.
-                value = np.array(value, np.uint8)
-            specification.attribute(name, openimageio().TypeDesc(kind), value)
-        if format_name == "openexr" and (self.display is not None or self.origin != (0, 0)):
+                given = np.array(value, np.uint8) if kind.startswith("uint8[") else value
+                specification.attribute(name, openimageio().TypeDesc(kind), given)
+        if exr and (self.display is not None or self.origin != (0, 0)):
             specification.x, specification.y = self.origin
+            specification.full_x, specification.full_y = self.origin
             if self.display is not None:
                 left, top, width, height = self.display
                 specification.full_x, specification.full_y = left, top
                 specification.full_width, specification.full_height = width, height
-            else:
-                specification.full_x, specification.full_y = self.origin
 
     @property
     def profile(self) -> bytes | None:
         value = self.value("ICCProfile")
         return None if value is None or not self.colored else bytes(value)
-
-
-NOTHING = Slate()
 
 
 def read_slate(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Slate:
@@ -161,26 +176,51 @@ def read_slate(path: str | os.PathLike[str], *, budget: Budget | None = None) ->
     `path`, `budget` and errors are those of `read_picture`.
     """
     with opened_picture(path, budget, overscan=True) as opened:
-        spec = opened.specification
-        found = []
+        spec, found = opened.specification, []
         for one in spec.extra_attribs:
-            name = str(one.name)
-            lower = name.lower()
-            if lower in _STORAGE or lower.startswith(_STORAGE_PREFIXES):
-                continue
-            value = one.value
-            kept = (
-                tuple(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
-            )
-            found.append((name, str(one.type), kept))
-        left, top, _, _ = opened.frame_window
+            lower, value = str(one.name).lower(), one.value
+            if lower not in _STORAGE and not lower.startswith(_STORAGE_PREFIXES):
+                many = hasattr(value, "__len__") and not isinstance(value, str)
+                found.append((str(one.name), str(one.type), tuple(value) if many else value))
+        left, top, _, _ = opened.window
         origin, display, crop = (0, 0), None, None
-        if opened.reader.format_name() == "openexr" and opened.orientation == 1:
+        if opened.is_exr and opened.orientation == 1:
             origin = (spec.x + left, spec.y + top)
             display = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
-            if opened.frame_window != (0, 0, spec.width, spec.height):
+            if opened.window != (0, 0, spec.width, spec.height):
                 crop = np.s_[-top : spec.height - top, -left : spec.width - left]
-        bits = spec.get_int_attribute("oiio:BitsPerSample") or None
-        if bits is None and opened.stored_type in ("uint8", "uint16"):
-            bits = 8 if opened.stored_type == "uint8" else 16
+        usual = {"uint8": 8, "uint16": 16}.get(opened.stored_type)
+        bits = spec.get_int_attribute("oiio:BitsPerSample") or usual
         return Slate(tuple(found), opened.encoding, origin, display, rate_of(spec), bits, crop=crop)
+
+
+def checked_metadata(metadata: Mapping[str, object] | None) -> dict[str, str]:
+    """Return the metadata as strings, keys without the prefix, ``DateTime`` always among them."""
+    strings = {"DateTime": FIXED_MOMENT}
+    for given, value in mapping("metadata", {} if metadata is None else metadata).items():
+        if not isinstance(given, str):
+            raise TypeError(f"metadata keys must be strings, got {given!r}")
+        key = given.removeprefix(PREFIX)
+        if not _KEY.fullmatch(key):
+            raise ValueError(
+                f"metadata key {given!r} must be at most 60 letters, digits, '_', '.' or '-'"
+            )
+        if not isinstance(value, (str, Integral, Real)):
+            raise TypeError(f"metadata {key!r} must be a string or a number, got {value!r}")
+        # NumPy's own words for a float name its type, too.
+        text = str(value) if isinstance(value, (str, Integral)) else repr(float(value))
+        if "\0" in text:
+            raise ValueError(f"metadata {key!r} must not hold a NUL byte")
+        if key == "DateTime" and not _MOMENT.fullmatch(text):
+            raise ValueError(f"metadata 'DateTime' must read YYYY:MM:DD HH:MM:SS, got {text!r}")
+        strings[key] = text
+    return strings
+
+
+def _own(strings: Mapping[str, str]) -> dict[str, str]:
+    return {PREFIX + key: text for key, text in strings.items() if key != "DateTime"}
+
+
+def description(strings: Mapping[str, str]) -> str:
+    """Return checked metadata as the one text of formats that hold no more; empty if none."""
+    return json.dumps(_own(strings), sort_keys=True) if _own(strings) else ""
