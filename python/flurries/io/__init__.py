@@ -8,7 +8,6 @@ from __future__ import annotations
 from flurries.io.atomic import remove_leftovers, replacing
 from flurries.io.color import linear_to_srgb, srgb_to_linear
 from flurries.io.files import Budget
-from flurries.io.films.reader import read_video
 from flurries.io.films.writer import VideoWriter
 from flurries.io.layers.planes import read_layers, read_views, write_layer_views, write_layers
 from flurries.io.photographs import photograph
@@ -18,7 +17,7 @@ from flurries.io.pictures.reader import Picture, read_depth, read_picture
 from flurries.io.pictures.slate import Slate, read_slate
 from flurries.io.pictures.writer import write_picture
 from flurries.io.sequences import Pattern, frame_range
-from flurries.io.sources import Source, open_background, open_depth
+from flurries.io.sources import Source, open_background, open_depth, read_video
 
 __all__ = [
     "Budget", "Header", "Pattern", "Picture", "Slate", "Source", "VideoWriter", "fit",

@@ -7,7 +7,8 @@ import operator
 import os
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,12 +16,12 @@ from weakref import WeakSet
 
 from flurries._contract import choice, suggestion
 from flurries._kept import Kept
-from flurries.io.color import Encoding
-from flurries.io.files import Budget, path_text
-from flurries.io.films.index import READABLE
-from flurries.io.films.reader import VideoReader
+from flurries.io.color import Array, Encoding
+from flurries.io.files import Budget, path_text, plain_file
+from flurries.io.films.process import Remote
+from flurries.io.films.reader import READABLE, Decoder, check_structure, require_library
 from flurries.io.layers.cryptomatte import read_matte, split_names, things_of
-from flurries.io.pictures.header import read_header
+from flurries.io.pictures.header import Window, read_header
 from flurries.io.pictures.reader import Picture, read_depth, read_picture, require_depth
 from flurries.io.sequences import Pattern, with_percent
 
@@ -75,7 +76,7 @@ class Source(ABC):
     count: int | None = None
     first: int = 0
     fps: float | None = None
-    display: tuple[int, int, int, int] | None = None
+    display: Window | None = None
     aspect: float = 1.0
     overscan: bool = False
     encoding: Encoding
@@ -157,9 +158,10 @@ class PictureSource(Source):
     """One picture for all frames, or a file for each; frame 0 has the lowest number."""
 
     def __init__(
-        self, path: Path, damaged: str, read: Callable[[Path], Picture], overscan: bool = False,
-        deep: bool = False,
+        self, name: str, spec: str | os.PathLike[str], damaged: str,
+        read: Callable[[Path], Picture], *, overscan: bool = False, deep: bool = False,
     ) -> None:  # fmt: skip
+        path = _place(name, spec)
         super().__init__(str(path), damaged)
         self.read, self.overscan = read, overscan
         # Only the name is a pattern: a folder may be called "50%".
@@ -212,39 +214,48 @@ class VideoSource(Source):
     """A video's frames in the order of showing, RGB: uint8, of more than 8 bits uint16."""
 
     encoding: Encoding = "display"
-    _reader: VideoReader | None
+    count: int
+    _decoder: Remote | None
 
-    def __init__(self, spec: str, damaged: str, budget: Budget | None = None) -> None:
-        super().__init__(spec, damaged)
-        self.budget = budget
-        self._reader = reader = VideoReader(spec, budget=budget)
-        assert reader.size is not None  # The reader has decoded the first frame.
-        self.size, self.count, self.fps = reader.size, reader.count, reader.fps
-        self.tags, self.sound = reader.tags, reader.sound
+    def __init__(self, spec: str, damaged: str = "stop", budget: Budget | None = None) -> None:
+        require_library()
+        path = plain_file(spec)
+        super().__init__(str(path), damaged)
+        self.budget = Budget.of(budget)
+        check_structure(path)
+        # Its process has decoded the first frame by then.
+        self.fps, self.count, self.size, self.tags, self.sound = self._ask("facts")
         self.aspect = float(self.tags.aspect)
-        # ITU-R BT.2100's curves.
-        hdr = {16: "PQ", 18: "HLG"}.get(self.tags.transfer)
-        wrong = hdr and f"HDR ({hdr}), no display values: convert it to an EXR sequence first"
-        if self.tags.interlaced:
-            wrong = "interlaced: make it progressive first, such as by ffmpeg's filter bwdif"
-        if wrong:
-            reader.close()
-            raise ValueError(f"{spec} is {wrong}")
 
     def close(self) -> None:
         super().close()
         with self._lock:
-            if self._reader is not None:
-                self._reader.close()  # The next frame opens it again.
+            if self._decoder is not None:
+                self._decoder.close()  # The next frame opens it again.
 
     def _renew(self) -> None:
         super()._renew()
-        self._reader = None
+        self._decoder = None
+
+    def _ask(self, method: str, *arguments: Any) -> Any:
+        # It has ended after a crash, Ctrl-C while it was asked, or a fork.
+        if self._decoder is None or self._decoder.ended:
+            path = Path(self.spec)
+            self._decoder = Remote(path, "read", Decoder, path, self.budget)
+        return self._decoder.call(method, *arguments)
 
     def _read(self, number: int) -> Picture:
-        if self._reader is None:
-            self._reader = VideoReader(self.spec, budget=self.budget)
-        return Picture(self._reader.frame(number), None, "display", self.spec)
+        return Picture(self._ask("frame", number), None, "display", self.spec)
+
+
+def read_video(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Iterator[Array]:
+    """Yield the frames of a video in order, each (H, W, 3): uint8, of more bits uint16.
+
+    `path`, `budget` and errors are those of `read_picture`; errors come where the damage is.
+    """
+    with closing(VideoSource(path_text("path", path), budget=budget)) as film:
+        for number in range(film.count):
+            yield film._read(number).pixels
 
 
 def open_background(
@@ -268,10 +279,19 @@ def open_background(
     if budget is not None:
         Budget.of(budget)
     path = _place("background", spec)
-    if path.suffix.lower() in READABLE and not _is_pattern(path):
-        return VideoSource(str(path), damaged, budget)
-    read = partial(read_picture, budget=budget, overscan=overscan)
-    return PictureSource(path, damaged, read, overscan)
+    if path.suffix.lower() not in READABLE or _is_pattern(path):
+        read = partial(read_picture, budget=budget, overscan=overscan)
+        return PictureSource("background", spec, damaged, read, overscan=overscan)
+    film = VideoSource(str(path), damaged, budget)
+    # ITU-R BT.2100's curves.
+    hdr = {16: "PQ", 18: "HLG"}.get(film.tags.transfer)
+    wrong = hdr and f"HDR ({hdr}), no display values: convert it to an EXR sequence first"
+    if film.tags.interlaced:
+        wrong = "interlaced: make it progressive first, such as by ffmpeg's filter bwdif"
+    if wrong:
+        film.close()
+        raise ValueError(f"{path} is {wrong}")
+    return film
 
 
 def _place(name: str, spec: str | os.PathLike[str]) -> Path:
@@ -293,8 +313,8 @@ def open_depth(
     `spec` is ``depth.exr`` or ``depth.%04d.exr``; pictures' pixels are those of
     :func:`read_depth`. `budget`, `overscan` and errors are those of :func:`read_depth`.
     """
-    read = partial(_depth, budget=budget, overscan=overscan)
-    source = PictureSource(_place("depth", spec), "stop", read, overscan, deep=True)
+    read = partial(_plane, read_depth, budget=budget, overscan=overscan)
+    source = PictureSource("depth", spec, "stop", read, overscan=overscan, deep=True)
     require_depth(source.file(0), budget)
     return source
 
@@ -304,7 +324,7 @@ def open_matte(spec: str | os.PathLike[str], *, overscan: bool = False) -> Sourc
     file, names = split_names(spec)
     if not names:
         return None
-    source = PictureSource(_place("foreground", file), "stop", read_picture, overscan)
+    source = PictureSource("foreground", file, "stop", read_picture, overscan=overscan)
     things: dict[str, tuple[str, str]] = {}
     known: set[str] = set()
     for number in range(source.count or 1):
@@ -315,13 +335,9 @@ def open_matte(spec: str | os.PathLike[str], *, overscan: bool = False) -> Sourc
     for name in names:
         if name not in things:
             raise ValueError(f"{file}: no Cryptomatte has {name!r}{suggestion(name, known)}")
-    source.read = partial(_matte, things=[*things.values()], overscan=overscan)
+    source.read = partial(_plane, read_matte, things=[*things.values()], overscan=overscan)
     return source
 
 
-def _matte(path: Path, **more: Any) -> Picture:
-    return Picture(read_matte(path, **more), None, "linear", str(path))
-
-
-def _depth(path: Path, *, budget: Budget | None, overscan: bool) -> Picture:
-    return Picture(read_depth(path, budget=budget, overscan=overscan), None, "linear", str(path))
+def _plane(read: Callable[..., Array], path: Path, **more: Any) -> Picture:
+    return Picture(read(path, **more), None, "linear", str(path))

@@ -19,7 +19,7 @@ from flurries._trace import current
 from flurries.io import VideoWriter, replacing
 from flurries.io.atomic import flush_folder
 from flurries.io.films.codecs import bits_for
-from flurries.io.films.encoding import Film, Plan
+from flurries.io.films.writer import Film, Plan
 from flurries.io.films.process import Remote
 from flurries.output.cluster import run_on
 from flurries.output.frames import Frames

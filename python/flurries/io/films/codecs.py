@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 import numpy as np
@@ -15,48 +15,55 @@ from flurries._contract import choice
 THREADS = 4
 _MOST_THREADS = 16
 
-# Over snow x264's searches find little: "fast" takes a third of the time of "slow", loses .1 dB for
-# 3 in 100 more bytes, and cannot be told from it at 1:1; "veryfast" loses 1.6 dB, and small flakes
-# with it (docs/internals/history.md).
-_X264 = {
-    "high": {"preset": "fast", "crf": "16"},
-    "medium": {"preset": "fast", "crf": "21"},
-    "draft": {"preset": "veryfast", "crf": "28"},
-}
+# Below a coding block in both sides x265 writes past its own memory.
 _X265_LEAST = 64
-_X265_STILL = "log-level=error:frame-threads=1:pools=none:info=0"
-_X265 = {
-    "high": {"preset": "medium", "crf": "18"},
-    "medium": {"preset": "medium", "crf": "24"},
-    "draft": {"preset": "ultrafast", "crf": "30"},
-}
-_VP9 = {
-    "high": {"crf": "18", "cpu-used": "2"},
-    "medium": {"crf": "28", "cpu-used": "4"},
-    "draft": {"crf": "38", "cpu-used": "6"},
-}
-_PRORES = {"vendor": "apl0", "alpha_bits": "0"}
-QUALITIES = tuple(_X264)
 
 
 @dataclass(frozen=True)
 class Codec:
-    """The pixels and files that a codec can hold."""
+    """The pixels and files that a codec can hold, and its settings."""
 
+    library: str  # The video library's name of it.
     suffixes: tuple[str, ...]  # The files that hold it.
     pixels: dict[int, str]  # How a picture is stored, by its bits a color.
+    options: dict[str, str] = field(default_factory=dict)
+    qualities: dict[str, dict[str, str]] = field(default_factory=dict)
     alpha: str | None = None  # How a picture with alpha is stored.
 
 
+QUALITIES = ("high", "medium", "draft")
+
+
+def _qualities(speed: str, *settings: tuple[str, str]) -> dict[str, dict[str, str]]:
+    """Return the settings of each quality: the encoder's speed, and its constant rate factor."""
+    both = zip(QUALITIES, settings, strict=True)
+    return {quality: {speed: how, "crf": factor} for quality, (how, factor) in both}
+
+
+_MP4, _420 = (".mp4", ".mov", ".mkv"), {8: "yuv420p", 10: "yuv420p10le"}
+_X265 = {"x265-params": "log-level=error:frame-threads=1:pools=none:info=0"}
+_PRORES = {"vendor": "apl0", "alpha_bits": "0"}
 CODECS = {
-    "h264": Codec((".mp4", ".mov", ".mkv"), {8: "yuv420p", 10: "yuv420p10le"}),
-    "h265": Codec((".mp4", ".mov", ".mkv"), {8: "yuv420p", 10: "yuv420p10le"}),
-    "vp9": Codec((".webm", ".mkv"), {8: "yuv420p"}),
-    "ffv1": Codec((".mkv",), {8: "bgr0", 10: "gbrp10le", 16: "gbrp16le"}),
-    "prores-hq": Codec((".mov",), {10: "yuv422p10le"}),
-    "prores-4444": Codec((".mov",), {10: "yuv444p10le"}, "yuva444p10le"),
-    "dnxhr": Codec((".mov",), {8: "yuv422p", 10: "yuv422p10le"}),
-}
+    # With its macroblock tree x264 made other bytes in every run, even in one thread. Over snow its
+    # searches find little: "fast" takes a third of the time of "slow", loses .1 dB for 3 in 100
+    # more bytes, and cannot be told from it at 1:1; "veryfast" loses 1.6 dB, and small flakes with
+    # it (docs/internals/history.md).
+    "h264": Codec("libx264", _MP4, _420, {"mbtree": "0"}, _qualities(
+        "preset", ("fast", "16"), ("fast", "21"), ("veryfast", "28"))),
+    "h265": Codec("libx265", _MP4, _420, _X265, _qualities(
+        "preset", ("medium", "18"), ("medium", "24"), ("ultrafast", "30"))),
+    "vp9": Codec("libvpx-vp9", (".webm", ".mkv"), {8: "yuv420p"}, {
+        "b:v": "0", "deadline": "good", "row-mt": "1",
+    }, _qualities("cpu-used", ("2", "18"), ("4", "28"), ("6", "38"))),
+    "ffv1": Codec("ffv1", (".mkv",), {8: "bgr0", 10: "gbrp10le", 16: "gbrp16le"}, {
+        "level": "3", "slicecrc": "1",
+    }),
+    "prores-hq": Codec("prores_ks", (".mov",), {10: "yuv422p10le"}, {"profile": "hq", **_PRORES}),
+    "prores-4444": Codec("prores_ks", (".mov",), {10: "yuv444p10le"}, {
+        "profile": "4444", **_PRORES,
+    }, alpha="yuva444p10le"),
+    "dnxhr": Codec("dnxhd", (".mov",), {8: "yuv422p", 10: "yuv422p10le"}),
+}  # fmt: skip
 _USUAL = {".mp4": "h264", ".mov": "h264", ".webm": "vp9", ".mkv": "ffv1"}
 
 
@@ -74,9 +81,7 @@ class Encoder:
     @property
     def halved(self) -> tuple[int, int]:
         """The numbers that width and height must be multiples of."""
-        return 2 if "420" in self.pixels or "422" in self.pixels else 1, (
-            2 if "420" in self.pixels else 1
-        )
+        return 1 + ("420" in self.pixels or "422" in self.pixels), 1 + ("420" in self.pixels)
 
     @property
     def rgb(self) -> bool:
@@ -90,13 +95,17 @@ def encoder_threads() -> int:
     return min(max(_core.threads(), THREADS), _MOST_THREADS)
 
 
+def _codec(suffix: str, codec: str | None) -> tuple[str, Codec]:
+    name = _USUAL[suffix] if codec is None else choice("codec", codec, tuple(CODECS))
+    return name, CODECS[name]
+
+
 def encoder_for(
     suffix: str, quality: str, size: tuple[int, int], codec: str | None = None,
     bits: int | None = None, *, alpha: bool = False,
 ) -> Encoder:  # fmt: skip
     """Return the encoder for an extension; a number of threads always makes the same bytes."""
-    name = _USUAL[suffix] if codec is None else choice("codec", codec, tuple(CODECS))
-    kind = CODECS[name]
+    name, kind = _codec(suffix, codec)
     if suffix not in kind.suffixes:
         raise ValueError(f"codec {name} goes into {', '.join(kind.suffixes)}, not {suffix}")
     if alpha and kind.alpha is None:
@@ -108,36 +117,30 @@ def encoder_for(
         able = [one for one, other in CODECS.items() if bits in other.pixels]
         hint = f"; {', '.join(able)} can" if able else ""
         raise ValueError(f"bits must be {known} for {name}, got {stored}{hint}")
-    pixels = kind.alpha if alpha and kind.alpha is not None else kind.pixels[stored]
-    # Without bitexact, the container is stamped with the library's version and random numbers.
-    container = {"fflags": "+bitexact"}
-    if suffix in (".mp4", ".mov"):
-        container["movflags"] = "+faststart+write_colr"
-    # Below a coding block in both sides the library writes past its own memory.
     if name == "h265" and max(size) < _X265_LEAST:
         raise ValueError(
             f"codec h265 needs {_X265_LEAST} px in width or height, got {size[0]} x {size[1]}"
         )
-    library, options = {
-        # With its macroblock tree x264 made other bytes in every run, even in one thread.
-        "h264": ("libx264", {**_X264[quality], "mbtree": "0"}),
-        "h265": ("libx265", {**_X265[quality], "x265-params": _X265_STILL}),
-        "vp9": ("libvpx-vp9", {**_VP9[quality], "b:v": "0", "deadline": "good", "row-mt": "1"}),
+    # Without bitexact, the container is stamped with the library's version and random numbers.
+    container = {"fflags": "+bitexact"}
+    if suffix in (".mp4", ".mov"):
+        container["movflags"] = "+faststart+write_colr"
+    options = {**kind.qualities.get(quality, {}), **kind.options}
+    if name == "ffv1":
         # Four slices are two by two, which a picture of one row has no room for.
-        "ffv1": ("ffv1", {"level": "3", "slices": "4" if min(size) > 1 else "1", "slicecrc": "1"}),
-        "dnxhr": ("dnxhd", {"profile": "dnxhr_hq" if stored == 8 else "dnxhr_hqx"}),
-        "prores-hq": ("prores_ks", {"profile": "hq", **_PRORES}),
-        "prores-4444": ("prores_ks", {"profile": "4444", **_PRORES}),
-    }[name]
-    if alpha:
+        options["slices"] = "4" if min(size) > 1 else "1"
+    elif name == "dnxhr":
+        options["profile"] = "dnxhr_hq" if stored == 8 else "dnxhr_hqx"
+    elif alpha:
         options["alpha_bits"] = "16"
+    pixels = kind.alpha if alpha and kind.alpha is not None else kind.pixels[stored]
     tag = "hvc1" if name == "h265" and suffix != ".mkv" else None
-    return Encoder(library, pixels, options, container, stored, tag)
+    return Encoder(kind.library, pixels, options, container, stored, tag)
 
 
 def bits_for(suffix: str, codec: str | None, least: int) -> int:
     """Return the fewest bits of a file's codec that hold a film's, or refuse."""
-    kind = CODECS[_USUAL[suffix] if codec is None else choice("codec", codec, tuple(CODECS))]
+    _, kind = _codec(suffix, codec)
     enough = [bits for bits in kind.pixels if bits >= least]
     if not enough:
         raise ValueError(

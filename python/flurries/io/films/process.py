@@ -49,7 +49,8 @@ class Remote:
 
     def _answers(self) -> Any:
         result: Any = None
-        answers = [self._answer() for _ in range(self._process.unanswered)]
+        answers = [self._transfer(_receive) for _ in range(self._process.unanswered)]
+        self._process.unanswered = 0
         for failed, result in answers:
             if failed:
                 raise result
@@ -57,31 +58,21 @@ class Remote:
 
     def _post(self, *message: Any) -> None:
         self._process.unanswered += 1
-        try:
-            _send(self._process.stdin, message)
-        except BrokenPipeError:
-            self._crashed()
-        except BaseException:
-            # Half a message: what follows would not be understood.
-            self.close()
-            raise
+        self._transfer(_send, message)
 
-    def _answer(self) -> Any:
+    def _transfer(self, how: Any, *message: Any) -> Any:
+        """Send or receive; half a message would not be understood, nor what follows it."""
+        process = self._process
         try:
-            answer = _receive(self._process.stdout)
-        except EOFError:
-            self._crashed()
+            return how(process.stdin if message else process.stdout, *message)
+        except (BrokenPipeError, EOFError):
+            code = process.wait()
+            self.close()
+            end = signal.Signals(-code).name if code < 0 else f"code {code}"
+            raise OSError(f"{self._what}: its library ended by {end}") from None
         except BaseException:
             self.close()
             raise
-        self._process.unanswered -= 1
-        return answer
-
-    def _crashed(self) -> None:
-        code = self._process.wait()
-        self.close()
-        end = signal.Signals(-code).name if code < 0 else f"code {code}"
-        raise OSError(f"{self._what}: its library ended by {end}") from None
 
 
 class _Process(subprocess.Popen[bytes]):
@@ -140,6 +131,7 @@ def serve() -> None:
                 thing, kind = None, arguments[0]
                 if kind is None:
                     continue
+            answer: tuple[bool, Any] = False, None
             try:
                 if method:
                     answer = False, getattr(thing, method)(*arguments)
@@ -147,7 +139,6 @@ def serve() -> None:
                     # Paths are the parent's, who may have moved since this began.
                     os.chdir(arguments[1])
                     thing = kind(*arguments[2:])
-                    answer = False, None
             except Exception as error:
                 own = type(error).__module__ == "builtins"
                 # Some errors cannot say what they are.

@@ -1,37 +1,59 @@
 """Reading video: any frame by its number, the same pixels in whatever order frames are asked for.
 
 Compressed frames build on earlier ones, so a frame is decoded from the last key frame before it.
-Reading on from where the decoder stands never seeks.
+Reading on from where the decoder stands never seeks. Where frames are is known without decoding.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
-from contextlib import closing
+import struct
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from fractions import Fraction
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from flurries.io.color import Array
-from flurries.io.files import Budget, plain_file
-from flurries.io.films.index import (
-    SCALING,
-    check_structure,
-    has_sound,
-    index_frames,
-    open_video,
-    require_library,
-)
-from flurries.io.films.process import Remote
+from flurries.io.files import Budget
 from flurries.io.timecode import TimeCode
+
+READABLE = (
+    *(".mp4", ".m4v", ".mov", ".webm", ".mkv", ".avi"),
+    *(".mpg", ".mpeg", ".ts", ".mts", ".m2ts", ".wmv"),
+)
+
+# A playlist or a concatenation script is text that makes the library open other files, or the
+# network. Only real containers in real files are let in.
+_CONTAINERS = "mov,matroska,avi,mpegts,mpeg,asf"
+
+# Packets of these do not say when their frames are shown, or say it wrongly. Their frames are
+# counted from the start, and going backwards starts over.
+_TIMELESS = ("avi", "mpeg")
+
+# Transport streams are searched by time stamps, and a damaged one leads astray.
+_SEEKLESS = ("mpegts",)
+
+# How pixel formats are converted: bicubic (4), chroma interpolated in full (0x2000), rounded
+# exactly (0x40000), the same bits on every processor (0x80000), and in the calling thread.
+SCALING: dict[str, Any] = {"interpolation": 4 | 0x2000 | 0x40000 | 0x80000, "threads": 1}
 
 UNSPECIFIED = 2
 
 _FULL = 2
+
+
+def require_library() -> None:
+    """Refuse to go on without PyAV, which is an extra: pictures do without it."""
+    if find_spec("av") is None:
+        raise ImportError(
+            "films need PyAV, which flurries' extra [video] brings: pip install 'flurries[video]', "
+            "or pip install av"
+        )
 
 
 @dataclass(frozen=True)
@@ -64,37 +86,114 @@ class Tags:
             matrix=UNSPECIFIED if frame.format.is_rgb else said("colorspace"),
             full=said("color_range") == _FULL or frame.format.name.startswith("yuvj"),
             aspect=aspect if Fraction(1, 20) <= aspect <= 20 else Fraction(1),
-            bits=max(part.bits for part in frame.format.components),
+            bits=_bits(frame),
             timecode=next((code for code in codes if code is not None), None),
             interlaced=bool(frame.interlaced_frame),
         )
 
 
-class VideoReader:
-    """Gives a video's frames as RGB, uint8 or uint16 by its bits; for one thread at a time."""
+def _bits(frame: Any) -> int:
+    return max(int(part.bits) for part in frame.format.components)
 
-    def __init__(self, path: str | os.PathLike[str], *, budget: Budget | None = None) -> None:
-        require_library()
-        self.path, self._budget = plain_file(path), Budget.of(budget)
-        check_structure(self.path)
-        self._open()
-        self.fps, self.count, self.size, self.tags, self.sound = self._decoder.call("facts")
 
-    def _open(self) -> None:
-        self._decoder = Remote(self.path, "read", Decoder, self.path, self._budget)
+def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
+    import av
 
-    def close(self) -> None:
-        self._decoder.close()
+    options = {"protocol_whitelist": "file", "format_whitelist": _CONTAINERS}
+    try:
+        # An absolute path cannot be taken for a protocol.
+        container = av.open(str(path.absolute()), container_options=options)
+    except (av.FFmpegError, OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        if path.suffix.lower() in READABLE:
+            raise OSError(f"{path}: the video cannot be read: {reason}") from error
+        raise ValueError(f"{path}: not a video of a known format") from error
+    with ExitStack() as opened:
+        opened.callback(container.close)
+        if not container.streams.video:
+            raise ValueError(f"{path}: the file holds no video")
+        stream = container.streams.video[0]
+        context, limits = stream.codec_context, Budget.of(budget)
+        if context is None:
+            raise OSError(f"{path}: the video is damaged, or of a codec that is not known")
+        # One thread: renderers have the others.
+        context.thread_count = 1
+        # Codecs have whole blocks of pixels.
+        room = limits.pixels + limits.pixels // 8 + 2**16
+        context.options = {"max_pixels": str(room)}
+        if context.width and context.height:
+            limits.admit(path, (context.width, context.height), 3)
+        opened.pop_all()
+    return container, stream
 
-    def frame(self, number: int) -> Array:
-        """Return frame `number`, from 0, as (H, W, 3) uint8 or uint16, turned upright."""
-        if not 0 <= number < self.count:
-            raise IndexError(f"{self.path}: there is no frame {number} among {self.count}")
-        if self._decoder.ended:
-            # A crash, Ctrl-C while it was asked, or a fork.
-            self._open()
-        frame: Array = self._decoder.call("frame", number)
-        return frame
+
+def has_sound(container: Any) -> bool:
+    return any(stream.codec_context is not None for stream in container.streams.audio)
+
+
+class _Index:
+    """The places of the frames in a video, found without decoding any where the file tells."""
+
+    def __init__(self, path: Path, budget: Budget) -> None:
+        import av
+
+        container, stream = open_video(path, budget)
+        with closing(container):
+            kind = container.format.name
+            try:
+                packets = [
+                    (packet.pts, packet.is_keyframe)
+                    for packet in container.demux(stream)
+                    if packet.size and not packet.is_discard
+                ]
+            except av.FFmpegError as error:
+                raise OSError(f"{path}: the video is damaged: {error.strerror}") from error
+        times = sorted(time for time, _ in packets if time is not None)
+        # Whether the file does not tell times, and whether it can be entered at a key frame.
+        self.counted = kind in _TIMELESS or len({*times}) < len(packets)
+        self.seekable = not self.counted and kind not in _SEEKLESS
+        # When each frame is shown, those that build on no other, and each one's place in the file.
+        self.times: Sequence[int] = range(_count_frames(path, budget)) if self.counted else times
+        self.keys: list[int] = [0]
+        order: Sequence[int] = self.times
+        if not self.counted:
+            # What comes before the first key frame builds on frames that were cut away.
+            key_times = {time for time, is_key in packets if is_key} or {*times[:1]}
+            self.times = times = [time for time in times if time >= min(key_times)]
+            self.keys = [number for number, time in enumerate(times) if time in key_times]
+            stored = {time: place for place, (time, _) in enumerate(packets)}
+            order = [stored[time] for time in times]
+        self.order = order
+        if not self.times:
+            raise OSError(f"{path}: the video holds no frames")
+        # The frame that is shown at each time.
+        self.numbers: dict[int | None, int] = {time: n for n, time in enumerate(self.times)}
+        # The last of the frames that are decoded no later than each frame.
+        self.reach, last = [0] * len(self.times), 0
+        for number in sorted(range(len(self.times)), key=order.__getitem__):
+            self.reach[number] = last = max(last, number)
+
+    def key_of(self, number: int) -> int:
+        return self.keys[bisect_right(self.keys, number) - 1]
+
+    def builds_on(self, number: int, other: int) -> bool:
+        """Return whether `other` is decoded between the key frame of a frame and the frame."""
+        return self.order[self.key_of(number)] <= self.order[other] <= self.order[number]
+
+
+def _count_frames(path: Path, budget: Budget) -> int:
+    """Decode the whole video to count its frames, where nothing else tells their number."""
+    import av
+
+    container, stream = open_video(path, budget)
+    count = 0
+    with closing(container):
+        for packet in container.demux(stream):
+            try:
+                count += len(packet.decode())
+            except av.FFmpegError:
+                continue
+    return count
 
 
 class Decoder:
@@ -102,25 +201,27 @@ class Decoder:
 
     def __init__(self, path: Path, budget: Budget) -> None:
         self.path, self._budget = path, budget
-        self._container, self._stream = open_video(self.path, self._budget)
-        rate = self._stream.average_rate or self._stream.guessed_rate
-        self._fps = float(rate) if rate else None
-        self._index = index_frames(self.path, self._budget)
+        self._index = index = _Index(path, budget)
+        self._container, self._stream = open_video(path, budget)
         self._frames = self._decode()
         # The frame that the decoder will yield next, and those that it yielded ahead of need.
         self._next = 0
         self._ready: dict[int, Any] = {}
         self._broken: set[int] = set()
-        self._seeks = self._index.seekable
+        self._seeks = index.seekable
         self._size: tuple[int, int] | None = None
         self._tags = Tags()
         first = self.frame(0)
         self._size = (first.shape[1], first.shape[0])
 
-    def facts(self) -> tuple[float | None, int, tuple[int, int] | None, Tags, bool]:
-        return self._fps, len(self._index.times), self._size, self._tags, has_sound(self._container)
+    def facts(self) -> tuple[float | None, int, Any, Tags, bool]:
+        """Return the rate, number and size of frames, the tags, and whether there is sound."""
+        rate = self._stream.average_rate or self._stream.guessed_rate
+        sound = has_sound(self._container)
+        return float(rate) if rate else None, len(self._index.times), self._size, self._tags, sound
 
     def frame(self, number: int) -> Array:
+        """Return frame `number`, from 0, as (H, W, 3) uint8 or uint16, turned upright."""
         key = self._index.key_of(number)
         if number not in self._ready and not key <= self._next <= number:
             self._go_to(key)
@@ -193,17 +294,6 @@ class Decoder:
             return
 
 
-def read_video(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Iterator[Array]:
-    """Yield the frames of a video in order, each (H, W, 3): uint8, of more bits uint16.
-
-    `path`, `budget` and errors are those of `read_picture`; errors come where the damage is.
-    """
-    reader = VideoReader(path, budget=budget)
-    with closing(reader):
-        for number in range(reader.count):
-            yield reader.frame(number)
-
-
 def _to_rgb(frame: Any) -> Array:
     from av.video.reformatter import Colorspace
 
@@ -211,7 +301,67 @@ def _to_rgb(frame: Any) -> Array:
     if frame.colorspace == UNSPECIFIED and not frame.format.is_rgb:
         # Unmarked video follows the convention of its size.
         wishes["src_colorspace"] = Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601
-    deep = max(part.bits for part in frame.format.components) > 8
-    pixels = frame.to_ndarray(format="rgb48le" if deep else "rgb24", **wishes)
+    pixels = frame.to_ndarray(format="rgb48le" if _bits(frame) > 8 else "rgb24", **wishes)
     # The display matrix turns counterclockwise, as rot90 does.
     return np.ascontiguousarray(np.rot90(pixels, round(frame.rotation / 90)))
+
+
+def check_structure(path: Path) -> None:
+    """Raise OSError if a film is empty or ends before its own structure says that it should."""
+    # Decoders stop early and call it a success; a copy that broke off is common.
+    size, stated = path.stat().st_size, 0
+    if size == 0:
+        raise OSError(f"{path}: the file is empty")
+    with path.open("rb") as stream:
+        head = stream.read(12)
+        try:
+            if head[4:8] in (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip"):
+                stated = _end_of_boxes(stream, size)
+            elif head.startswith(b"\x1a\x45\xdf\xa3"):
+                stated = _end_of_matroska(stream)
+            elif head.startswith(b"RIFF") and head[8:12] == b"AVI ":
+                stated = 8 + struct.unpack("<I", head[4:8])[0]
+        except ValueError as error:
+            raise OSError(f"{path}: the video is cut short or damaged: {error}") from None
+    if stated > size:
+        raise OSError(f"{path}: the video is cut short: {size} of {stated} bytes are there")
+
+
+def _end_of_boxes(stream: BinaryIO, size: int) -> int:
+    """Walk the outermost boxes of an MP4 or MOV file: each must end within the file."""
+    position = 0
+    while position < size:
+        stream.seek(position)
+        header = stream.read(16)
+        length = int.from_bytes(header[:4], "big")
+        if length == 0 and len(header) >= 8:
+            return 0  # This box reaches to the end, wherever that is.
+        if length == 1:
+            length = int.from_bytes(header[8:], "big")
+        if len(header) < 8 or length < 8:
+            raise ValueError("a part of it has no length")
+        position += length
+    return position
+
+
+def _end_of_matroska(stream: BinaryIO) -> int:
+    """Return the end that the outermost element of a WebM or Matroska file states, 0 if none."""
+    length, width = _matroska_length(stream, 4)
+    position = 4 + width + length
+    stream.seek(position)
+    if stream.read(4) != b"\x18\x53\x80\x67":
+        raise ValueError("it has no segment")
+    length, width = _matroska_length(stream, position + 4)
+    if length == 2 ** (7 * width) - 1:
+        return 0  # It is not stated, as in live streams.
+    return position + 4 + width + length
+
+
+def _matroska_length(stream: BinaryIO, position: int) -> tuple[int, int]:
+    """Return a length as Matroska writes it, and the bytes that it takes itself."""
+    stream.seek(position)
+    data = stream.read(8)
+    width = 9 - data[0].bit_length() if data else 9
+    if len(data) < width:
+        raise ValueError("a part of it has no length")
+    return int.from_bytes(data[:width], "big") & (2 ** (7 * width) - 1), width

@@ -10,7 +10,7 @@ from itertools import chain
 from typing import Any
 
 from flurries.io.files import plain_file
-from flurries.io.films.index import has_sound, open_video
+from flurries.io.films.reader import has_sound, open_video
 
 # What each kind of file holds of sound, and what it is encoded as otherwise.
 _HOLDS: dict[str, tuple[tuple[str, ...], str]] = {
@@ -39,22 +39,20 @@ class SoundTrack:
             raise ValueError(f"{sound.path}: the film has no sound that can be read")
         self._container = container
         stream = self._source.streams.audio[0]
-        first = Fraction(0)
+        self._from = sound.start
         if picture.start_time is not None:
-            first = picture.start_time * picture.time_base
-        self._from = first + sound.start
+            self._from += picture.start_time * picture.time_base
         self._to = self._from + sound.length
         kept, encoder = _HOLDS[suffix]
-        self._copies = stream.codec_context.name in kept
-        if self._copies:
+        if stream.codec_context.name in kept:
             self._stream = container.add_stream_from_template(stream)
             self._packets = self._copied(stream)
         else:
             rate = 48000 if encoder == "libopus" else stream.codec_context.sample_rate
             self._stream = container.add_stream(encoder, rate=rate)
-            channels = stream.codec_context.layout.nb_channels
+            layout = stream.codec_context.layout
             # Files that only count their channels have no name for them.
-            named = _LAYOUTS.get(channels, stream.codec_context.layout.name)
+            named = _LAYOUTS.get(layout.nb_channels, layout.name)
             self._stream.codec_context.layout = named
             self._stream.codec_context.thread_count = 1
             self._packets = self._encoded(stream)

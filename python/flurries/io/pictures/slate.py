@@ -1,4 +1,4 @@
-"""What a picture's header says: the words of its plate, carried into the frames that are made of it.
+"""What a picture's header says: a plate's words go into the frames that are made of it.
 
 Everything in a plate's header goes through but what is about how the file stores its pixels, and
 what is flurries' own: small strings under ``flurries:`` about how a picture was made. What
@@ -148,11 +148,11 @@ class Slate:
         same = self.colored and encoding == self.encoding
         for name, kind, value in self.attributes:
             colored = name in _VIDEO or name.lower().partition(":")[0] in _COLOR
-            said = name not in _VIDEO or value not in ("Undefined", "User defined")
+            meant = name not in _VIDEO or value not in ("Undefined", "User defined")
             # Others know no rates and no time codes; a DPX has a place for the latter.
             timed = kind in ("rational", "timecode") or name in RATES
             known = exr or (dpx and name == _TIME) or not timed
-            if said and known and (same or not colored) and (dpx or not name.startswith("dpx:")):
+            if meant and known and (same or not colored) and (dpx or not name.startswith("dpx:")):
                 # Bytes are taken as an array alone.
                 given = np.array(value, np.uint8) if kind.startswith("uint8[") else value
                 specification.attribute(name, openimageio().TypeDesc(kind), given)

@@ -330,7 +330,7 @@ def write_parts(
 
 def _write(target: str, temporary: Path, parts: Sequence[Part]) -> list[tuple[str, int]]:
     """Write all bands of all parts; return the type of each part's numbers and their checksum."""
-    sums = []
+    sums: list[tuple[str, int]] = []
     first, *_ = specifications = tuple(part.specification for part in parts)
     large = temporary.suffix.lower() == ".exr" and first.width * first.height >= _LARGE
     threads = packing_threads() if large else nullcontext()
