@@ -19,8 +19,8 @@ from flurries._trace import current
 from flurries.io import VideoWriter, replacing
 from flurries.io.atomic import flush_folder
 from flurries.io.films.codecs import bits_for
-from flurries.io.films.writer import Film, Plan
 from flurries.io.films.process import Remote
+from flurries.io.films.writer import Film, Plan
 from flurries.output.cluster import run_on
 from flurries.output.frames import Frames
 from flurries.output.journal import Journal, Mark, is_journal
