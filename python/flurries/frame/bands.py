@@ -27,7 +27,7 @@ _ROWS = 64
 def bands_of(window: Window) -> list[Window]:
     """Return the bands of a window from the top down; itself if it is small."""
     top, bottom, left, right = window
-    if area(window) <= WHOLE:
+    if (bottom - top) * (right - left) <= WHOLE:
         return [window]
     rows = max(BAND // (right - left) // _ROWS, 1) * _ROWS
     # Cut where tiles begin in the frame, whatever the window.
@@ -37,16 +37,6 @@ def bands_of(window: Window) -> list[Window]:
 
 def whole(shape: tuple[int, int]) -> Window:
     return 0, shape[0], 0, shape[1]
-
-
-def shape_of(window: Window) -> tuple[int, int]:
-    top, bottom, left, right = window
-    return bottom - top, right - left
-
-
-def area(window: Window | None) -> int:
-    """Return the pixels of a window; 0 of none."""
-    return 0 if window is None else (window[1] - window[0]) * (window[3] - window[2])
 
 
 def common(first: Window, second: Window) -> Window | None:

@@ -39,7 +39,7 @@ class Edges(NamedTuple):
         planes = back, np.asarray(share, np.float32), np.asarray(near, np.float32)
         for plane in planes:
             plane.flags.writeable = False
-        return Edges(planes[0], Deep(planes[1], planes[2], ()))
+        return Edges(planes[0], Deep(planes[1], planes[2]))
 
 
 def edges_of(depth: Array, *, inverse: bool = False) -> Edges | None:

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries import _core
 from flurries._contract import Array
-from flurries.frame.planes import plane
 
 # The planes that a layer may have beside its opacity, and the numbers that each has for a pixel.
 _NUMBERS: dict[str, tuple[int, ...]] = {
@@ -82,12 +80,6 @@ class Layer:
             if name in names
         }
         return replace(self, **changes)
-
-    def rgba(self, color: Any) -> Array:
-        """Return (h, w, 4) float32, premultiplied with `color` (3,)."""
-        result = plane((*self.alpha.shape, 4))
-        _core.layer_rgba(result, np.ascontiguousarray(self.alpha), color)
-        return result
 
 
 def layers_of(answer: object, effect: object, shape: tuple[int, int]) -> tuple[Layer, ...]:

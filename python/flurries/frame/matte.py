@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -28,23 +28,9 @@ class Matte:
     light: Array | None  # (H, W, 4) float32, straight display colors; None: the background's own.
     linear_light: bool = False  # Whether `light` is premultiplied linear light instead.
 
-    @property
-    def hides(self) -> Array:
-        """The unseen share of the weather, (H, W): behind the mask or under the picture."""
-        if self.light is None:
-            return self.cover
-        return np.asarray(np.maximum(self.cover, self.light[..., 3]))
-
     def window(self, window: Window) -> Matte:
-        """Return the part of a window."""
         light = None if self.light is None else crop(self.light, window)
         return Matte(crop(self.cover, window), light, self.linear_light)
-
-    def over(self, background: Array, *, linear: bool) -> Array:
-        """Return its picture over a composite, in linear light or in display values."""
-        result = np.empty_like(background)
-        _core.over(result, background, self.rgba(linear=linear))
-        return result
 
     def rgba(self, *, linear: bool) -> Array:
         """Return its picture (H, W, 4), premultiplied, in linear light or in display values."""
@@ -58,6 +44,14 @@ class Matte:
         return np.concatenate([colors, cover], axis=2)
 
 
+def _over(pictures: Sequence[Matte], light: Array, *, linear: bool) -> Array:
+    """Return pictures, back to front, over a composite in linear light or in display values."""
+    for picture in pictures:
+        under, light = light, np.empty_like(light)
+        _core.over(light, under, picture.rgba(linear=linear))
+    return light
+
+
 @dataclass(frozen=True, eq=False)
 class Deep:
     """What stands at a depth of its own in a share of each pixel: mattes, near sides of steps."""
@@ -65,7 +59,7 @@ class Deep:
     cover: Array  # (H, W) float32: how much of a pixel they take together.
     # (H, W) float32 of the nearest in the pixel; `NOTHING` where none is: no weather is before it.
     depth: Array
-    pictures: tuple[Matte, ...]  # Those that are pictures, back to front: weather lies over them.
+    pictures: tuple[Matte, ...] = ()  # Those that are pictures, back to front, behind the weather.
 
     @staticmethod
     def of(parts: Sequence[tuple[Matte, Array]]) -> Deep:
@@ -126,10 +120,14 @@ class Deep:
 
 @dataclass(frozen=True, eq=False)
 class Front:
-    """All that stands in front of the weather in a frame."""
+    """All that stands in front of the weather in a frame; without parts, nothing does."""
 
     flat: tuple[Matte, ...] = ()  # Those before all weather, back to front.
     deep: Deep | None = None  # Those at a depth.
+
+    @property
+    def bare(self) -> bool:
+        return not self.flat and self.deep is None
 
     @property
     def cover(self) -> Array | None:
@@ -140,19 +138,14 @@ class Front:
                 found = matte.cover if found is None else 1.0 - (1.0 - found) * (1.0 - matte.cover)
         return found
 
-    @property
-    def hides(self) -> Array | None:
-        """The share of the weather that nobody sees, (H, W); None where all of it can be seen."""
-        found: Array | None = None
-        for matte in self.flat:
-            hidden = matte.hides
-            found = hidden if found is None else np.maximum(found, hidden)
-        return found
-
     @cached_property
     def visible(self) -> Visible | None:
         """The pixels where the weather can be seen in the composite; None is everywhere."""
-        hides = self.hides
+        hidden = [
+            matte.cover if matte.light is None else np.maximum(matte.cover, matte.light[..., 3])
+            for matte in self.flat
+        ]
+        hides = reduce(np.maximum, hidden) if hidden else None
         return None if hides is None or not (hides >= 1.0).any() else Visible(hides)
 
     @property
@@ -170,15 +163,11 @@ class Front:
 
     def behind(self, light: Array, *, linear: bool) -> Array:
         """Return the background with the pictures at a depth over it."""
-        for matte in () if self.deep is None else self.deep.pictures:
-            light = matte.over(light, linear=linear)
-        return light
+        return light if self.deep is None else _over(self.deep.pictures, light, linear=linear)
 
     def over(self, light: Array, *, linear: bool) -> Array:
         """Return the composite with the pictures before all weather over it."""
-        for matte in self.pictures:
-            light = matte.over(light, linear=linear)
-        return light
+        return _over(self.pictures, light, linear=linear)
 
     def rgba(self, *, linear: bool) -> Array | None:
         """Return the pictures before all weather as one, (H, W, 4) premultiplied."""
@@ -187,6 +176,3 @@ class Front:
             front = matte.rgba(linear=linear)
             found = front if found is None else front + (1.0 - front[..., 3:]) * found
         return found
-
-
-NOTHING_IN_FRONT = Front()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,6 @@ CHUNK = 1 << 16
 
 # What files with layers call their own planes.
 _TAKEN = ("rgba", "alpha", "background", "depth", "foreground", "forward", "weather")
-
 
 # Display values of bytes, and the least that is rounded to each from 1 on.
 _BYTES = (
@@ -62,19 +61,15 @@ class Mix:
         """Return the background in the light that layers are mixed in."""
         if self.same:
             return np.ascontiguousarray(picture)
+        return _by_parts(self._decode, picture, np.empty(picture.shape, np.float32))
 
-        def turn(part: Array) -> Array:
-            if part.shape[2] == 3:
-                return self._decode(part)
-            cover = to_unit(part[..., 3:])
-            colors = part[..., :3] if self.straight else unmultiply(part[..., :3], cover)
-            return np.concatenate([self._decode(colors) * cover, cover], axis=2)
-
-        return _by_parts(turn, picture, np.empty(picture.shape, np.float32))
-
-    def _decode(self, colors: Array) -> Array:
+    def _decode(self, part: Array) -> Array:
         turn = to_linear if self.linear else to_display
-        return turn(colors, self.encoding)
+        if part.shape[2] == 3:
+            return turn(part, self.encoding)
+        cover = to_unit(part[..., 3:])
+        colors = part[..., :3] if self.straight else unmultiply(part[..., :3], cover)
+        return np.concatenate([turn(colors, self.encoding) * cover, cover], axis=2)
 
     def plate(self, picture: Array) -> Array:
         """Return the background in the light that layers are mixed in, float32."""
@@ -87,55 +82,54 @@ class Mix:
             # The background's own pixels where nothing lay over them: the caller gets a copy.
             return working if working.flags.writeable else working.copy()
         result = np.empty(picture.shape, picture.dtype) if into is None else into
-        if self.same:
-            if result is not working:
-                result[...] = working
-            return result
-        if working.shape[2] == 3:
-            return _by_parts(lambda part: self._encode(part, picture.dtype), working, result)
-        _by_parts(lambda part: self._with_alpha(part, picture.dtype), working, result)
+        if not self.same:
+            _by_parts(lambda part: self._encode(part, picture.dtype), working, result)
+        elif result is not working:
+            result[...] = working
         if self.straight:
             # Where nothing is, there is no color; that of the background stays in the file.
             nothing = result[..., 3] == 0
             result[nothing, :3] = picture[nothing, :3]
         return result
 
-    def _with_alpha(self, working: Array, dtype: np.dtype[Any]) -> Array:
-        cover = working[..., 3:]
-        colors = self._encode(unmultiply(working[..., :3], cover), dtype)
-        if not self.straight:
-            return np.concatenate([colors * cover, cover], axis=2)
-        return np.concatenate([colors, to_integer(cover, 8 * dtype.itemsize)], axis=2)
-
-    def _encode(self, working: Array, dtype: np.dtype[Any]) -> Array:
-        if self.linear == (self.encoding == "linear"):
-            return to_integer(working, 8 * dtype.itemsize) if dtype.kind == "u" else working
-        if not self.linear:
-            return to_linear(working, "display")
-        if dtype.kind == "u":
-            single = working.dtype == np.float32
-            working = np.array(working, np.float32)
-            _core.whiten(working.reshape(-1))
+    def _encode(self, part: Array, dtype: np.dtype[Any]) -> Array:
+        if part.shape[2] == 4:
+            cover = part[..., 3:]
+            colors = self._encode(unmultiply(part[..., :3], cover), dtype)
+            if not self.straight:
+                return np.concatenate([colors * cover, cover], axis=2)
+            return np.concatenate([colors, to_integer(cover, 8 * dtype.itemsize)], axis=2)
+        if self.encoding == "linear" and not self.linear:
+            part = to_linear(part, "display")
+        elif self.encoding == "display" and self.linear:
+            single = part.dtype == np.float32
+            part = np.array(part, np.float32)
+            _core.whiten(part.reshape(-1))
             if dtype == np.uint8 and single:
-                return encode_bytes(working)
-        return to_integer(to_display(working, "linear"), 8 * dtype.itemsize)
+                return encode_bytes(part)
+            part = to_display(part, "linear")
+        return to_integer(part, 8 * dtype.itemsize) if dtype.kind == "u" else part
 
     def over(self, working: Array, layer: Layer, into: Array | None = None) -> Array:
         """Return a layer over what lies behind it, in `into` if given: another array."""
         result = np.empty_like(working) if into is None else into
-        single = working.dtype == result.dtype == np.float32 and working.shape[2] == 3
-        single = single and self.primaries is None
-        given: tuple[Any, ...] = ()
-        if layer.shade is not None and working.dtype == result.dtype == np.uint8:
+        kinds = {working.dtype.name, result.dtype.name}
+        coding: tuple[Array, ...] | None = None
+        if kinds == {"float32"} and self.primaries is None:
+            coding = ()
+        elif kinds == {"uint8"} and not self.linear:
             # Display values over bytes: read and rounded as they are.
-            single, given = working.shape[2] == 3 and not self.linear, _BYTES
-        if layer.shade is not None and single and (self.linear or layer.glow is None):
+            coding = _BYTES
+        opaque = working.shape[2] == 3
+        if layer.shade is None and layer.rgb is None and opaque:
+            _core.snow(result, working, layer.alpha, self.light(layer.color))
+        elif (
+            layer.shade is not None and opaque and coding is not None
+            and (self.linear or layer.glow is None)
+        ):  # fmt: skip
             colors = None if self.linear else linear_to_srgb(layer.shade.colors)
             shade = layer.shade.given(colors)
-            _core.shade_over(result, working, layer.alpha, shade, layer.glow, *given)
-            return result
-        if layer.shade is None and layer.rgb is None and working.shape[2] == 3:
-            _core.snow(result, working, layer.alpha, self.light(layer.color))
+            _core.shade_over(result, working, layer.alpha, shade, layer.glow, *coding)
         else:
             _core.over(result, working, self.rgba(layer))
         return result
@@ -145,10 +139,9 @@ class Mix:
         plain = self.linear and self.encoding == "display" and self.primaries is None
         return plain and plate.dtype == np.uint8 and plate.shape[2] == 3
 
-    def in_bytes(self, layer: Layer, plate: Array, into: Array | None) -> Array | None:
-        """Return a layer of a shade over bytes in one pass, with the same bits, or None."""
-        if layer.shade is None or not self.bytes_of(plate):
-            return None
+    def in_bytes(self, layer: Layer, plate: Array, into: Array | None) -> Array:
+        """Return a layer of a shade over bytes in one pass, with the same bits."""
+        assert layer.shade is not None
         fits = into is not None and into.flags.c_contiguous
         result = into if into is not None and fits else np.empty(plate.shape, np.uint8)
         plate, coding = np.ascontiguousarray(plate), (decoding_table(1), encoding_edges())
@@ -161,17 +154,23 @@ class Mix:
 
     def rgba(self, layer: Layer) -> Array:
         """Return a layer as (h, w, 4) float32, premultiplied, in the light of the mix."""
+        rgb = layer.rgb
         if layer.shade is not None:
-            layer = lit(layer)
-        if layer.rgb is None:
-            return layer.rgba(self.light(layer.color))
+            rgb = np.empty((*layer.alpha.shape, 3), np.float32)
+            shade, none = layer.shade.given(), np.zeros_like(rgb)
+            _core.shade_over(rgb, none, layer.alpha, shade, layer.glow)
+        if rgb is None:
+            result = plane((*layer.alpha.shape, 4))
+            alpha = np.ascontiguousarray(layer.alpha)
+            _core.layer_rgba(result, alpha, self.light(layer.color))
+            return result
         result = np.empty((*layer.alpha.shape, 4), np.float32)
         result[..., 3] = layer.alpha
         if self.linear:
-            result[..., :3] = layer.rgb if self.primaries is None else layer.rgb @ self.primaries
+            result[..., :3] = rgb if self.primaries is None else rgb @ self.primaries
             return result
         cover = layer.alpha[..., None]
-        np.multiply(linear_to_srgb(unmultiply(layer.rgb, cover)), cover, out=result[..., :3])
+        np.multiply(linear_to_srgb(unmultiply(rgb, cover)), cover, out=result[..., :3])
         return result
 
     def light(self, color: Any) -> list[float]:
@@ -201,13 +200,6 @@ def behind(layer: Layer, cover: Array) -> Layer:
         return np.asarray(plane * (left if plane.ndim == 2 else left[..., None]))
 
     return layer.turned(less, "alpha", "rgb", "glow", "coverage")
-
-
-def lit(layer: Layer) -> Layer:
-    assert layer.shade is not None
-    rgb = np.empty((*layer.alpha.shape, 3), np.float32)
-    _core.shade_over(rgb, np.zeros_like(rgb), layer.alpha, layer.shade.given(), layer.glow)
-    return replace(layer, rgb=rgb, shade=None, glow=None)
 
 
 def free_name(name: str, taken: Container[str]) -> str:

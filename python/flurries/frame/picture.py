@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from flurries._trace import current
 from flurries.camera.lens import Camera
 from flurries.frame.bands import Window, bands_of, common, crop, within
 from flurries.frame.layer import Layer, layers_of
-from flurries.frame.matte import NOTHING_IN_FRONT, Front
+from flurries.frame.matte import Front
 from flurries.frame.mixing import Mix, behind
 from flurries.frame.program import Ask, Program
 from flurries.frame.view import Frame, Shared
@@ -23,34 +23,28 @@ def images(
     program: Program, t: float, eyes: Sequence[Camera | None], window: Window
 ) -> list[Array]:
     """Return the picture of a window for each eye; None is the path's own camera."""
-    # The eyes' bands are made in turn, so that the second finds what the first has made.
     with current.get().stage("background"):
         plate = crop(program.backdrop.frame(t), window)
-    dtype = shown_type(plate)
     cameras = tuple([program.camera(eye, t) for eye in eyes])
     # Where none of the weather can be seen, none is made.
-    whole_front = program.front(t)
-    inner = program.open_part(window, whole_front)
-    mix = program.mix(plate)
-    front = whole_front
-    if front is not NOTHING_IN_FRONT:
-        front = front.window(window)
-    pictures = []
-    for camera in cameras:
-        asks = [] if inner is None else program.asks(t, camera, inner, dtype)
-        pictures.append(Picture(asks, mix, plate, front, window, inner))
+    front = program.front(t)
+    inner = program.open_part(window, front)
+    mix, front = program.mix(plate), front.window(window)
+    asked = [
+        [] if inner is None else program.asks(t, camera, inner, shown_type(plate))
+        for camera in cameras
+    ]
     # One where no more than the result is held then.
-    plain = not pictures[0].asks and front is NOTHING_IN_FRONT and mix.same
+    plain = not asked[0] and front.bare and mix.same
     bands = [window] if plain else bands_of(window)
     if inner is not None and (len(eyes) > 1 or len(bands) > 1):
         shared = Shared(cameras, inner, len(bands))
-        for picture in pictures:
-            picture.asks = [
-                ask._replace(frame=ask.frame.derive(shared=shared)) for ask in picture.asks
-            ]
+        asked = [[ask.derive(shared=shared) for ask in asks] for asks in asked]
+    pictures = [Picture(asks, mix, plate, front, window, inner) for asks in asked]
     if len(bands) == 1:
         return [picture.compose(window, None) for picture in pictures]
     results = [np.empty_like(plate, order="C") for _ in eyes]
+    # The eyes' bands are made in turn, so that the second finds what the first has made.
     for band in bands:
         for picture, result in zip(pictures, results, strict=True):
             picture.compose(band, crop(result, within(band, window)))
@@ -74,88 +68,69 @@ class Picture:
     window: Window
     inner: Window | None  # The part in which the weather can be seen.
     shown: list[Layer] | None = None  # What lay over the background, if asked for.
-    # What draws the whole for any part of it, and layers of the band that is being composed, made
-    # before it was known how they are laid.
+    # Of effects that draw the whole for any part of it.
     _drawn: dict[int, tuple[Layer, ...]] = field(default_factory=dict)
-    _ready: tuple[Layer, ...] | None = None
 
     def compose(self, band: Window, into: Array | None) -> Array:
         """Return the composite of a band, written to `into` where that is given."""
-        mix, plate, front, part = self.mix, self.plate, self.front, self.inner
-        bare = front is NOTHING_IN_FRONT
-        if band != self.window:
-            place = within(band, self.window)
-            plate = crop(plate, place)
-            front = front if bare else front.window(place)
-            part = None if part is None else common(band, part)
-        part = part if self.asks else None
-        alone = self.asks[0] if len(self.asks) == 1 and bare and part == band else None
+        mix, place, stage = self.mix, within(band, self.window), current.get().stage
+        plate, front = crop(self.plate, place), self.front.window(place)
+        part = common(band, self.inner) if self.asks and self.inner else None
+        layers: Iterable[tuple[Layer, bool]] = () if part is None else self._layers(part)
+        open_whole = front.bare and part == band
         # Only what is lit by places may go over bytes at once: else its layer waits in memory.
-        if alone is not None and _by_places(alone) and mix.bytes_of(plate):
-            made = self._layers(0, alone, _narrow(alone, band), band)
-            if len(made) == 1:
-                with current.get().stage("composite"):
-                    done = mix.in_bytes(made[0], plate, into)
-                if done is not None:
-                    if self.shown is not None:
-                        self.shown.append(made[0])
-                    return done
-            self._ready = made
-        with current.get().stage("composite"):
-            light = mix.decode(plate)
-        if not bare:
-            light = front.behind(light, linear=mix.linear)
-        if part is not None and bare:
-            # The last layer lies over the rest in the frame itself.
-            light = self._over(part, light, None, into if mix.same else None)
-        elif part is not None:
+        if open_whole and len(self.asks) == 1 and _by_places(self.asks[0]) and mix.bytes_of(plate):
+            layers = list(layers)
+            if len(layers) == 1 and layers[0][0].shade is not None:
+                with stage("composite"):
+                    done = mix.in_bytes(layers[0][0], plate, into)
+                if self.shown is not None:
+                    self.shown.append(layers[0][0])
+                return done
+        with stage("composite"):
+            light = front.behind(mix.decode(plate), linear=mix.linear)
+        if part is not None:
             inside = within(part, band)
             cover = None if front.cover is None else crop(front.cover, inside)
-            over = self._over(part, np.ascontiguousarray(crop(light, inside)), cover, None)
-            with current.get().stage("composite"):
-                if over.shape == light.shape:
-                    light = over
-                else:
-                    light = light if light.flags.writeable else light.copy()
-                    crop(light, inside)[...] = over
-        with current.get().stage("composite"):
-            light = light if bare else front.over(light, linear=mix.linear)
-            return mix.encode(light, plate, into)
+            under = np.ascontiguousarray(crop(light, inside))
+            # The last layer lies over the rest in the frame itself.
+            over = self._over(layers, under, cover, into if open_whole and mix.same else None)
+            if part != band:
+                light = light if light.flags.writeable else light.copy()
+                crop(light, inside)[...] = over
+            else:
+                light = over
+        with stage("composite"):
+            return mix.encode(front.over(light, linear=mix.linear), plate, into)
 
-    def _over(self, part: Window, over: Array, cover: Array | None, into: Array | None) -> Array:
-        """Return all layers over what lies behind them, the last one in `into` if it can be."""
-        for number, ask in enumerate(self.asks):
-            frame = _narrow(ask, part)
-            layers = self._layers(number, ask, frame, part)
-            for place, layer in enumerate(layers):
-                last = number + 1 == len(self.asks) and place + 1 == len(layers)
-                with current.get().stage("composite"):
-                    shown = layer if cover is None else behind(layer, cover)
-                    if self.shown is not None:
-                        self.shown.append(shown)
-                    over = self.mix.over(over, shown, into if last else None)
+    def _over(
+        self, layers: Iterable[tuple[Layer, bool]], over: Array, cover: Array | None,
+        into: Array | None,
+    ) -> Array:  # fmt: skip
+        """Return all layers over what lies behind them, the last one in `into` if given."""
+        for layer, last in layers:
+            with current.get().stage("composite"):
+                shown = layer if cover is None else behind(layer, cover)
+                if self.shown is not None:
+                    self.shown.append(shown)
+                over = self.mix.over(over, shown, into if last else None)
         return over
 
-    def _layers(self, number: int, ask: Ask, frame: Frame, part: Window) -> tuple[Layer, ...]:
-        if self._ready is not None:
-            ready, self._ready = self._ready, None
-            return ready
-        with current.get().of_effect(ask.part.place):
-            if frame.window == part:
-                return draw(ask.part.renderer, frame)
-            # One that may draw all of it for any part draws it once.
-            if number not in self._drawn:
-                self._drawn[number] = draw(ask.part.renderer, frame)
-        place = within(part, frame.window)
-        return tuple(_cut(layer, place) for layer in self._drawn[number])
-
-
-def _narrow(ask: Ask, part: Window) -> Frame:
-    """Return an effect's view of a part, or of the whole if it does not draw any window."""
-    frame = ask.frame
-    if part == frame.window or not ask.needs.by_rows:
-        return frame
-    return frame.derive(window=part)
+    def _layers(self, part: Window) -> Iterator[tuple[Layer, bool]]:
+        """Yield the layers of a part, drawn when they are asked for, and whether it is the last."""
+        for number, ask in enumerate(self.asks):
+            frame, layers = ask.frame, self._drawn.get(number)
+            if ask.needs.by_rows and part != frame.window:
+                frame = frame.derive(window=part)
+            if layers is None:
+                with current.get().of_effect(ask.part.place):
+                    layers = draw(ask.part.renderer, frame)
+            if part != frame.window:
+                self._drawn[number] = layers
+                place = within(part, frame.window)
+                layers = tuple(_cut(layer, place) for layer in layers)
+            for last, layer in enumerate(layers, 1 - len(layers)):
+                yield layer, last == 0 and number + 1 == len(self.asks)
 
 
 def _by_places(ask: Ask) -> bool:
@@ -193,10 +168,8 @@ def draw(effect: Any, frame: Frame) -> tuple[Layer, ...]:
 
 
 def _drawn(effect: Any, frame: Frame) -> tuple[Layer, ...]:
-    top, bottom, left, right = frame.window
-    shape = bottom - top, right - left
     if hasattr(effect, "needs"):
-        return layers_of(effect.render(frame), effect, shape)
+        return layers_of(effect.render(frame), effect, frame.size)
     # One that does not say what it needs is a step by itself.
     with current.get().stage(type(effect).__name__.lower()):
-        return layers_of(effect.render(frame), effect, shape)
+        return layers_of(effect.render(frame), effect, frame.size)

@@ -21,7 +21,7 @@ from flurries._trace import current
 from flurries.camera.lens import Camera
 from flurries.frame.bands import Window, bands_of
 from flurries.frame.edges import Edges
-from flurries.frame.matte import NOTHING_IN_FRONT, Front
+from flurries.frame.matte import Front
 from flurries.frame.mixing import Mix
 from flurries.frame.needs import LeftOut, Needs, has_keys, needs_of, renderer_of
 from flurries.frame.view import Frame
@@ -59,6 +59,10 @@ class Ask(NamedTuple):
     part: Part
     frame: Frame  # Its window is all of the picture in which the weather can be seen.
     needs: Needs
+
+    def derive(self, **changes: Any) -> Ask:
+        """Return this with another view."""
+        return self._replace(frame=self.frame.derive(**changes))
 
 
 @dataclass(eq=False, kw_only=True)
@@ -131,7 +135,6 @@ class Program:
         depth, edges = self._depths_at(t) if "depth" in reads else (None, None)
         ambient = self._ambient(t) if "ambient" in reads else None
         front = self.front(t)
-        visible = None if dtype is None or front is NOTHING_IN_FRONT else front.visible
         sides = (edges and edges.front, front.deep if read else None)
         nearer = tuple(deep for deep in sides if deep is not None)
         plate = self._plate(t, depth) if "plate" in reads else None
@@ -142,7 +145,7 @@ class Program:
                 seed=part.seed,
                 air=(sum(airs), sum(airs[:number])),
                 steps={step.name: step for step in needs.steps},
-                visible=visible,
+                visible=None if dtype is None else front.visible,
                 whole=dtype is None,
                 depth=depth if "depth" in needs.reads else None,
                 ambient=ambient if "ambient" in needs.reads else None,
@@ -177,14 +180,14 @@ class Program:
         return shown
 
     def front(self, t: float) -> Front:
-        found: Front = NOTHING_IN_FRONT if self.mattes is None else self.mattes.frame(t)
+        found: Front = Front() if self.mattes is None else self.mattes.frame(t)
         return found
 
     def open_part(self, window: Window, front: Front) -> Window | None:
         """Return the part of a window in which the weather can be seen at all."""
-        if not self.parts or front is NOTHING_IN_FRONT or front.visible is None:
-            return window if self.parts else None
-        return front.visible.within(window)
+        if not self.parts:
+            return None
+        return window if front.visible is None else front.visible.within(window)
 
     def depth_at(self, t: float) -> Array | None:
         """Return the background's depth at `t`, (H, W) float32, or None."""

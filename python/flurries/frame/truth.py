@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +13,12 @@ from flurries._trace import current
 from flurries.camera.lens import Camera
 from flurries.frame.bands import Window, crop
 from flurries.frame.layer import Layer
-from flurries.frame.matte import NOTHING_IN_FRONT, Front
-from flurries.frame.mixing import Mix, free_name
+from flurries.frame.mixing import free_name
 from flurries.frame.picture import Picture
 from flurries.frame.program import Program
 from flurries.frame.show import figure, listing
 from flurries.frame.view import Shared
-from flurries.io.color import to_single, to_unit
+from flurries.io.color import light_of, to_single, to_unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,21 +28,19 @@ class RenderedLayer:
     Attributes
     ----------
     rgba : (h, w, 4) float32
-        Premultiplied color and opacity.
+        Premultiplied color and opacity; `alpha` is the latter.
     depth : (h, w) float32 or None
-        Planar depth of what the layer shows, world units: at every pixel that of the flake or of
-        the texture, whichever has more opacity there (a flake hides the texture behind it). The
-        texture's is the depth that its wavelength of `motion` stands for. Infinity where nothing
-        is. A veil (haze) has none.
+        Planar depth, world units: at every pixel that of the flake or of the texture, whichever has
+        more opacity there (a flake hides the texture behind it). The texture's is the depth that
+        its wavelength of `motion` stands for. Infinity where nothing is. A veil (haze) has none.
     motion : (h, w, 2) float32 or None
-        Motion of what the layer shows from this frame, t, to t + 1: pixels, (x, y), x right, y
-        down. What is at p now will be at ``p + motion``. Of a flake, its place in the picture at t
-        + 1 minus that at t; of the texture, the one vector for each tile that predicts the next
-        frame best (the drift of the wavelength where it has its gradients, see
+        From this frame, t, to t + 1: pixels, (x, y), x right, y down. What is at p now will be at
+        ``p + motion``. Of a flake, its place in the picture at t + 1 minus that at t; of the
+        texture, the one vector for each tile that predicts the next frame best (see
         `flurries.spectral.motion.tile_motions`), interpolated between tiles as they are blended.
         Flake or texture as in `depth`; 0 where nothing is.
     backward : (h, w, 2) float32 or None
-        Motion to the frame before, t - 1: what is at p now was at ``p + backward``.
+        To the frame before, t - 1: what is at p now was at ``p + backward``.
     coverage : (h, w) float32 or None
         Opacity of what is drawn one by one, flakes and drops, without texture and veil.
     ids : (h, w) int64 or None
@@ -139,84 +136,110 @@ def _truth(
 ) -> Rendered:
     with current.get().stage("background"):
         plate = crop(program.backdrop.frame(t), window)
-    front = program.front(t)
-    if front is not NOTHING_IN_FRONT:
-        front = front.window(window)
-    asks = [
-        ask._replace(frame=ask.frame.derive(shared=shared, whole=known))
-        for ask in program.asks(t, camera, window, None)
-    ]
-    mix = program.mix(plate)
-    picture = Picture(asks, mix, plate, front, window, window)
-    parts = picture.shown = []
-    image = picture.compose(window, None)
-    names: dict[str, Layer] = {}
+    front, mix = program.front(t).window(window), program.mix(plate)
+    asks = program.asks(t, camera, window, None)
+    asks = [ask.derive(shared=shared, whole=known) for ask in asks]
+    parts: list[Layer] = []
+    image = Picture(asks, mix, plate, front, window, window, shown=parts).compose(window, None)
+    layers: dict[str, RenderedLayer] = {}
     for part in parts:
-        names[free_name(part.name, names)] = part
-    cover = parts[0].alpha if parts else np.zeros(plate.shape[:2], np.float32)
-    for part in parts[1:]:
-        cover = 1.0 - (1.0 - cover) * (1.0 - part.alpha)
-    most = _most([part.alpha for part in parts])
+        layers[free_name(part.name, layers)] = RenderedLayer(
+            mix.rgba(part), part.depth, part.motion, part.backward, part.coverage, part.ids
+        )
+    alphas = [part.alpha for part in parts]
+    cover = alphas[0] if parts else np.zeros(plate.shape[:2], np.float32)
+    for alpha in alphas[1:]:
+        cover = 1.0 - (1.0 - cover) * (1.0 - alpha)
+    most = _most(alphas)
     depth = None if program.distance is None else program.depth_at(t)
+    behind = mix.plate(plate)
+    if front.deep is not None:
+        # What stands in the weather is a part of the background.
+        behind = to_single(to_unit(front.behind(mix.decode(plate), linear=mix.linear)))
     return Rendered(
         image=image,
         alpha=cover,
-        layers={
-            name: RenderedLayer(
-                mix.rgba(part), part.depth, part.motion, part.backward, part.coverage, part.ids
-            )
-            for name, part in names.items()
-        },
+        layers=layers,
         depth=None if depth is None else crop(depth, window),
         motion=_chosen([part.motion for part in parts], most, 0.0),
         backward=_chosen([part.backward for part in parts], most, 0.0),
         weather_depth=_chosen([part.depth for part in parts], most, np.inf),
-        background=_behind(front, mix, plate),
+        background=behind,
         foreground=front.rgba(linear=mix.linear),
         linear=mix.linear,
     )
 
 
-def _behind(front: Front, mix: Mix, plate: Array) -> Array:
-    """Return a plate in the light of the mix, with what stands in the weather over it."""
-    if front.deep is None:
-        return mix.plate(plate)
-    return to_single(to_unit(front.behind(mix.decode(plate), linear=mix.linear)))
-
-
-def _most(alphas: Sequence[Array]) -> list[Array]:
-    """Return of layers, back to front, where each shows more than those before and behind it."""
-    if len(alphas) == 1:
-        return [alphas[0] > 0.0]
-    most: list[Array] = []
+def _most(alphas: Sequence[Array]) -> Array:
+    """Return at every pixel which of layers, back to front, shows most, -1 where none does."""
+    most = np.full(alphas[0].shape if alphas else (), -1, np.int16)
     strongest: Array | float = 0.0
     through: Array | float = 1.0
-    for alpha in reversed(alphas):
-        shows = alpha * through
-        more = np.asarray(shows > strongest)
-        # What lies behind and shows more takes the place.
-        most = [*(before & ~more for before in most), more]
+    for number in reversed(range(len(alphas))):
+        shows = alphas[number] * through
+        # Of what shows as much the front.
+        np.copyto(most, number, where=shows > strongest)
         strongest = np.maximum(strongest, shows)
-        through = through * (1.0 - alpha)
-    return most[::-1]
+        through = through * (1.0 - alphas[number])
+    return most
 
 
-def _chosen(planes: Sequence[Array | None], most: Sequence[Array], unknown: float) -> Array | None:
+def _chosen(planes: Sequence[Array | None], most: Array, unknown: float) -> Array | None:
     """Return at every pixel the plane of the layer that shows most; None where no layer has one."""
     # Where a layer shows most that has no plane, it is `unknown`: another layer's would be wrong.
     known = next((plane for plane in planes if plane is not None), None)
-    if known is None:
-        return None
-    if len(planes) == 1:
+    if known is None or len(planes) == 1:
         return known
     found = np.full_like(known, unknown, order="C")
-    for plane, shows in zip(planes, most, strict=True):
+    for number, plane in enumerate(planes):
         if plane is not None:
-            # A pixel's numbers as one: a mask over pairs is several times slower.
-            unit = f"V{plane.dtype.itemsize * math.prod(plane.shape[2:])}"
+            # A pixel's two numbers as one: a mask over pairs is several times slower.
             into, of = (
-                np.ascontiguousarray(one).reshape(*shows.shape, -1).view(unit)[..., 0]
-                for one in (found, plane)
+                one.view(np.complex64)[..., 0] if one.ndim == 3 else one for one in (found, plane)
             )
-            np.copyto(into, of, where=shows)
+            np.copyto(into, of, where=most == number)
     return found
+
+
+# The layers of a frame under the names that files and compositors have for them.
+
+
+def planes(rendered: Rendered, *, up: bool = False) -> dict[str, Array]:
+    """Return a frame as the layers of an EXR, see `flurries.io.write_layers`."""
+
+    def turned(motion: Array | None) -> Any:
+        return motion * np.array([1.0, -1.0], np.float32) if up and motion is not None else motion
+
+    found = {
+        "rgba": opaque(rendered.image), "alpha": rendered.alpha, "background": rendered.background,
+        "foreground": rendered.foreground, "forward": turned(rendered.motion),
+        "backward": turned(rendered.backward), "depth": rendered.depth,
+        "weather.depth": rendered.weather_depth,
+    }  # fmt: skip
+    for name, layer in rendered.layers.items():
+        found |= {
+            name: layer.rgba, f"{name}.depth": layer.depth, f"{name}.coverage": layer.coverage,
+            f"{name}.forward": turned(layer.motion), f"{name}.backward": turned(layer.backward),
+            f"{name}.id": None if layer.ids is None else np.maximum(layer.ids, 0),
+        }  # fmt: skip
+    return {name: plane for name, plane in found.items() if plane is not None}
+
+
+def opaque(image: Array) -> Array:
+    """Return an image as premultiplied light with alpha, which is 1 where it has none."""
+    light = light_of(image)
+    alpha = np.ones_like(light[..., :1])
+    return light if light.shape[2] == 4 else np.concatenate([light, alpha], axis=2)
+
+
+def order(rendered: Rendered) -> str:
+    front = [] if rendered.foreground is None else ["foreground"]
+    return ", ".join(["background", *rendered.layers, *front])
+
+
+def weather(rendered: Rendered) -> Array:
+    """Return (H, W, 4) float32: the layers over each other, premultiplied."""
+    whole = np.zeros((*rendered.alpha.shape, 4), np.float32)
+    for layer in rendered.layers.values():
+        whole = layer.rgba + (1.0 - layer.rgba[..., 3:]) * whole
+    return whole

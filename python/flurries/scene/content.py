@@ -11,7 +11,7 @@ import numpy as np
 
 from flurries._contract import Array
 from flurries.camera.lens import Camera
-from flurries.frame.named import opaque, order, planes, weather
+from flurries.frame.truth import opaque, order, planes, weather
 from flurries.io import write_layer_views, write_layers, write_picture
 from flurries.io.color import encoding_of, to_display, to_integer, to_unit, unmultiply
 from flurries.io.colorspace import ColorSpace, config_hash
