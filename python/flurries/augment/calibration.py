@@ -16,16 +16,8 @@ import numpy as np
 from flurries import gas
 from flurries._contract import Float64, choice, real
 from flurries._kept import kept
-from flurries.effects.strength import (
-    BACKDROP,
-    LOWEST,
-    OPACITY,
-    RATES,
-    SEVERITIES,
-    VISIBILITIES,
-    Strength,
-    reach,
-)  # fmt: skip
+from flurries.effects.severity import LOWEST, RATES, SEVERITIES, VISIBILITIES
+from flurries.effects.strength import BACKDROP, OPACITY, Strength, reach
 from flurries.particles.sizes import RAIN, SNOW, Sizes
 
 Profile: TypeAlias = Literal["natural", "hard"]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,7 +11,6 @@ import numpy as np
 from flurries._contract import _came, integer
 from flurries.frame.bands import Window
 from flurries.frame.needs import Effect, renderer_of
-from flurries.io.sequences import MOST_FRAMES
 from flurries.light.lamp import Lamp
 
 _One = TypeVar("_One")
@@ -25,19 +24,15 @@ MOST_LIGHTS = 64
 
 def parse_size(size: object) -> tuple[int, int]:
     """Return (width, height) from a pair or "WIDTHxHEIGHT"."""
+    wanted = f"size must be (width, height) or 'WIDTHxHEIGHT', got {_came(size)}"
     if isinstance(size, str):
-        parts = size.lower().split("x")
-        if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
-            raise ValueError(
-                f"size must be (width, height) or 'WIDTHxHEIGHT', got {_came(size)}; "
-                "a picture is background="
-            )
-        size = tuple(map(int, parts))
+        found = re.fullmatch(r"\s*(\d+)\s*x\s*(\d+)\s*", size, re.IGNORECASE)
+        if found is None:
+            raise ValueError(f"{wanted}; a picture is background=")
+        size = int(found[1]), int(found[2])
     if not isinstance(size, (tuple, list, np.ndarray)) or len(size) != 2:
-        raise TypeError(
-            f"size must be (width, height), got {_came(size)}; a picture is background="
-        )
-    width, height = (operator.index(integer("size", v, low=1, high=2**17)) for v in size)
+        raise TypeError(f"{wanted}; a picture is background=")
+    width, height = (integer("size", v, low=1, high=2**17) for v in size)
     return width, height
 
 
@@ -46,11 +41,6 @@ def one_or_none(name: str, value: Any, kind: type[_One]) -> _One | None:
     if value is not None and not isinstance(value, kind):
         raise TypeError(f"{name} must be a flurries.{kind.__name__}, got {_came(value)}")
     return value
-
-
-def number_or_none(name: str, value: Any, *, low: int) -> int | None:
-    """Return a frame number, or None where there is none; refuse others."""
-    return None if value is None else integer(name, value, low=low, high=MOST_FRAMES)
 
 
 def parse_region(region: Any, shape: tuple[int, int]) -> Window:
@@ -70,20 +60,28 @@ def require_few(name: str, given: Sequence[object], most: int) -> None:
 
 
 def effects_of(given: Effect | Sequence[Effect]) -> tuple[Effect, ...]:
-    listed: Any = (given,) if renderer_of(given) is not None else given
-    if not isinstance(listed, (list, tuple)):
-        raise TypeError(f"effects must be a sequence of effects, got {listed!r}")
-    require_few("effects", listed, MOST_EFFECTS)
-    for index, effect in enumerate(listed):
-        if isinstance(effect, type) or renderer_of(effect) is None:
-            raise TypeError(f"effects[{index}] must be an effect such as Snow(), got {effect!r}")
+    def fits(one: object) -> bool:
+        return not isinstance(one, type) and renderer_of(one) is not None
+
+    return _several("effects", given, fits, "effects such as Snow()", MOST_EFFECTS)
+
+
+def lights_of(given: Lamp | Sequence[Lamp]) -> tuple[Lamp, ...]:
+    def fits(one: object) -> bool:
+        return isinstance(one, Lamp)
+
+    return _several("lights", given, fits, "flurries.scene.Lamp", MOST_LIGHTS)
+
+
+def _several(
+    name: str, given: Any, fits: Callable[[object], bool], wanted: str, most: int
+) -> tuple[Any, ...]:
+    """Return one thing, or several, as a tuple."""
+    listed = (given,) if fits(given) else given
+    wrong = [given]
+    if isinstance(listed, (list, tuple)):
+        require_few(name, listed, most)
+        wrong = [one for one in listed if not fits(one)]
+    if wrong:
+        raise TypeError(f"{name} must be a sequence of {wanted}, got {_came(wrong[0])}")
     return tuple(listed)
-
-
-def lights_of(lights: Any) -> tuple[Lamp, ...]:
-    if isinstance(lights, Lamp):
-        return (lights,)
-    if not isinstance(lights, (list, tuple)) or not all(isinstance(one, Lamp) for one in lights):
-        raise TypeError(f"lights must be a sequence of flurries.scene.Lamp, got {lights!r}")
-    require_few("lights", lights, MOST_LIGHTS)
-    return tuple(lights)

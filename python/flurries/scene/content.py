@@ -35,8 +35,9 @@ class Content:
     @classmethod
     def of(cls, scene: Scene, output: Output, eyes: Any, space: ColorSpace | None) -> Content:
         """Return contents whose files are read again, whatever the scene has kept of them."""
-        scene = (scene._holding() if output.damaged == "hold" else scene)._anew()
-        if scene.range is not None and scene._film is None and scene._takes_light:
+        scene = scene._anew(hold=output.damaged == "hold")
+        lit = scene._has_color("ambient", "local")
+        if scene.range is not None and scene._film is None and lit:
             # Frames of a sequence have the light of all of it: whoever makes one has to agree.
             scene = scene.replace(light=scene.light or find_light(scene))
         return cls(scene, output, eyes, space)
@@ -66,76 +67,74 @@ class Content:
 
     def save(self, path: Path, frame: Any, header: dict[str, Any]) -> None:
         """Write a rendered frame, with what the background says of itself."""
-        form, scene = format_of(path), self.scene
+        form, scene, kind = format_of(path), self.scene, self.output.kind
         metadata = {**header, "seed": scene.seed}
         slate = scene._slate(int(header["frame"]))
         if self.space is not None and scene._color is not None:
-            apart = self.output.kind in ("layers", "deep") or self.eyes
+            apart = kind in ("layers", "deep") or self.eyes
             own = scene._color.working if apart else self.space
             metadata["colorspace"] = own.name
             slate = replace(slate, video=own.video) if form.name == "dpx" else slate
             slate = slate if own.name == scene._color.name else replace(slate, colored=False)
         # A plate that is a part of its picture remains that part.
-        cut = slate.crop if form.name == "openexr" and self.output.kind != "deep" else None
+        cut = slate.crop if form.name == "openexr" and kind != "deep" else None
         slate = slate if cut is None else slate.cropped()
-        if self.output.kind == "layers":
-            metadata |= {
-                "motion": MOTION[self.output.motion],
-                "light": "linear" if scene._linear else "display",
-                "layers": order(next(iter(frame.values())) if self.eyes else frame),
-            }
+        if kind == "layers":
+            metadata["motion"] = MOTION[self.output.motion]
+            metadata["light"] = "linear" if scene._linear else "display"
+            metadata["layers"] = order(next(iter(frame.values())) if self.eyes else frame)
         more: Any = {"half": self.output.bits != "float", "metadata": metadata, "slate": slate}
-        if self.output.kind == "deep":
+        if kind == "deep":
             write_deep(path, frame, **more)
         elif self.eyes is not None:
             views = {name: self._planes(view, cut) for name, view in frame.items()}
             write_layer_views(path, views, **more)
-        elif self.output.kind == "layers":
+        elif kind == "layers":
             write_layers(path, self._planes(frame, cut), **more)
         else:
-            alone, encoding = self.output.kind == "alone", None
-            pixels = frame if form.alpha or alone else without_alpha(frame, path)
-            if alone:
+            pixels, encoding = frame, None
+            if kind == "alone":
                 pixels, encoding = weather(frame), "linear" if scene._linear else "display"
+            elif not form.alpha:
+                pixels = without_alpha(frame, path)
             pixels = pixels if cut is None else np.ascontiguousarray(pixels[cut])
             if self.space is not None:
                 pixels = self._colored(pixels)
                 encoding = "linear" if self.space.linear else "display"
             more["bits"] = self._bits_in(form, slate, encoding)
-            write_picture(
-                path, pixels, encoding=encoding, compression=self.output.compression, **more
-            )
+            packed = self.output.compression
+            write_picture(path, pixels, encoding=encoding, compression=packed, **more)
 
     def _bits_in(self, form: Format, slate: Slate, encoding: str | None) -> int | None:
         """Return the bits of a color of a picture; None where the pixels decide."""
-        if isinstance(self.output.bits, int) or not form.bits:
-            return self.output.bits if isinstance(self.output.bits, int) else None
+        bits = self.output.bits
+        if isinstance(bits, int) or not form.bits:
+            return bits if isinstance(bits, int) else None
         if self.output.kind == "alone":
-            return None if self.output.bits == "float" else 16 if self.scene._backdrop.deep else 8
+            return None if bits == "float" else 16 if self.scene._backdrop.deep else 8
         known = slate.bits if slate.bits in form.bits else None
         if form.name == "dpx":
             return known or 10
         return known or 8 if self.space is not None and encoding == "display" else None
 
     def _colored(self, pixels: Array) -> Array:
-        assert self.space is not None and self.scene._color is not None
+        if self.space is None or self.scene._color is None:
+            return pixels
         return self.scene._color.working.convert_rgba(pixels, self.space)
 
     def levels(self, frame: Any, bits: int, path: Path) -> Array:
+        """Return a frame as the integers of a film."""
         if self.output.kind == "alone":
-            whole = weather(frame)
-            if self.space is not None:
-                whole = self._colored(whole)
+            whole = self._colored(weather(frame))
             colors = unmultiply(whole[..., :3], whole[..., 3:])
             if self.space is None:
                 colors = to_display(colors, "linear" if frame.linear else "display")
             return to_integer(np.concatenate([colors, whole[..., 3:]], axis=2), bits)
-        image = without_alpha(frame, path)
-        if self.space is not None:
-            return to_integer(self._colored(image), bits)
+        image = self._colored(without_alpha(frame, path))
         if image.dtype.kind == "u" and image.dtype.itemsize * 8 == bits:
             return image
-        return to_integer(to_display(image, encoding_of(None, image)), bits)
+        known = self.space is not None
+        return to_integer(image if known else to_display(image, encoding_of(None, image)), bits)
 
     def _planes(self, frame: Any, cut: Any) -> dict[str, Array]:
         if self.output.kind == "layers":

@@ -9,7 +9,8 @@ from flurries.frame.bands import whole as everything
 from flurries.frame.truth import truth
 from flurries.io.color import to_linear
 from flurries.io.layers.deep import Deep
-from flurries.scene.depth import Distance, distance_of
+from flurries.scene.depth import Distance
+from flurries.scene.numbered import Planes
 from flurries.scene.scene import Scene
 
 # Slices of the air, and the first depth at which one ends: 32 to a distance of 256, each 1.28
@@ -31,15 +32,18 @@ def deep_of(scene: Scene, number: float) -> Deep:
         limit = np.where(np.isfinite(there), there, limit).astype(np.float32)
     whole = _layers(scene, number)
     # What has been written of each effect, and up to which depth.
-    written = {name: np.zeros(scene.shape, np.float32) for name in whole}
-    begun = {name: np.zeros(scene.shape, np.float32) for name in whole}
+    written = {name: np.zeros(limit.size, np.float32) for name in whole}
+    begun = {name: np.zeros(limit.size, np.float32) for name in whole}
     pixels, samples, total = [], [], 0
     for edge in [*np.geomspace(FIRST, LAST, SLICES).tolist(), np.inf]:
         last = edge == np.inf
         layers = whole if last else _before(scene, number, edge)
+        end = np.minimum(limit, edge).ravel()
         for name, layer in whole.items():
-            cover, past = layer[..., 3], written[name]
-            now = cover if last else np.clip(layers[name][..., 3], past, np.maximum(cover, past))
+            light, past = layer.reshape(-1, 4), written[name]
+            now = cover = light[:, 3]
+            if not last:
+                now = np.clip(layers[name][..., 3].ravel(), past, np.maximum(cover, past))
             share = (now - past) / np.maximum(1.0 - past, 1e-6)
             shown = np.flatnonzero(share >= (_FAINTEST if last else _FAINT))
             total += len(shown)
@@ -48,28 +52,26 @@ def deep_of(scene: Scene, number: float) -> Deep:
                     f"deep: frame {number:g} has more than {MOST_SAMPLES} samples; take a smaller "
                     "frame, or fewer effects to a file"
                 )
-            end = np.minimum(limit, edge)
-            found = np.empty((len(shown), 6), np.float32)
-            part = share.flat[shown]
-            light = layer.reshape(-1, 4)[shown]
-            found[:, :3] = light[:, :3] * (part / np.maximum(light[:, 3], 1e-6))[:, None]
-            found[:, 3] = part
-            found[:, 4], found[:, 5] = begun[name].flat[shown], end.flat[shown]
+            part = share[shown, None]
+            color = light[shown, :3] * (part / np.maximum(cover[shown, None], 1e-6))
+            ends = begun[name][shown, None], end[shown, None]
             pixels.append(shown)
-            samples.append(found)
-            past.flat[shown] = now.flat[shown]
-            begun[name].flat[shown] = end.flat[shown]
+            samples.append(np.concatenate([color, part, *ends], axis=1))
+            past[shown] = now[shown]
+            begun[name][shown] = end[shown]
     pixel, values = np.concatenate(pixels), np.concatenate(samples)
     values = values[np.lexsort((values[:, 5], values[:, 4], pixel))]
     if not scene._linear:
-        values[:, :3] = _as_light(values)
+        # Premultiplied display colors as light.
+        cover = np.maximum(values[:, 3:4], 1e-6)
+        values[:, :3] = to_linear(values[:, :3] / cover, "display") * cover
     counts = np.bincount(pixel, minlength=limit.size).reshape(scene.shape)
     return Deep(counts, values)
 
 
 def _before(scene: Scene, number: float, edge: float) -> dict[str, Array]:
     """Return the layers of a frame before a wall."""
-    far = scene._distance or Distance.of(distance_of(np.full(scene.shape, np.inf), scene.shape))
+    far = scene._distance or Distance.of_planes(Planes(np.full(scene.shape, np.inf, np.float32)))
     return _layers(scene._derive(depth=edge, _distance=far.up_to(edge)), number)
 
 
@@ -78,9 +80,3 @@ def _layers(scene: Scene, number: float) -> dict[str, Array]:
     t = scene._time_of(number)
     (seen,) = truth(scene._program, t, [None], everything(scene.shape), known=False)
     return {name: layer.rgba for name, layer in seen.layers.items()}
-
-
-def _as_light(values: Array) -> Array:
-    """Return premultiplied display colors as light."""
-    cover = np.maximum(values[:, 3:4], 1e-6)
-    return np.asarray(to_linear(values[:, :3] / cover, "display") * cover, np.float32)

@@ -17,14 +17,12 @@ from flurries.io import fit_nearest, open_background, open_depth
 from flurries.io.color import to_unit
 from flurries.io.files import file_of
 from flurries.io.pictures.reader import luminance
-from flurries.scene.numbered import Display, Numbered, Planes, pixels_of, placed, read_only
+from flurries.scene.numbered import Display, Planes, pixels_of, placed, read_only
 
 __all__ = ["DepthMap"]
 
 White: TypeAlias = Literal["near", "far"]
-_WHITE = get_args(White)
 Law: TypeAlias = Literal["linear", "inverse"]
-_LAWS = get_args(Law)
 
 
 @suggesting
@@ -65,45 +63,40 @@ class DepthMap:
     law: Law = "linear"
 
     def __post_init__(self) -> None:
-        settle = object.__setattr__
-        settle(self, "near", real("near", self.near, above=0.0))
-        choice("white", self.white, _WHITE)
-        choice("law", self.law, _LAWS)
+        settle = partial(object.__setattr__, self)
+        settle("near", real("near", self.near, above=0.0))
+        choice("white", self.white, get_args(White))
+        choice("law", self.law, get_args(Law))
         endless = self.law == "inverse" and isinstance(self.far, float) and self.far == math.inf
-        settle(self, "far", self.far if endless else real("far", self.far, above=self.near))
-        if not isinstance(self.source, (str, os.PathLike)):
-            settle(self, "source", _greys(self.source))
+        settle("far", self.far if endless else real("far", self.far, above=self.near))
+        if isinstance(self.source, (str, os.PathLike)):
+            return
+        given = pixels_of("source", self.source, "a path")
+        if given.ndim != 2 or 0 in given.shape:
+            raise ValueError(f"source must have shape (H, W), got {given.shape}")
+        if given.dtype.kind == "f":
+            require("source", given, (given >= 0.0) & (given <= 1.0), "from 0 to 1 everywhere")
+        settle("source", read_only(np.array(given, order="C")))
 
     def depth_of(self, grey: Array) -> Array:
         """Return the depths of greys from 0 to 1, float32 of the same shape."""
         w = grey.astype(np.float64)
         w = 1.0 - w if self.white == "near" else w
         if self.law == "linear":
-            depth = self.near + w * (self.far - self.near)
-        else:
-            with np.errstate(divide="ignore"):
-                depth = 1.0 / (1.0 / self.near + w * (1.0 / self.far - 1.0 / self.near))
-        return np.asarray(depth, np.float32)
-
-
-def _greys(source: Any) -> Array:
-    """Return a read-only copy of an array of greys."""
-    given = pixels_of("source", source, "a path")
-    if given.ndim != 2 or 0 in given.shape:
-        raise ValueError(f"source must have shape (H, W), got {given.shape}")
-    if given.dtype.kind == "f":
-        require("source", given, (given >= 0.0) & (given <= 1.0), "from 0 to 1 everywhere")
-    return read_only(np.array(given, order="C"))
+            return np.asarray(self.near + w * (self.far - self.near), np.float32)
+        with np.errstate(divide="ignore"):
+            closeness = 1.0 / self.near + w * (1.0 / self.far - 1.0 / self.near)
+            return np.asarray(1.0 / closeness, np.float32)
 
 
 class Distance(Planes):
     """A scene's depth, with the pixels in which a near and a far side meet."""
 
     @staticmethod
-    def of(planes: Planes, *, inverse: bool = False) -> Distance:
+    def of_planes(planes: Planes, *, inverse: bool = False) -> Distance:
         """Return planes (H, W), or (H, W, 3) of near, far and the near one's share, with edges."""
         split = partial(_split, inverse=inverse)
-        return Distance(planes.given, planes.files, (*planes.steps, split))
+        return Distance(planes.given, planes.source, planes.span, (*planes.steps, split))
 
     def frame(self, t: float) -> Array:
         """Return the depth at frame floor(t), (H, W) float32."""
@@ -116,7 +109,16 @@ class Distance(Planes):
 
     def up_to(self, wall: float) -> Distance:
         """Return the same with a wall at one depth before it."""
-        return Distance(self.given, self.files, (*self.steps, partial(_walled, wall=wall)))
+
+        def walled(found: tuple[Array, Edges | None]) -> tuple[Array, Edges | None]:
+            depth, edges = found
+            if edges is not None:
+                front = replace(edges.front, depth=np.minimum(edges.front.depth, near))
+                edges = Edges(np.minimum(edges.back, near), front)
+            return np.minimum(depth, near), edges
+
+        near = np.float32(wall)
+        return self.then(walled)
 
 
 def _split(found: Array, *, inverse: bool) -> tuple[Array, Edges | None]:
@@ -128,54 +130,37 @@ def _split(found: Array, *, inverse: bool) -> tuple[Array, Edges | None]:
     return read_only(np.where(share >= 0.5, near, back)), Edges.of(near, read_only(back), share)
 
 
-def _walled(found: tuple[Array, Edges | None], wall: float) -> tuple[Array, Edges | None]:
-    depth, edges = found
-    if edges is not None:
-        front = replace(edges.front, depth=np.minimum(edges.front.depth, np.float32(wall)))
-        edges = Edges(np.minimum(edges.back, np.float32(wall)), front)
-    return np.minimum(depth, np.float32(wall)), edges
-
-
 def distance_of(
-    value: Any, shape: tuple[int, int], *, name: str = "depth", extend: str = "stop",
-    start: int | None = None, display: Display | None = None,
+    value: Any, shape: tuple[int, int], *, name: str = "depth", display: Display | None = None,
+    **numbers: Any,
 ) -> Planes:  # fmt: skip
     """Return the depth of a scene's `depth` argument, or of another called `name`."""
+    law = value if isinstance(value, DepthMap) else None
+    source = value if law is None else law.source
 
-    def of_files(source: Any, law: DepthMap | None) -> Planes:
-        def fitted(picture: Any) -> Array:
-            depth = picture.pixels if law is None else law.depth_of(luminance(picture))
-            whole = placed(depth, picture.display, shape, display, fit_nearest, np.inf)
-            # A copy where it is the file's own, which other frames may share.
-            return read_only(np.array(whole, order="C"))
+    def fitted(picture: Any) -> Array:
+        depth = picture.pixels if law is None else law.depth_of(luminance(picture))
+        whole = placed(depth, picture.display, shape, display, fit_nearest, np.inf)
+        # A copy where it is the file's own, which other frames may share.
+        return read_only(np.array(whole, order="C"))
 
-        files = Numbered.of(name, source, extend=extend, start=start)
-        return Planes(None, files, (fitted,))
-
-    if isinstance(value, DepthMap):
-        if isinstance(value.source, np.ndarray):
-            _require_shape(f"{name}: source", value.source.shape, shape)
-            return Planes(read_only(value.depth_of(to_unit(value.source))))
+    if isinstance(source, (str, os.PathLike)):
         with file_of(name):
-            return of_files(open_background(value.source, overscan=display is not None), value)
-    if isinstance(value, (str, os.PathLike)):
-        with file_of(name):
-            return of_files(open_depth(value, overscan=display is not None), None)
-    if not isinstance(value, (dict, set, list, tuple)) and np.ndim(value) == 0:
-        wall = real(name, value, above=0.0)
-        return Planes(read_only(np.full(shape, wall, np.float32)))
-    given = rectangular(name, value)
-    if given.dtype.kind != "f":
+            opened = (open_background if law else open_depth)(source, overscan=display is not None)
+            return Planes.of(name, opened, fitted, **numbers)
+    if law is None and not isinstance(value, (dict, set, list, tuple)) and np.ndim(value) == 0:
+        return Planes(read_only(np.full(shape, real(name, value, above=0.0), np.float32)))
+    given = rectangular(name, source)
+    if law is None and given.dtype.kind != "f":
         raise TypeError(
             f"{name} must be a number, a path, a DepthMap or an array of float, got {given.dtype}; "
             "greys become depths through DepthMap"
         )
-    _require_shape(name, given.shape, shape)
+    if given.shape != shape:
+        of = name if law is None else f"{name}: source"
+        raise ValueError(f"{of} must have shape {shape}, got {given.shape}")
+    if law is not None:
+        return Planes(read_only(law.depth_of(to_unit(given))))
     plane = depths(name, np.array(given, np.float32, order="C"))
     warn_of_units(name, plane)
     return Planes(read_only(plane))
-
-
-def _require_shape(name: str, got: tuple[int, ...], wanted: tuple[int, int]) -> None:
-    if got != wanted:
-        raise ValueError(f"{name} must have shape {wanted}, got {got}")

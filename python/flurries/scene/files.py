@@ -25,7 +25,7 @@ from flurries.io.sources import Source, VideoSource
 from flurries.scene.background import Backdrop
 from flurries.scene.depth import Distance
 from flurries.scene.foreground import Mattes
-from flurries.scene.numbered import Numbered
+from flurries.scene.numbered import Planes
 
 if TYPE_CHECKING:
     from flurries.scene.rendering import Rendering
@@ -54,34 +54,30 @@ class Sources:
     _mattes: Mattes | None = field(init=False)
     _distance: Distance | None = field(init=False)
 
-    def _slate(self, t: float) -> Slate:
-        """Return the slate of the background's frame floor(t), at the scene's rate."""
-        rate = frame_rate(self.fps)
-        files = self._backdrop.files
-        if files is None or not isinstance(files.source, Source):
-            return Slate().at(rate)
-        place, beyond = files.place(t), files.beyond(t)
-        if isinstance(files.source, VideoSource):
-            code = files.source.tags.timecode
-            return Slate().at(rate, None if code is None else code.later(place + beyond))
-        try:
-            found = read_slate(files.source.file(place))
-        except (OSError, ValueError):
-            if files.source.damaged != "hold":
-                raise
-            # Its frame is that of an earlier plate, which was at another time.
-            found = Slate()
-        if self.size != files.source.size:
-            # Fitted to another size: other windows and pixels.
-            found = found.resized()
-        code = found.timecode if beyond else None
-        return found.at(rate, None if code is None else code.later(beyond))
-
     @property
     def range(self) -> tuple[int, int] | None:
         """The numbers of the background's first and last frame; None for a still."""
         span = self._backdrop.span
         return None if span is None else (span.first, span.last)
+
+    @property
+    def _source(self) -> Any:
+        return self._backdrop.source
+
+    @property
+    def _film(self) -> VideoSource | None:
+        return self._source if isinstance(self._source, VideoSource) else None
+
+    @property
+    def _files(self) -> dict[str, Planes]:
+        """What is made of files, by the argument that names them."""
+        mattes = {} if self._mattes is None else self._mattes.planes
+        found = {"background": self._backdrop, "depth": self._distance, **mattes}
+        return {name: one for name, one in found.items() if one and one.source is not None}
+
+    @property
+    def _holds(self) -> bool:
+        return self.extend == "hold" and self.camera.extent is not None
 
     @property
     def _spans(self) -> list[Span]:
@@ -92,20 +88,6 @@ class Sources:
             found.append(Span("camera", *ends, "hold" if self._holds else "stop"))
         return found
 
-    @property
-    def _files(self) -> dict[str, Numbered]:
-        """The files that frames are made of, by the argument that names them."""
-        found: dict[str, Numbered] = {}
-        if self._backdrop.files is not None:
-            found["background"] = self._backdrop.files
-        if self._distance is not None and self._distance.files is not None:
-            found["depth"] = self._distance.files
-        return found if self._mattes is None else found | self._mattes.sources()
-
-    @property
-    def _holds(self) -> bool:
-        return self.extend == "hold" and self.camera.extent is not None
-
     def _require(self, frames: Sequence[int], *, gaps: bool = True) -> None:
         """Refuse frame numbers that a file or the camera does not have; files missing: `gaps`."""
         for span in self._spans:
@@ -113,20 +95,15 @@ class Sources:
                 asked = words_of(frames)
                 raise ValueError(f"frames {asked} are asked for; {span.complaint(outside)}")
         for name, files in self._files.items() if gaps else ():
-            if missing := files.gaps(list(frames)):
-                assert files.span is not None
-                raise FileNotFoundError(
-                    errno.ENOENT,
-                    f"of {files.span.words} the {name} lacks {words_of(missing)}",
-                    files.source.spec,
-                )
+            if files.span is not None and (missing := files.gaps(list(frames))):
+                words = f"of {files.span.words} the {name} lacks {words_of(missing)}"
+                raise FileNotFoundError(errno.ENOENT, words, files.spec)
 
     def _require_apart(self, places: dict[int, Path]) -> None:
         """Refuse to write over the files that the scene is made of."""
         for name, files in self._files.items():
-            for number, place in places.items():
-                own = files.file(number) if hasattr(files.source, "spec") else None
-                if own is not None and place.resolve() == own.resolve():
+            for number, place in places.items() if files.spec is not None else ():
+                if place.resolve() == files.file(number).resolve():
                     raise ValueError(f"{place} is the {name} itself: write to another name")
 
     def _look(self, t: float) -> None:
@@ -135,9 +112,27 @@ class Sources:
             if part is not None:
                 part.frame(real("t", t))
 
-    @property
-    def _film(self) -> Any:
-        return self._source if isinstance(self._source, VideoSource) else None
+    def _slate(self, t: float) -> Slate:
+        """Return the slate of the background's frame floor(t), at the scene's rate."""
+        rate, source = frame_rate(self.fps), self._source
+        if not isinstance(source, Source):
+            return Slate().at(rate)
+        place, beyond = self._backdrop.place(t), self._backdrop.beyond(t)
+        if isinstance(source, VideoSource):
+            code = source.tags.timecode
+            return Slate().at(rate, None if code is None else code.later(place + beyond))
+        try:
+            found = read_slate(source.file(place))
+        except (OSError, ValueError):
+            if source.damaged != "hold":
+                raise
+            # Its frame is that of an earlier plate, which was at another time.
+            found = Slate()
+        if self.size != source.size:
+            # Fitted to another size: other windows and pixels.
+            found = found.resized()
+        code = found.timecode if beyond else None
+        return found.at(rate, None if code is None else code.later(beyond))
 
     def _tags(self, first: int) -> Tags:
         """The tags of a film over the background: its own, where it is a film."""
@@ -147,17 +142,15 @@ class Sources:
 
     def _sound(self, frames: list[int], *, skip: bool) -> tuple[str, Sound | None]:
         """The fate of the background's sound, and the part of it that belongs to frames."""
-        film = self._film
-        if film is None or not film.sound:
+        film, rate = self._film, frame_rate(self.fps)
+        if film is None or self.range is None or not film.sound:
             return "none", None
-        rate = frame_rate(self.fps)
         if film.fps is None or frame_rate(film.fps) != rate:
             return f"left out: the film has {film.fps:g} frames a second", None
         if frames != list(range(frames[0], frames[0] + len(frames))):
             return "left out: the frames do not follow each other", None
         if skip:
             return "left out: frames may be skipped", None
-        assert self.range is not None
         first, last = self.range
         if not (first <= frames[0] and frames[-1] <= last):
             return "left out: the film is held or repeated", None
@@ -170,40 +163,37 @@ class Sources:
         first = 0 if self.range is None else self.range[0]
         return {first + place for place in getattr(self._source, "held", ())}
 
-    @property
-    def _source(self) -> Any:
-        files = self._backdrop.files
-        return None if files is None else files.source
-
 
 def frames_of(scene: Rendering, frames: Frames, *, film: bool = False) -> list[int]:
     """Return frame numbers, each once, in the order asked for."""
-    # If none are asked for, one round of a scene that repeats, else those of the background's
-    # files; of a still those of the first that has numbers of camera, depth and foreground; else
-    # the number in its name, "raw.1001.exr"; else, and in a film, three seconds from there or 1 on.
     if frames is None:
-        if scene._lap is not None:
-            return list(range(scene._lap.first, scene._lap.end))
-        if scene.range is not None:
-            return list(range(scene.range[0], scene.range[1] + 1))
-        # The camera is the last of them, and goes before depth and foreground.
-        for span in reversed(scene._spans):
-            return list(range(span.first, span.last + 1))
-        # The frame that the name of a still says that it is.
-        name = re.fullmatch(NUMBERED, Path(getattr(scene._source, "spec", "")).name)
-        if name is not None and not film:
-            return [int(name[1])]
-        first = 1 if name is None else int(name[1])
-        return list(range(first, first + math.ceil(DEFAULT_SECONDS * scene.fps)))
+        return list(_all_frames(scene, film))
     if isinstance(frames, str):
-        numbers: Sequence[int] = frame_range(frames)
+        numbers: Iterable[int] = frame_range(frames)
     elif isinstance(frames, (int, np.integer)):
         numbers = [int(frames)]
     elif isinstance(frames, Iterable):
-        numbers = list(frames)
+        numbers = frames
     else:
         raise TypeError(f"frames must be a range such as '1-60' or integers, got {frames!r}")
     result = list(dict.fromkeys(integer("frames", n, low=-(10**12), high=10**12) for n in numbers))
     if not result:
         raise ValueError("frames must name at least one frame, got none")
     return result
+
+
+def _all_frames(scene: Rendering, film: bool) -> Iterable[int]:
+    """Return the numbers of the frames that a scene has where none are asked for."""
+    # One round of a scene that repeats, else those of the background's files; of a still those of
+    # the first that has numbers of camera, depth and foreground; else the number in its name,
+    # "raw.1001.exr"; else, and in a film, three seconds from there or 1 on.
+    if scene._lap is not None:
+        return range(scene._lap.first, scene._lap.end)
+    for span in (scene._backdrop.span, *reversed(scene._spans)):
+        if span is not None:
+            return range(span.first, span.last + 1)
+    name = re.fullmatch(NUMBERED, Path(scene._backdrop.spec or "").name)
+    if name is not None and not film:
+        return [int(name[1])]
+    first = 1 if name is None else int(name[1])
+    return range(first, first + math.ceil(DEFAULT_SECONDS * scene.fps))

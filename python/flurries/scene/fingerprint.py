@@ -15,7 +15,6 @@ import numpy as np
 
 from flurries import __version__
 from flurries._threads import scope
-from flurries.camera.path import CameraPath
 from flurries.effects.kinds import OURS, kind_of
 from flurries.effects.motion import STILL
 from flurries.io import Pattern
@@ -25,6 +24,7 @@ from flurries.io.oiio import openimageio
 from flurries.motion.keys import Keys
 from flurries.scene.depth import DepthMap
 from flurries.scene.foreground import called, listed
+from flurries.scene.numbered import Planes
 from flurries.scene.scene import Scene, expect_scene
 from flurries.scene.toml.writer import describe
 from flurries.spectral import field as waves
@@ -48,8 +48,8 @@ _NOW = {
     "lights": ("place", "direction", "color", "power"),
 }
 
-# Of a camera it sees the way since frame 0 and what comes in the next frame. These effects ask no
-# more of the rest than `_rest_of_way` says.
+# Of a camera it sees the way since frame 0 and what comes in the next frame; of the rest these
+# effects ask no more than `_take_way` says.
 _WAY = ("position", "velocity", "orientation", "focal")
 _ON_THE_WAY = {"snow", "rain", "mist"}
 
@@ -58,9 +58,7 @@ def fingerprint(scene: Scene) -> str:
     """Return a hash of all that a scene's frames depend on, files' contents included."""
     digest = hashlib.sha256(Settings(scene, whole=True).common.encode())
     for name, spec in _specs(scene).items():
-        digest.update(name.encode())
-        for file in _files(spec):
-            digest.update(hash_of(file).encode())
+        digest.update("".join([name, *map(hash_of, _files(spec))]).encode())
     return digest.hexdigest()[:16]
 
 
@@ -71,9 +69,7 @@ class Settings:
     # changes no bit of it.
 
     def __init__(self, scene: Scene, *, whole: bool = False) -> None:
-        expect_scene(scene)
-        digest = hashlib.sha256()
-        given = list(_specs(scene))
+        digest, given = hashlib.sha256(), list(_specs(expect_scene(scene)))
         for name, value in _values(scene).items():
             value = value.source if isinstance(value, DepthMap) else value
             if isinstance(value, np.ndarray):
@@ -111,10 +107,8 @@ class Settings:
 
     def _take_values(self, table: dict[str, Any]) -> None:
         for name, known in _NOW.items():
-            parts = table.get(name, [])
-            if parts == "none":
-                continue
-            for part in [parts] if isinstance(parts, dict) else parts:
+            found = table.get(name, [])
+            for part in [found] if isinstance(found, dict) else found if found != "none" else []:
                 keyed = {key for key, value in part.items() if isinstance(value, dict)}
                 # Densities and sizes, where keyed, are made to one course with the amount.
                 if part.get("kind", "snow") in OURS and keyed.issubset(known):
@@ -122,16 +116,21 @@ class Settings:
                         self._take(part, key, part[key]["keys"])
 
     def _take_way(self, scene: Scene, table: dict[str, Any]) -> None:
-        table["way"] = _rest_of_way(scene._path)
+        path, way = scene._path, table["camera"]
+        # What frames depend on of a camera's way after them.
+        comes = path.goes_along(path.camera.matrix()[:, 2])
+        bends = len(path.course(1.0).knots) > 0
+        lengths = path.widest.focal, path.longest_focal
+        table["way"] = path.turns, path.zooms, *lengths, comes, bends
         shutters = [getattr(effect, "shutter", None) or 1.0 for effect in scene.effects]
         longest = [max(v for _, v in s.keys) if isinstance(s, Keys) else s for s in shutters]
         after = max([scene.fps * STILL, *longest])
         for name in _WAY:
-            value = table["camera"].get(name)
+            value = way.get(name)
             if isinstance(value, dict):
-                self._take(table["camera"], name, value["keys"], after)
+                self._take(way, name, value["keys"], after)
             elif isinstance(value, list) and name != "velocity":
-                self._take(table["camera"], name, list(enumerate(value)), after)
+                self._take(way, name, list(enumerate(value)), after)
 
     def _take(
         self, table: dict[str, Any], name: str, keys: list[Any], after: float | None = None
@@ -142,13 +141,6 @@ class Settings:
             hashes.append(digest.hexdigest())
         self._courses.append(([time for time, _ in keys], hashes, after))
         table[name] = type(table[name]).__name__
-
-
-def _rest_of_way(path: CameraPath) -> tuple[object, ...]:
-    """Return what frames depend on of a camera's way after them."""
-    comes = path.goes_along(path.camera.matrix()[:, 2])
-    bends = len(path.course(1.0).knots) > 0
-    return path.turns, path.zooms, path.widest.focal, path.longest_focal, comes, bends
 
 
 def short_hash(value: object) -> str:
@@ -197,18 +189,16 @@ class Inputs:
     # last frame is made, on whatever machine. Of a sequence each frame has its own file.
 
     def __init__(self, scene: Scene) -> None:
-        specs = _specs(scene)
         self._hashes = Hashes()
-        self._sequences: list[Any] = []
+        self._sequences: list[Planes] = []
         self._stills: dict[Path, str] = {}
-        for name, spec in specs.items():
-            files = scene._files.get(name)
+        for name, spec in _specs(scene).items():
+            planes = scene._files[name]
             # A frame of a background that holds may be that of any file.
-            holds = files is not None and getattr(files.source, "damaged", "stop") == "hold"
-            if files is None or Path(spec).is_file() or holds:
+            if Path(spec).is_file() or getattr(planes.source, "damaged", "stop") == "hold":
                 self._stills.update((file, self._told(file)) for file in _files(spec))
             else:
-                self._sequences.append(files)
+                self._sequences.append(planes)
 
     def of(self, number: int) -> str:
         """Return a hash of a frame's inputs; OSError if a file that serves all has changed."""
@@ -222,7 +212,7 @@ class Inputs:
                     "(--overwrite)"
                 )
         told = [*self._stills.values()]
-        told += [self._told(source.file(number)) for source in self._sequences]
+        told += [self._told(planes.file(number)) for planes in self._sequences]
         return short_hash(told) if told else ""
 
     def _told(self, file: Path) -> str:
@@ -240,12 +230,8 @@ def _values(scene: Scene) -> dict[str, Any]:
 
 
 def _specs(scene: Scene) -> dict[str, str]:
-    found = {name: files.source for name, files in scene._files.items()}
-    return {
-        name: str(Path(source.spec).absolute())
-        for name, source in found.items()
-        if hasattr(source, "spec")
-    }
+    found = {name: planes.spec for name, planes in scene._files.items()}
+    return {name: str(Path(spec).absolute()) for name, spec in found.items() if spec is not None}
 
 
 def _files(spec: str) -> list[Path]:

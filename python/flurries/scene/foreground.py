@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, finite, shares, suggesting
+from flurries._contract import finite, shares, suggesting
 from flurries._kept import Kept
 from flurries._warnings import warn_of_levels
 from flurries.frame.matte import Deep, Front, Matte
@@ -19,7 +19,7 @@ from flurries.io.files import file_of
 from flurries.io.pictures.reader import Picture, luminance
 from flurries.io.sources import open_matte
 from flurries.scene.depth import distance_of
-from flurries.scene.numbered import Display, Numbered, Planes, pixels_of, placed, read_only
+from flurries.scene.numbered import Display, Planes, pixels_of, placed, read_only
 
 __all__ = ["Foreground"]
 
@@ -65,13 +65,21 @@ class Foreground:
 class Mattes:
     """All that stands in front of a scene's weather, for every frame."""
 
-    # Back to front, each a plane and whether it came as integers, with its depth.
+    # Back to front, each with its depth; None is before all weather.
     parts: tuple[tuple[Planes, Planes | None], ...]
     _kept: Kept = field(default_factory=partial(Kept, 1))
 
     @property
+    def planes(self) -> dict[str, Planes]:
+        """The mattes and their depths, by what they are called."""
+        found: dict[str, Planes | None] = {}
+        for number, (part, far) in enumerate(self.parts, 1):
+            found |= {called(number): part, f"{called(number)} depth": far}
+        return {name: one for name, one in found.items() if one is not None}
+
+    @property
     def still(self) -> bool:
-        return all(part.still and (far is None or far.still) for part, far in self.parts)
+        return all(one.still for one in self.planes.values())
 
     @property
     def deep(self) -> bool:
@@ -79,19 +87,13 @@ class Mattes:
 
     def frame(self, t: float) -> Front:
         """Return the mattes at frame floor(t); the very same object while it is kept."""
-        places = tuple(plane.place(t) for pair in self.parts for plane in pair if plane is not None)
 
         def make() -> Front:
-            return _front([(*part.frame(t), far and far.frame(t)) for part, far in self.parts])
+            flat = tuple(part.frame(t) for part, far in self.parts if far is None)
+            deep = [(part.frame(t), far.frame(t)) for part, far in self.parts if far is not None]
+            return Front(flat, Deep.of(deep) if deep else None)
 
-        return self._kept.once(places, make)
-
-    def sources(self) -> dict[str, Numbered]:
-        """Return the files, by what they are called."""
-        found: dict[str, Planes | None] = {}
-        for number, (part, far) in enumerate(self.parts, 1):
-            found |= {called(number): part, f"{called(number)} depth": far}
-        return {name: one.files for name, one in found.items() if one and one.files}
+        return self._kept.once(tuple(one.place(t) for one in self.planes.values()), make)
 
 
 def called(number: int) -> str:
@@ -120,72 +122,58 @@ def listed(value: Any) -> list[Foreground]:
 def mattes_of(
     value: Any, shape: tuple[int, int], *, display: Display | None = None, **numbers: Any
 ) -> Mattes | None:
-    """Return the mattes of a scene's `foreground` argument; `numbers`: see `Numbered.of`."""
+    """Return the mattes of a scene's `foreground` argument; `numbers`: see `Planes.of`."""
     if value is None or (isinstance(value, (list, tuple)) and len(value) == 0):
         return None
     parts = []
     for number, one in enumerate(listed(value), 1):
-        name = "foreground" if number == 1 else f"foreground {number}"
+        name = called(number)
+        flat = one.depth is None
         if isinstance(one.source, (str, os.PathLike)):
             with file_of(name):
-                how: dict[str, Any] = {"overscan": display is not None}
-                source = open_matte(one.source, **how) or open_background(one.source, **how)
-            files = Numbered.of(name, source, **numbers)
-            matte = Planes(None, files, (partial(_of_picture, shape=shape, display=display),))
+                over = display is not None
+                source: Any = open_matte(one.source, overscan=over)
+                source = source or open_background(one.source, overscan=over)
+            of_picture = partial(_of_picture, shape=shape, display=display, flat=flat)
+            matte = Planes.of(name, source, of_picture, **numbers)
             if matte.still:
                 # A mask that cannot be read is refused now.
                 matte.frame(0.0)
         else:
-            matte = Planes(_of_array(one.source, shape))
-        how = {"name": f"{name} depth", "display": display, **numbers}
-        far = None if one.depth is None else distance_of(one.depth, shape, **how).then(_nearest)
+            matte = Planes(_of_array(one.source, shape, flat))
+        far = None
+        if not flat:
+            far = distance_of(one.depth, shape, name=f"{name} depth", display=display, **numbers)
+            # Of a depth that has two for a pixel the near one.
+            far = far.then(lambda d: d if d.ndim == 2 else np.ascontiguousarray(d[..., 0]))
         parts.append((matte, far))
     return Mattes(tuple(parts))
 
 
-def _nearest(depth: Array) -> Array:
-    """Return a depth (H, W) as it is, and of one that has two the near one."""
-    return depth if depth.ndim == 2 else np.ascontiguousarray(depth[..., 0])
-
-
 def _of_picture(
-    picture: Picture, shape: tuple[int, int], display: Display | None
-) -> tuple[Array, bool]:
-    if picture.alpha is None:
-        mask = picture.pixels if picture.pixels.ndim == 2 else luminance(picture)
-        fitted = placed(mask, picture.display, shape, display, fit, 0.0)
-        return (mask if fitted is mask else np.clip(fitted, 0.0, 1.0)), True
-    rgba = placed(picture.rgba(), picture.display, shape, display, fit, 0)
-    return _of_array(rgba, shape)
+    picture: Picture, shape: tuple[int, int], display: Display | None, flat: bool
+) -> Matte:
+    if picture.alpha is not None:
+        rgba = placed(picture.rgba(), picture.display, shape, display, fit, 0)
+        return _of_array(rgba, shape, flat)
+    mask = picture.pixels if picture.pixels.ndim == 2 else luminance(picture)
+    fitted = placed(mask, picture.display, shape, display, fit, 0.0)
+    return Matte(mask if fitted is mask else np.clip(fitted, 0.0, 1.0), None)
 
 
-def _of_array(value: Any, shape: tuple[int, int]) -> tuple[Array, bool]:
-    """Return a plane (H, W) or (H, W, 4) from 0 to 1, and whether it came as integers."""
+def _of_array(value: Any, shape: tuple[int, int], flat: bool) -> Matte:
+    """Return a mask (H, W) or a picture (H, W, 4), before all weather or at a depth."""
     given = pixels_of("foreground", value, "a path", np.bool_)
     if given.shape[:2] != shape or given.ndim not in (2, 3) or given.shape[2:] not in ((), (4,)):
         raise ValueError(f"foreground must have shape {shape} or {(*shape, 4)}, got {given.shape}")
-    whole = given.dtype.kind in "ub"
     scale = 1.0 / float(np.iinfo(given.dtype).max) if given.dtype.kind == "u" else 1.0
     plane = np.array(given, dtype=np.float32, order="C") * np.float32(scale)
     cover = plane if plane.ndim == 2 else plane[..., 3]
     shares("foreground: alpha", cover)
     finite("foreground", plane)
-    if plane.ndim == 3:
-        warn_of_levels("foreground", plane, "divide them by 255")
-    return plane, whole
-
-
-def _front(parts: Sequence[tuple[Array, bool, Array | None]]) -> Front:
-    flat: list[Matte] = []
-    deep: list[tuple[Matte, Array]] = []
-    for plane, whole, depth in parts:
-        matte = Matte(plane, None)
-        if plane.ndim == 3:
-            # A flat picture hides what is behind it by itself; the weather is whole under it.
-            cover = np.zeros_like(plane[..., 3]) if depth is None else plane[..., 3]
-            matte = Matte(np.ascontiguousarray(cover), plane, linear_light=not whole)
-        if depth is None:
-            flat.append(matte)
-        else:
-            deep.append((matte, depth))
-    return Front(tuple(flat), Deep.of(deep) if deep else None)
+    if plane.ndim == 2:
+        return Matte(cover, None)
+    warn_of_levels("foreground", plane, "divide them by 255")
+    # A flat picture hides what is behind it by itself; the weather is whole under it.
+    cover = np.zeros_like(cover) if flat else np.ascontiguousarray(cover)
+    return Matte(cover, plane, linear_light=given.dtype.kind == "f")

@@ -11,7 +11,7 @@ frame's `lap` itself: waves of a texture turn by whole cycles, a cone by whole t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,9 +21,10 @@ from flurries._contract import Float64
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import quaternions_of, rotation_matrix, rotation_vector
 from flurries.effects.cone import ConeRain, ConeSnow
-from flurries.effects.falling import Rain, Snow
 from flurries.effects.mist import Mist
-from flurries.effects.motion import product
+from flurries.effects.population import product
+from flurries.effects.rain import Rain
+from flurries.effects.snow import Snow
 from flurries.effects.tent import TentRain, TentSnow
 from flurries.frame.layer import Layer
 from flurries.frame.needs import Needs, needs_of, renderer_of
@@ -53,65 +54,54 @@ class Looped(NamedTuple):
 
 
 def looped_scene(scene: Rendering, lap: Lap) -> Looped:
-    effects, path, lights, fps = scene.effects, scene._path, scene.lights, scene.fps
+    path, fps = scene._path, scene.fps
     bent: list[str] = []
 
-    def goes_back(name: str, field: str, back: float) -> None:
-        bent.append(
-            f"{name}: {field} does not end as it begins: from frame {back:g} on it goes back"
+    def close(name: str, thing: Any, *only: str) -> Any:
+        made, back = closed_fields(thing, lap, only)
+        bent.extend(
+            f"{name}: {field} does not end as it begins: from frame {start:g} on it goes back"
+            for field, start in back.items()
         )
-
-    def close(name: str, thing: Any) -> Any:
-        made, fields = closed_fields(thing, lap)
-        for field, back in fields.items():
-            goes_back(name, field, back)
         return made
 
     shown: list[Any] = []
-    for index, effect in enumerate(effects):
-        name = f"effects[{index}] ({getattr(effect, 'NAME', type(effect).__name__)})"
-        own = getattr(effect, "seed", None)
-        one = close(name, effect)
-        drawn = effect_seed(scene.seed, index) if own is None else own
+    names = [
+        f"effects[{index}] ({getattr(effect, 'NAME', type(effect).__name__)})"
+        for index, effect in enumerate(scene.effects)
+    ]
+    for index, (name, effect) in enumerate(zip(names, scene.effects, strict=True)):
+        own, one = getattr(effect, "seed", None), close(name, effect)
+        seed = effect_seed(scene.seed, index) if own is None else own
         if not (path.still and one_place(one)):
-            shown += looped(one, lap, drawn)
+            shown += looped(one, lap, seed)
             continue
         if one.sway[0] != 0.0:
             turns = max(round(one.sway[1] * lap.frames / (math.tau * fps)), 1)
             rate = math.tau * fps * turns / lap.frames
             bent.append(f"{name}: it sways by {rate:.3g} radians a second, not {one.sway[1]:.3g}")
             one = replace(one, sway=(one.sway[0], rate))
-        shown.append(replace(one, seed=drawn))
-    lamps = tuple(close(f"lights[{index}]", lamp) for index, lamp in enumerate(lights))
-    light, opening = (
-        part if part is None else close(name, part)
-        for name, part in (("light", scene.light), ("lens", scene.lens))
-    )
+        shown.append(replace(one, seed=seed))
+    lamps = tuple(close(f"lights[{index}]", lamp) for index, lamp in enumerate(scene.lights))
+    light, lens = close("light", scene.light), close("lens", scene.lens)
     if path.focal is not None and not isinstance(path.focal, Keys):
         path = replace(path, focal=Keys(list(enumerate(path.focal.tolist()))))
-    for field in ("velocity", "focal"):
-        made, back = closed(getattr(path, field), lap)
-        if made is not getattr(path, field):
-            path = replace(path, **{field: made})
-        if back is not None:
-            goes_back("camera", field, back)
-    banks = [effect for effect in effects if isinstance(effect, Mist)]
+    path = close("camera", path, "velocity", "focal")
+    banks = [effect for effect in scene.effects if isinstance(effect, Mist)]
     placed = any(bank.center is not None for bank in banks)
-    placed |= not all(lamp.carried for lamp in lights)
+    placed |= not all(lamp.carried for lamp in scene.lights)
     stays = (placed, placed or any(bank.top is not None for bank in banks), placed)
-    tilts = any(isinstance(effect, (ConeRain, ConeSnow)) for effect in effects)
+    tilts = any(isinstance(effect, (ConeRain, ConeSnow)) for effect in scene.effects)
     path, of_camera = looped_path(path, lap.first, lap.frames, fps, stays=stays, tilts=tilts)
     bent += of_camera
     if scene._backdrop.count is not None:
         bent.append(
             f"background: it is shown from frame {lap.first} to {lap.end - 1} and begins again"
         )
-    bent += [
-        f"effects[{index}] ({effect.NAME}): {words}"
-        for index, effect in enumerate(effects)
-        if (words := _bending(effect, path, fps, lap))
-    ]
-    return Looped(tuple(shown), path, lamps, light, opening, tuple(bent))
+    for name, effect in zip(names, scene.effects, strict=True):
+        if words := _bending(effect, path, fps, lap):
+            bent.append(f"{name}: {words}")
+    return Looped(tuple(shown), path, lamps, light, lens, tuple(bent))
 
 
 def _bending(effect: Any, path: CameraPath, fps: float, lap: Lap) -> str:
@@ -141,19 +131,16 @@ def looped_path(
     back = np.where(stays, gone, 0.0)
     far = float(np.linalg.norm(back))
     moves = path.position is not None or isinstance(path.velocity, Keys)
-    closes = far > _NOTHING
-    if closes:
+    if far > _NOTHING:
+        moves = True
         bent.append(
             f"camera: it ends {far:.3g} from where it began, where lamps or mist stand; its "
             f"velocity is changed by {far * fps / frames:.3g} a second"
         )
-    turn = np.zeros(3)
-    turning = path._turning
+    turn, turning = np.zeros(3), path._turning
     steady = turning is None or bool((turning.rates == turning.rates[0]).all())
-    if path.turns and turning is not None:
+    if path.turns and turning is not None and (tilts or not steady):
         turn = rotation_vector(turning.at(first).T @ turning.at(end))
-        if steady and not tilts:
-            turn[:] = 0.0
         angle = math.degrees(float(np.linalg.norm(turn)))
         if angle > _NOTHING:
             bent.append(
@@ -161,14 +148,13 @@ def looped_path(
                 f"by {angle * fps / frames:.3g} degrees a second"
             )
     turned = path.turns and (float(np.abs(turn).max()) > _NOTHING or not steady)
-    if not (moves or closes or turned):
+    if not (moves or turned):
         return path, bent
     # Every frame of a round, and its keys, so that straight pieces stay straight.
     times = np.arange(float(frames) + 1.0) + first
     for keyed in (path.position, path.orientation):
         if isinstance(keyed, Keys):
-            inner = [t for t, _ in keyed.keys if first < t < end]
-            times = np.union1d(times, inner)
+            times = np.union1d(times, [t for t, _ in keyed.keys if first < t < end])
 
     def place(t: float, rounds: int) -> Float64:
         part = (t - first) / frames
@@ -183,12 +169,12 @@ def looped_path(
         moments = [(float(t), n) for n in (-1, 0, 1) for t in times[:-1]]
         return Keys([(t + n * frames, tuple(value(t, n).tolist())) for t, n in moments])
 
-    changes: dict[str, Any] = {"extend": "on"}
-    if moves or closes:
-        changes |= {"velocity": None, "position": rounds(place)}
+    made = path
+    if moves:
+        made = replace(made, velocity=None, position=rounds(place))
     if turned:
-        changes["orientation"] = rounds(quaternion)
-    return replace(path, **changes), bent
+        made = replace(made, orientation=rounds(quaternion))
+    return replace(made, extend="on"), bent
 
 
 # Values that differ by less than this, of the larger one, are one.
@@ -238,14 +224,13 @@ def looped(effect: Any, lap: Lap, seed: int) -> tuple[Any, ...]:
     if type(effect) not in _DRAWN:
         return (effect,)
     without, alone = _DRAWN[type(effect)]
-    first, end = float(lap.first), float(lap.end)
-    going = Keys([(first, 1.0), (end, 0.0)])
-    coming = Keys([(first - lap.frames, 0.0), (first, 1.0)])
     effect = replace(effect, seed=seed)
     if not any(getattr(effect, name) for name in without):
         return (effect,)
+    begin, first, end = float(lap.first - lap.frames), float(lap.first), float(lap.end)
     now, then = (
-        replace(effect, amount=product(effect.amount, share), **alone) for share in (going, coming)
+        replace(effect, amount=product(effect.amount, Keys(share)), **alone)
+        for share in ([(first, 1.0), (end, 0.0)], [(begin, 0.0), (first, 1.0)])
     )
     rounds = now, Earlier(then, lap.frames, seed, effect.NAME)
     rest = any(getattr(effect, name) != nothing for name, nothing in alone.items())
@@ -260,40 +245,37 @@ def one_place(effect: Any) -> bool:
 
 def closed(value: Any, lap: Lap) -> tuple[Any, float | None]:
     """Return a keyed value for two rounds, and the frame from which it goes back to the first."""
+    if isinstance(value, Wind):
+        mean, back = closed(value.mean, lap)
+        rest = {name: getattr(value, name) for name in FIELDS if name != "mean"}
+        return (value if mean is value.mean else Wind(mean, **rest)), back
     if not isinstance(value, Keys):
         return value, None
     first, end = float(lap.first), float(lap.end)
     inside = [(t, v) for t, v in value.keys if first < t < end]
-    begins, ends = value.value(first), value.value(end)
-    back = None
-    if not _same(begins, ends):
+    begins, back = value.value(first), None
+    if not _same(begins, value.value(end)):
         back = end - _BACK * lap.frames
-        inside = [(t, v) for t, v in inside if t < back]
-        inside.append((back, value.value(back)))
-    ring = [(first, begins), *inside]
-    if back is None and all(_same(begins, v) for _, v in inside):
+        inside = [(t, v) for t, v in inside if t < back] + [(back, value.value(back))]
+    elif all(_same(begins, v) for _, v in inside):
         return begins, None
-    rounds = [(t + n * lap.frames, v) for n in (-2, -1, 0, 1) for t, v in ring]
-    return Keys(rounds), back
+    ring = [(first, begins), *inside]
+    return Keys([(t + n * lap.frames, v) for n in (-2, -1, 0, 1) for t, v in ring]), back
 
 
-def closed_fields(thing: Any, lap: Lap) -> tuple[Any, dict[str, float]]:
+def closed_fields(thing: Any, lap: Lap, only: Sequence[str] = ()) -> tuple[Any, dict[str, float]]:
     """Return a dataclass with its keyed fields closed, and from which frame each goes back."""
     if not is_dataclass(thing) or isinstance(thing, type):
         return thing, {}
     changes, bent = {}, {}
-    for name in (f.name for f in fields(thing) if f.init):
+    for name in only or [f.name for f in fields(thing) if f.init]:
         value = getattr(thing, name, None)
-        inner = value.mean if isinstance(value, Wind) else value
-        made, back = closed(inner, lap)
-        if made is not inner:
+        made, back = closed(value, lap)
+        if made is not value:
             changes[name] = made
-            if isinstance(value, Wind):
-                rest = {one: getattr(value, one) for one in FIELDS if one != "mean"}
-                changes[name] = Wind(made, **rest)
         if back is not None:
             bent[name] = back
-    return (replace(thing, **changes), bent) if changes else (thing, bent)
+    return (replace(thing, **changes) if changes else thing), bent
 
 
 def _same(one: Any, other: Any) -> bool:

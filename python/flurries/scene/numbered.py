@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,34 +16,68 @@ from flurries._kept import Kept
 from flurries.io.sequences import Span
 from flurries.io.sources import VideoSource
 
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
 # (left, top, width, height), px.
 Display = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, eq=False)
-class Numbered:
-    """A source of pictures, asked by the numbers of the shot."""
+class Planes:
+    """What is made of one picture, or of each of some files; the last one is kept."""
 
-    source: Any  # The files, whose frames count from 0.
-    span: Span | None  # Their numbers; None of a still, which serves all.
+    given: Any = None  # The picture, where there are no files.
+    source: Any = None  # The files, whose frames count from 0.
+    span: Span | None = None  # The numbers of the files in the shot; None of what serves all.
+    steps: tuple[Callable[[Any], Any], ...] = ()
+    kept: Kept = field(default_factory=partial(Kept, 1))
 
-    @staticmethod
-    def of(name: str, source: Any, *, extend: str, start: int | None = None) -> Numbered:
-        """Return a source with its numbers; a film has none of its own: `start`."""
+    @classmethod
+    def of(
+        cls, name: str, source: Any, *steps: Any, extend: str = "stop", start: int | None = None,
+        **more: Any,
+    ) -> Self:  # fmt: skip
+        """Return what is made of files; a film has no numbers of its own: `start`."""
         if source.count is None:
-            return Numbered(source, None)
+            return cls(None, source, None, steps, **more)
         first = getattr(source, "first", 0)
         # A source of somebody's own counts from 0, and knows no numbers either.
         if start is not None and (isinstance(source, VideoSource) or not hasattr(source, "first")):
             first = start
         called = f"{name} {Path(source.spec).name}" if hasattr(source, "spec") else name
-        return Numbered(source, Span(called, first, first + source.count - 1, extend))
+        span = Span(called, first, first + source.count - 1, extend)
+        return cls(None, source, span, steps, **more)
+
+    @property
+    def still(self) -> bool:
+        return self.span is None
+
+    @property
+    def spec(self) -> str | None:
+        """Where the files are; None of an array, a color and somebody's own source."""
+        return getattr(self.source, "spec", None)
+
+    def then(self, step: Callable[[Any], Any]) -> Self:
+        return replace(self, steps=(*self.steps, step), kept=Kept(1))
+
+    def frame(self, t: float) -> Any:
+        """Return what frame floor(t) has."""
+        if self.source is None and not self.steps:
+            return self.given
+        place = self.place(t)
+
+        def make() -> Any:
+            made = self.given if self.source is None else self.source.frame(place)
+            for step in self.steps:
+                made = step(made)
+            return made
+
+        return self.kept.once(place, make)
 
     def place(self, t: float) -> int:
         """Return the place in the source, from 0, of frame floor(t); ValueError if it has none."""
-        if self.span is None:
-            return 0
-        return self.span.number(math.floor(t)) - self.span.first
+        return 0 if self.span is None else self.span.number(math.floor(t)) - self.span.first
 
     def beyond(self, t: float) -> int:
         """Return how far beyond the first or the last picture, which is held, floor(t) lies."""
@@ -62,41 +96,6 @@ class Numbered:
         numbers = {number: self.span.number(number) for number in wanted}
         missing = set(self.source.gaps(sorted({*numbers.values()})))
         return [number for number, own in numbers.items() if own in missing]
-
-
-@dataclass(frozen=True, eq=False)
-class Planes:
-    """What is made of one picture, or of each of some files; the last one is kept."""
-
-    given: Any  # The picture, where there are no files.
-    files: Numbered | None = None
-    steps: tuple[Callable[[Any], Any], ...] = ()
-    kept: Kept = field(default_factory=partial(Kept, 1))
-
-    @property
-    def still(self) -> bool:
-        return self.files is None or self.files.span is None
-
-    def then(self, step: Callable[[Any], Any]) -> Planes:
-        return Planes(self.given, self.files, (*self.steps, step))
-
-    def frame(self, t: float) -> Any:
-        """Return what frame floor(t) has."""
-        if self.files is None and not self.steps:
-            return self.given
-        place = self.place(t)
-
-        def make() -> Any:
-            made = self.given if self.files is None else self.files.source.frame(place)
-            for step in self.steps:
-                made = step(made)
-            return made
-
-        return self.kept.once(place, make)
-
-    def place(self, t: float) -> int:
-        """Return which of the files frame floor(t) is made of; 0 of one picture."""
-        return 0 if self.files is None else self.files.place(t)
 
 
 def pixels_of(name: str, value: object, wanted: str, *more: type) -> Array:

@@ -27,6 +27,7 @@ from flurries.light.shot import Light
 from flurries.scene.arguments import parse_region
 from flurries.scene.files import Frames, Sources, frames_of
 from flurries.scene.loop import Looped, looped_scene
+from flurries.scene.numbered import Display
 from flurries.scene.output import OutputFields, takes_output
 from flurries.stereo import eyes
 
@@ -70,24 +71,27 @@ class Rendering(Sources):
     def _color(self) -> ColorSpace | None:
         return None if self.colorspace is None else ColorSpace.of("colorspace", self.colorspace)
 
-    @property
-    def _takes_light(self) -> bool:
-        """Whether an effect has the light of the shot."""
+    def _has_color(self, *names: str) -> bool:
+        """Whether an effect has a color of one of some names."""
         colors = [getattr(effect, "color", None) for effect in self.effects]
-        return any(isinstance(one, str) and one in ("ambient", "local") for one in colors)
+        return any(isinstance(color, str) and color in names for color in colors)
 
     @property
     def _linear(self) -> bool:
         if self.space == "auto":
-            colors = [getattr(effect, "color", None) for effect in self.effects]
-            local = any(isinstance(color, str) and color == LOCAL for color in colors)
-            return local or bool(self.lights) or self._backdrop.encoding == "linear"
+            light = self._backdrop.encoding == "linear" or bool(self.lights)
+            return light or self._has_color(LOCAL)
         return self.space == "linear"
+
+    @property
+    def _display(self) -> Display:
+        """The display window in the frame: (left, top, width, height), px."""
+        return self._backdrop.display or (0, 0, *self.size)
 
     def _in_frame(self, camera: Camera) -> Camera:
         if self._backdrop.display is None:
             return camera
-        left, top, width, height = self._backdrop.display
+        left, top, width, height = self._display
         x, y = (width / 2, height / 2) if camera.center is None else camera.center
         return camera.derive(center=(left + x, top + y))
 

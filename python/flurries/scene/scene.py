@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, choice, flag, rate_of, seed_of, suggesting
+from flurries._contract import Array, choice, flag, integer, rate_of, seed_of, suggesting
 from flurries._warnings import warn
 from flurries.camera.lens import Camera
 from flurries.camera.optics import USUAL, Lens
@@ -21,16 +21,16 @@ from flurries.effects.drawn import FLAKE, drawn_of
 from flurries.frame.needs import Effect
 from flurries.frame.truth import Rendered
 from flurries.io import open_background
-from flurries.io.sequences import EXTEND, MOST_FRAMES
+from flurries.io.sequences import EXTEND
+from flurries.io.sequences import MOST_FRAMES as LAST
 from flurries.io.sources import Source
 from flurries.light.lamp import Lamp, Sun
 from flurries.light.shot import Light
-from flurries.scene.arguments import effects_of, lights_of, number_or_none, one_or_none, parse_size
+from flurries.scene.arguments import effects_of, lights_of, one_or_none, parse_size
 from flurries.scene.background import backdrop
 from flurries.scene.depth import DepthMap, Distance, distance_of
 from flurries.scene.files import Extend
 from flurries.scene.foreground import Foreground, frozen, mattes_of
-from flurries.scene.numbered import Display
 from flurries.scene.output import Output
 from flurries.scene.rendering import Rendering, Space
 from flurries.scene.words import line_of, page_of
@@ -146,71 +146,64 @@ class Scene(Rendering):
         light: Light | None = None, lens: Lens | Literal["usual"] | None = "usual",
         loop: int | None = None, output: Output | None = None,
     ) -> None:  # fmt: skip
-        settle = partial(object.__setattr__, self)
-        settle("seed", seed_of(seed))
-        settle("space", choice("space", space, SPACES))
-        settle("extend", choice("extend", extend, EXTEND))
-        settle("start", number_or_none("start", start, low=-MOST_FRAMES))
-        settle("colorspace", colorspace)
-        settle("effects", effects_of(effects))
-        settle("sun", one_or_none("sun", sun, Sun))
-        settle("lights", lights_of(lights))
-        settle("light", one_or_none("light", light, Light))
-        settle("loop", number_or_none("loop", loop, low=2))
-        settle("output", one_or_none("output", output, Output) or Output())
-        settle("_found", {})
+        # Frozen for all others.
+        own = vars(self)
+        own.update(
+            seed=seed_of(seed), space=choice("space", space, SPACES), effects=effects_of(effects),
+            extend=choice("extend", extend, EXTEND), colorspace=colorspace, _found={},
+            sun=one_or_none("sun", sun, Sun), lights=lights_of(lights),
+            light=one_or_none("light", light, Light),
+            start=None if start is None else integer("start", start, low=-LAST, high=LAST),
+            loop=None if loop is None else integer("loop", loop, low=2, high=LAST),
+            output=one_or_none("output", output, Output) or Output(),
+        )  # fmt: skip
         rate = None if fps is None else rate_of(fps)
         numbers: dict[str, Any] = {"extend": extend, "start": self.start}
-        wanted = None if size is None else parse_size(size)
-        found = backdrop(background, wanted, **numbers)
-        if self._color is not None and space == "display":
-            raise ValueError("space must not be 'display' where a colorspace is given")
+        found = backdrop(background, None if size is None else parse_size(size), **numbers)
         if self._color is None:
             found.require_display()
-        settle("_backdrop", found if self._color is None else found.decoded(self._color))
+        elif space == "display":
+            raise ValueError("space must not be 'display' where a colorspace is given")
         # Arrays are copied: the caller's may change.
-        settle(
-            "background", found.source.given if isinstance(background, np.ndarray) else background
-        )
-        settle("size", found.size)
-        settle("_still", fps is None and found.count is None and loop is None)
-        settle("fps", rate_of(found.fps or DEFAULT_FPS) if rate is None else rate)
+        given = found.given if isinstance(background, np.ndarray) else background
+        own.update(
+            background=given, size=found.size, fps=rate or rate_of(found.fps or DEFAULT_FPS),
+            _backdrop=found if self._color is None else found.decoded(self._color),
+            _still=fps is None and found.count is None and loop is None,
+        )  # fmt: skip
         if start is None and self.range is not None:
             numbers["start"] = self.range[0]
         numbers["display"] = found.display
-        usual = Camera(DEFAULT_FOCAL * self._display[2], aspect=found.aspect)
-        settle("camera", as_path(usual if camera is None else camera, usual.focal))
-        if self.camera.widest.focal < SHORTEST_FOCAL * self._display[2]:
+        width = self._display[2]
+        usual = Camera(DEFAULT_FOCAL * width, aspect=found.aspect)
+        own["camera"] = as_path(usual if camera is None else camera, usual.focal)
+        if self.camera.widest.focal < SHORTEST_FOCAL * width:
             warn(
                 f"camera has a focal length of {self.camera.widest.focal:g} px for a picture "
-                f"{self._display[2]} px wide; lengths in millimetres are multiplied by the width "
+                f"{width} px wide; lengths in millimetres are multiplied by the width "
                 "in pixels over that of the sensor"
             )
         if lens == "usual":
-            short = self.camera.longest_focal < LONGEST_FOCAL * self._display[2]
+            short = self.camera.longest_focal < LONGEST_FOCAL * width
             lens = USUAL if found.photograph and self._color is None and short else None
-        settle("lens", one_or_none("lens", lens, Lens))
+        own["lens"] = one_or_none("lens", lens, Lens)
         path = self.camera.holding() if self._holds else self.camera
-        settle("_path", replace(path, camera=self._in_frame(path.camera)))
+        own["_path"] = replace(path, camera=self._in_frame(path.camera))
         several = isinstance(foreground, (list, tuple))
         front: Any = tuple(map(frozen, foreground)) if several else frozen(foreground)  # type: ignore[arg-type]
-        settle("foreground", front)
-        settle("_mattes", mattes_of(front, self.shape, **numbers))
-        distance = None if depth is None else distance_of(depth, self.shape, **numbers)
+        planes = None if depth is None else distance_of(depth, self.shape, **numbers)
         inverse = isinstance(depth, DepthMap) and depth.law == "inverse"
-        settle("_distance", distance and Distance.of(distance, inverse=inverse))
-        settle("depth", distance.given if distance and np.ndim(depth) == 2 else depth)  # type: ignore[arg-type]
+        own.update(
+            foreground=front, _mattes=mattes_of(front, self.shape, **numbers),
+            depth=planes.given if planes and np.ndim(depth) == 2 else depth,  # type: ignore[arg-type]
+            _distance=planes and Distance.of_planes(planes, inverse=inverse),
+        )  # fmt: skip
 
     def __repr__(self) -> str:
         return line_of(self)
 
     def _repr_html_(self) -> str:
         return page_of(self)
-
-    @property
-    def _display(self) -> Display:
-        """The display window in the frame: (left, top, width, height), px."""
-        return self._backdrop.display or (0, 0, *self.size)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # What it was made from, not what was made of it: a color is not a picture of it.
@@ -228,31 +221,25 @@ class Scene(Rendering):
         made = object.__new__(Scene)
         if "camera" in changes:
             changes["_path"] = changes["camera"]
-        vars(made).update(vars(self), **changes)
         # What runs belongs to the scene that it was found for.
-        for name in ("_program", "_fine", "_looped"):
-            vars(made).pop(name, None)
+        found = {"_program", "_fine", "_looped"}
+        vars(made).update({k: v for k, v in vars(self).items() if k not in found}, **changes)
         return made
-
-    def _holding(self) -> Scene:
-        """Return the scene with a background that holds its last good frame where one is bad."""
-        source = self._source
-        if not isinstance(source, Source) or source.damaged == "hold":
-            return self
-        return self.replace(
-            background=open_background(source.spec, damaged="hold", overscan=source.overscan)
-        )
 
     @cached_property
     def _fine(self) -> Scene:
         """The scene with a background of 8 bits in 16: weather over it has their steps."""
         return self if self._backdrop.deep else self._derive(_backdrop=self._backdrop.fine())
 
-    def _anew(self) -> Scene:
-        """Return the scene with nothing kept of its files: all are read again."""
-        # A copy of an opened source forgets its pictures.
-        given = self.background
-        return self.replace(background=copy(given) if hasattr(given, "spec") else given)
+    def _anew(self, *, hold: bool = False) -> Scene:
+        """Return the scene with all files to be read again; `hold` the last good background."""
+        given, source = self.background, self._source
+        if hold and isinstance(source, Source) and source.damaged != "hold":
+            given = open_background(source.spec, damaged="hold", overscan=source.overscan)
+        elif hasattr(given, "spec"):
+            # A copy of an opened source forgets its pictures.
+            given = copy(given)
+        return self.replace(background=given)
 
     def save(self, path: str | Path) -> None:
         """Write the scene to a TOML file; backgrounds must be files or colors."""

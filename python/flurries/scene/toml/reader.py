@@ -6,9 +6,10 @@ import inspect
 import os
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import fields, replace
+from dataclasses import MISSING, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,21 +41,29 @@ FORMAT = 3
 SCENE = tuple(inspect.signature(Scene).parameters)
 # Tables that are objects, by their keys.
 PARTS: dict[str, Any] = {"sun": Sun, "light": Light, "lens": Lens, "output": Output}
-DEPTH = ("source", "near", "far", "white", "law")
+DEPTH = tuple(f.name for f in fields(DepthMap))
 LENS = tuple(f.name for f in fields(Camera))
 WAY = ("position", "velocity", "orientation")
 # A field of velocities is an array, which no text holds.
 WIND = tuple(name for name in FIELDS if name != "field")
 
-
 MOST_BYTES = 1 << 20
+
+# The parser's time and memory grow with the square of a key's parts.
+MOST_DOTS = 32
+_LONG_KEY = re.compile(
+    rf"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{MOST_DOTS + 1}}}"""
+)
 
 
 def load(path: str | os.PathLike[str]) -> Scene:
     """Return the scene of a TOML file of at most 1 MiB; the message of an error names the line."""
     file = Path(path)
     text = read_text(file, MOST_BYTES, "TOML scene file")
-    require_short_keys(file, text)
+    if long := _LONG_KEY.search(text):
+        line = text.count("\n", 0, long.start()) + 1
+        many = f"a key has at most {MOST_DOTS} dots, got {MOST_DOTS + 1} or more"
+        raise ValueError(f"{file}, line {line}: {many}")
     try:
         values = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
@@ -80,18 +89,25 @@ def _scene(text: SceneText, values: dict[str, Any]) -> Scene:
     background = arguments.get("background")
     if isinstance(background, str) and not background.startswith("#"):
         arguments["background"] = text.file(background)
-    if "foreground" in arguments:
-        arguments["foreground"] = _foreground(text, arguments["foreground"])
+    if isinstance(arguments.get("foreground"), str):
+        arguments["foreground"] = text.file(arguments["foreground"])
+    elif "foreground" in arguments:
+        arguments["foreground"] = [
+            _part(text, {"source": one} if isinstance(one, str) else one, Foreground, "foreground",
+                  "foreground", index, source=text.file, depth=partial(_depth, text))
+            for index, one in enumerate(_tables(text, arguments["foreground"], "foreground"))
+        ]  # fmt: skip
     if "depth" in arguments:
         arguments["depth"] = _depth(text, arguments["depth"], "depth")
-    if arguments.get("lens") in ("none", "usual"):
-        arguments["lens"] = None if arguments["lens"] == "none" else "usual"
+    if arguments.get("lens") == "none":
+        arguments["lens"] = None
     for name, kind in PARTS.items():
-        if not isinstance(arguments.get(name), (str, type(None))):
-            arguments[name] = _part(text, arguments[name], kind, name, name)
-    lamps = _tables(text, arguments.get("lights", []), "lights")
+        given = arguments.get(name)
+        if given is not None and not (name == "lens" and given == "usual"):
+            arguments[name] = _part(text, given, kind, name, name)
     arguments["lights"] = [
-        _part(text, table, Lamp, "a light", "lights", index) for index, table in enumerate(lamps)
+        _part(text, one, Lamp, "a light", "lights", index)
+        for index, one in enumerate(_tables(text, arguments.get("lights", []), "lights"))
     ]
     camera = arguments.pop("camera", None)
     listed = _tables(text, arguments.pop("effects", []), "effects")
@@ -109,10 +125,18 @@ def _tables(text: SceneText, value: Any, name: str) -> list[Any]:
     return value
 
 
-def _part(text: SceneText, table: Any, kind: Any, name: str, *at: str | int) -> Any:
-    """Return the object whose fields a table holds."""
-    given = text.table(table, tuple(f.name for f in fields(kind)), name, *at)
-    values = {key: _value(text, value, *at, key) for key, value in given.items()}
+def _part(
+    text: SceneText, table: Any, kind: Any, name: str, *at: str | int, more: Sequence[str] = (),
+    **readers: Callable[..., Any],
+) -> Any:  # fmt: skip
+    """Return the object whose fields a table holds; `readers` of those that are files."""
+    known = (*(f.name for f in fields(kind) if f.init), *more)
+    given = text.table(table, tuple(one for one in known if one != "field"), name, *at)
+    for f in fields(kind):
+        if f.init and f.default is f.default_factory is MISSING and f.name not in given:
+            raise ValueError(f"{text.where(*at)}: {name} needs {f.name}")
+    read = {key: readers.get(key, partial(_value, text)) for key in given}
+    values = {key: read[key](value, *at, key) for key, value in given.items()}
     with text.errors(given, *at):
         return kind(**values)
 
@@ -124,28 +148,9 @@ def _effect(text: SceneText, table: Any, index: int) -> Any:
     kind = table.get("kind")
     with text.errors(("kind",), *at):
         effect = class_of(kind)
-    keys = ["kind", *(f.name for f in fields(effect)), *getattr(effect, "KNOBS", ())]
-    keys += ["preset"] if hasattr(effect, "PRESETS") else []
-    given = text.table(table, tuple(keys), f"effect {kind!r}", *at)
-    del given["kind"]
-    values = {key: _value(text, value, *at, key) for key, value in given.items()}
-    with text.errors(table, *at):
-        return effect(**values)
-
-
-def _foreground(text: SceneText, value: Any) -> Any:
-    """Return a file, or [[foreground]] tables, each a file and perhaps a depth."""
-    if isinstance(value, str):
-        return text.file(value)
-    found = []
-    for index, table in enumerate(_tables(text, value, "foreground")):
-        at = ("foreground", index)
-        given = {"source": table} if isinstance(table, str) else table
-        entry = text.table(given, ("source", "depth"), "foreground", *at)
-        source = text.file(entry.get("source"), *at)
-        depth = _depth(text, entry["depth"], *at, "depth") if "depth" in entry else None
-        found.append(Foreground(source, depth=depth))
-    return found
+    given = {key: value for key, value in table.items() if key != "kind"}
+    more = [*getattr(effect, "KNOBS", ()), *(["preset"] if hasattr(effect, "PRESETS") else [])]
+    return _part(text, given, effect, f"effect {kind!r}", *at, more=more)
 
 
 def _depth(text: SceneText, value: Any, *at: str | int) -> Any:
@@ -154,13 +159,7 @@ def _depth(text: SceneText, value: Any, *at: str | int) -> Any:
         return text.file(value)
     if not isinstance(value, dict):
         return value
-    values = text.table(value, DEPTH, "depth", *at)
-    for key in ("source", "near", "far"):
-        if key not in value:
-            raise ValueError(f"{text.where(*at)}: depth needs {key}")
-    source = text.file(values.pop("source"), *at, "source")
-    with text.errors(value, *at):
-        return DepthMap(source, **values)
+    return _part(text, value, DepthMap, "depth", *at, source=text.file)
 
 
 def _camera(text: SceneText, table: Any, scene: Scene) -> CameraPath:
@@ -168,31 +167,28 @@ def _camera(text: SceneText, table: Any, scene: Scene) -> CameraPath:
         table = {"path": table}
     given = text.table(table, (*LENS, "path", "down", "scale", *WAY, "extend"), "camera", "camera")
     values = {key: _value(text, value, "camera", key) for key, value in given.items()}
-    way = {key: values.pop(key) for key in WAY if key in values}
-    ending = values.pop("extend", None)
-    of_file = {key: values.pop(key) for key in ("down", "scale") if key in values}
     _, _, width, height = scene._display
-    values.setdefault("focal", DEFAULT_FOCAL * width)
-    values.setdefault("aspect", scene._backdrop.aspect)
-    zoom = values["focal"] if isinstance(values["focal"], (Keys, tuple)) else None
-    if zoom is not None:
-        values["focal"] = 1.0
-    for key in of_file if "path" not in values else ():
-        raise ValueError(f"{text.where('camera', key)}: {key} is for a path from a file")
-    if "path" in values:
-        name = values.pop("path")
-        if not isinstance(name, str) or way:
-            raise ValueError(
-                f"{text.where('camera', 'path')}: path must be a file, and stand without "
-                + ", ".join(WAY)
-            )
+    lens: dict[str, Any] = {"focal": DEFAULT_FOCAL * width, "aspect": scene._backdrop.aspect}
+    lens |= {key: values.pop(key) for key in LENS if key in values}
+    if isinstance(lens["focal"], (Keys, tuple)):
+        values["focal"], lens["focal"] = lens["focal"], 1.0
+    if "path" not in values:
+        for key in {"down", "scale"} & set(values):
+            raise ValueError(f"{text.where('camera', key)}: {key} is for a path from a file")
+        with text.errors(table, "camera"):
+            return CameraPath(Camera(**lens), **values)
+    name = values.pop("path")
+    if not isinstance(name, str) or set(WAY) & set(values):
+        raise ValueError(
+            f"{text.where('camera', 'path')}: path must be a file, and stand without "
+            + ", ".join(WAY)
+        )
+    of_file = {key: values.pop(key) for key in ("down", "scale") if key in values}
+    with file_of("camera: path"), text.errors(table, "camera"):
         file = text.path.parent / name
-        with file_of("camera: path"), text.errors(table, "camera"):
-            loaded = load_camera(file, (height, width), camera=Camera(**values), **of_file)
-            loaded = loaded if zoom is None else replace(loaded, focal=zoom)
-            return loaded if ending is None else replace(loaded, extend=ending)
-    with text.errors(table, "camera"):
-        return CameraPath(Camera(**values), **way, focal=zoom, extend=ending or "on")
+        return replace(
+            load_camera(file, (height, width), camera=Camera(**lens), **of_file), **values
+        )
 
 
 def _value(text: SceneText, value: Any, *keys: str | int) -> Any:
@@ -200,10 +196,7 @@ def _value(text: SceneText, value: Any, *keys: str | int) -> Any:
     if not isinstance(value, dict):
         return tuple(value) if isinstance(value, list) else value
     if keys[-1] == "wind" and "keys" not in value:
-        given = text.table(value, WIND, "wind", *keys)
-        values = {key: _value(text, part, *keys, key) for key, part in given.items()}
-        with text.errors((), *keys):
-            return Wind(values.pop("mean", (0.0, 0.0, 0.0)), **values)
+        return _part(text, value, Wind, "wind", *keys)
     if set(value) != {"keys"}:
         raise ValueError(
             f"{text.where(*keys)}: {keys[-1]} must be a value or {{keys = [[frame, value], ...]}}"
@@ -285,30 +278,3 @@ def _key_lines(text: str) -> dict[tuple[str | int, ...], int]:
         elif key := _KEY.match(line):
             lines.setdefault((*table, key[1] or key[2] or key[3]), number)
     return lines
-
-
-# The parser's time and memory grow with the square of a key's parts.
-MOST_DOTS = 32
-
-# A string to its end, or to that of its line or the file; a comment; the rest of a key; a dot.
-_TOKEN = re.compile(
-    r'"""(?:[^"\\]|\\.|"(?!""))*(?:""")?|\'\'\'(?:[^\']|\'(?!\'\'))*(?:\'\'\')?'
-    r'|"(?:[^"\\\n]|\\.)*"?|\'[^\'\n]*\'?|(#[^\n]*)|[A-Za-z0-9_+ \t-]+|(\.)|([^.])',
-    re.DOTALL,
-)
-
-
-def require_short_keys(file: Path, text: str) -> None:
-    """Refuse keys of very many parts before they are parsed."""
-    dots = 0
-    for token in _TOKEN.finditer(text):
-        comment, dot, other = token.groups()
-        if dot:
-            dots += 1
-        elif comment or other:
-            dots = 0
-        if dots > MOST_DOTS:
-            line = text.count("\n", 0, token.start()) + 1
-            raise ValueError(
-                f"{file}, line {line}: a key has at most {MOST_DOTS} dots, got {dots} or more"
-            )
