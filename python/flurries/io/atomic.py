@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
+from typing import Any
 
 from flurries.io.files import path_text
 
@@ -46,29 +47,26 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     target = checked_target(path)
     temporary = _reserve(target)
-    owner = os.getpid()
+    owner, note = os.getpid(), before_renaming.get()
     try:
         yield temporary
         if temporary.stat().st_size == 0:
             raise OSError(f"{target}: nothing was written")
         flush(temporary)
-        note = before_renaming.get()
         if note is not None:
             note(temporary)
         temporary.replace(target)
         _unfinished.pop(temporary, None)
-    except OSError as error:
-        # Other libraries' writers do not say why they failed; the disk does.
-        reason = None if error.errno is not None else _why_full(temporary)
+    except BaseException as error:
+        reason: Any = error
+        if isinstance(error, OSError) and error.errno is None:
+            # Other libraries' writers do not say why they failed; the disk does.
+            reason = _why_full(temporary) or error
         _remove(temporary, owner)
-        if reason is not None:
-            raise OSError(reason.errno, reason.strerror, str(target)) from error
         # A message about the hidden name, or about none, helps nobody: name the file itself.
-        if error.errno is not None and error.filename in (None, str(temporary), temporary):
-            raise OSError(error.errno, error.strerror, str(target)) from error
-        raise
-    except BaseException:
-        _remove(temporary, owner)
+        known = isinstance(reason, OSError) and reason.errno is not None
+        if known and reason.filename in (None, str(temporary), temporary):
+            raise OSError(reason.errno, reason.strerror, str(target)) from error
         raise
     # The rename itself shall last. Whoever notes files flushes the folder once, for all of them.
     if note is None:
@@ -80,7 +78,7 @@ def checked_target(path: str | os.PathLike[str]) -> Path:
     text = path_text("path", path)
     target = Path(text)
     if text.endswith(("/", os.sep)) or not target.name or target.name == "..":
-        raise IsADirectoryError(errno.EISDIR, "This names a folder, not a file", text)
+        raise OSError(errno.EISDIR, "This names a folder, not a file", text)
     if not target.parent.exists():
         # Only the last folder is made: a mistyped path must not grow a whole tree.
         try:
@@ -89,20 +87,20 @@ def checked_target(path: str | os.PathLike[str]) -> Path:
             reason = f"Its folder is missing and cannot be made ({error.strerror})"
             raise OSError(error.errno, reason, text) from error
     if not target.parent.is_dir():
-        raise NotADirectoryError(errno.ENOTDIR, "The folder of this file is not a folder", text)
+        raise OSError(errno.ENOTDIR, "The folder of this file is not a folder", text)
     try:
         mode = target.lstat().st_mode
     except FileNotFoundError:
         return target
     if stat.S_ISDIR(mode):
-        raise IsADirectoryError(errno.EISDIR, "Is a folder and cannot become a file", text)
+        raise OSError(errno.EISDIR, "Is a folder and cannot become a file", text)
     if stat.S_ISLNK(mode):
         # The rename would replace the link and leave the file it points to as it was.
         raise OSError(errno.EINVAL, "Is a symbolic link; name the file that it points to", text)
     if not stat.S_ISREG(mode):
         raise OSError(errno.EINVAL, "Is not a plain file and cannot be replaced", text)
     if not os.access(target, os.W_OK):
-        raise PermissionError(errno.EACCES, "Is read-only", text)
+        raise OSError(errno.EACCES, "Is read-only", text)
     return target
 
 
@@ -114,7 +112,7 @@ def remove_leftovers(folder: str | os.PathLike[str]) -> list[Path]:
     """
     removed = []
     for found in sorted(Path(folder).glob(f"{PREFIX}{'?' * _OWNER}*")):
-        if is_left(found, found.name[len(PREFIX) :][:_OWNER]):
+        if is_left(found, owner_in(found.name)):
             # Another process may be tidying up too.
             with suppress(OSError):
                 found.unlink()
@@ -134,49 +132,42 @@ def owner_of_new_files() -> str:
     return machine[: _OWNER - len(pid)] + pid
 
 
-def is_left(file: Path, owner: str) -> bool:
-    """Whether the owner of a file is gone."""
-    try:
-        found = file.lstat()
-    except OSError:
-        return False
-    ended = has_ended(owner)
-    # By the folder's own clock: that of this machine may have jumped.
-    old = _now_of(file.parent) - found.st_mtime > HOUR if ended is None else ended
-    return old and stat.S_ISREG(found.st_mode)
-
-
-def _now_of(folder: Path) -> float:
-    try:
-        probe = _reserve(folder / "now")
-    except OSError:
-        return 0.0
-    try:
-        return probe.stat().st_mtime
-    finally:
-        _remove(probe, os.getpid())
-
-
 def hidden_name(suffix: str) -> str:
     """Return a name for a file that is being written: whose it is, and a random part."""
     return f"{PREFIX}{owner_of_new_files()}{os.urandom(4).hex()}{suffix}"
 
 
+def owner_in(name: str) -> str:
+    """Return whose file of a hidden name it is."""
+    return name.removeprefix(PREFIX)[:_OWNER]
+
+
 def has_ended(owner: str) -> bool | None:
     """Return whether a process of `owner_of_new_files` has ended, or None of another machine's."""
     own = owner_of_new_files()
-    if sys.platform != "win32" and len(owner) == _OWNER and owner[:-6] == own[:-6]:
-        with suppress(ValueError):
-            return not _is_alive(int(owner[-6:], 16))
-    return None
-
-
-def _is_alive(process: int) -> bool:
+    if sys.platform == "win32" or len(owner) != _OWNER or owner[:-6] != own[:-6]:
+        return None
     try:
-        os.kill(process, 0)
+        os.kill(int(owner[-6:], 16), 0)
+    except ValueError:
+        return None
     except OSError as error:
-        return not isinstance(error, ProcessLookupError)
-    return True
+        return isinstance(error, ProcessLookupError)
+    return False
+
+
+def is_left(file: Path, owner: str) -> bool:
+    """Whether the owner of a file is gone."""
+    try:
+        found, left = file.lstat(), has_ended(owner)
+        if left is None:
+            # By the folder's own clock: that of this machine may have jumped.
+            probe = _reserve(file.parent / "now")
+            left = probe.stat().st_mtime - found.st_mtime > HOUR
+            _remove(probe, os.getpid())
+    except OSError:
+        return False
+    return left and stat.S_ISREG(found.st_mode)
 
 
 def _why_full(temporary: Path) -> OSError | None:
@@ -194,10 +185,10 @@ def _why_full(temporary: Path) -> OSError | None:
 def _reserve(target: Path) -> Path:
     # The name does not grow with the target's, so a name at the length limit still has room.
     suffix = target.suffix if len(target.suffix) <= 16 else ""
+    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
     while True:
         temporary = target.with_name(hidden_name(suffix))
         _unfinished[temporary] = os.getpid()
-        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
         try:
             # Mode 0o666 less the umask: what any program gives a new file. A private temporary
             # file would become a private picture.

@@ -23,19 +23,24 @@ Encoding: TypeAlias = Literal["display", "linear"]
 # The largest finite half float. Anything above rounds to infinity when it is stored as half.
 LARGEST_HALF = 65504.0
 
-_HEX = re.compile(r"#([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})")
-
-
-# The types of pixels that come and go.
-_PIXELS = ("uint8", "uint16", "float16", "float32", "float64")
+_HEX = re.compile(r"#[0-9a-fA-F]{6}")
 
 
 def numbers(name: str, values: npt.ArrayLike) -> Array:
     """Return pixels as an array in the processor's order of bytes."""
     array = rectangular(name, values)
-    if array.dtype.name not in _PIXELS:
+    if array.dtype.name not in ("uint8", "uint16", "float16", "float32", "float64"):
         raise TypeError(f"{name} must be uint8, uint16 or float, got {array.dtype}")
     return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
+def planes_of(name: str, values: npt.ArrayLike) -> Array:
+    """Return a picture as (H, W, 1, 3 or 4)."""
+    array = numbers(name, values)
+    planes = array[..., np.newaxis] if array.ndim == 2 else array
+    if planes.ndim != 3 or planes.shape[2] not in (1, 3, 4) or 0 in planes.shape:
+        raise ValueError(f"{name} must be (H, W) or (H, W, 1, 3 or 4), got {array.shape}")
+    return planes
 
 
 def encoding_of(encoding: str | None, pixels: Array) -> str:
@@ -46,10 +51,9 @@ def encoding_of(encoding: str | None, pixels: Array) -> str:
 
 def parse_hex(name: str, text: str) -> tuple[int, int, int]:
     """Return (r, g, b), 0 to 255, of a color as the web writes it; `name` is for the error."""
-    match = _HEX.fullmatch(text)
-    if match is None:
+    if _HEX.fullmatch(text) is None:
         raise ValueError(f"{name} must be '#rrggbb' for a color, got {text!r}")
-    red, green, blue = (int(part, 16) for part in match.groups())
+    red, green, blue = bytes.fromhex(text[1:])
     return red, green, blue
 
 

@@ -117,7 +117,7 @@ def plain_file(path: str | os.PathLike[str]) -> Path:
 
 def _require_plain(status: os.stat_result, path: Path) -> None:
     if stat.S_ISDIR(status.st_mode):
-        raise IsADirectoryError(errno.EISDIR, "Is a folder, not a file", str(path))
+        raise OSError(errno.EISDIR, "Is a folder, not a file", str(path))
     if not stat.S_ISREG(status.st_mode):
         raise OSError(errno.EINVAL, "Is not a plain file", str(path))
 

@@ -100,28 +100,21 @@ class Pattern:
         object.__setattr__(self, "text", text)
         if self.inside is not None:
             object.__setattr__(self, "inside", os.fspath(self.inside))
-        if not text.strip():
-            raise ValueError("pattern must not be empty")
-        if any(ord(character) < 32 or ord(character) == 127 for character in text):
-            raise ValueError(f"pattern {_short(text)} must not hold control characters")
-        folder, name = os.path.split(text)
-        if name in ("", ".", "..") or "\\" in name:
-            raise ValueError(f"pattern {_short(text)} must end in a file name")
-        if "%" in folder:
-            raise ValueError(f"pattern {_short(text)} must not hold '%' in a folder's name")
-        tokens = name.count("%")
-        if self.is_video:
-            if tokens:
-                raise ValueError(
-                    f"pattern {_short(text)} must not hold '%': a video holds all frames"
-                )
-        elif tokens != 1 or not _TOKEN.search(name):
-            raise ValueError(
-                f"pattern {_short(text)} must hold one frame token, %04d, #### or $F4, in its file "
-                "name"
-            )
-        elif int(_TOKEN.search(name)[1] or 1) not in range(1, 13):  # type: ignore[index]
-            raise ValueError(f"pattern {_short(text)} must ask for 1 to 12 digits")
+        (folder, name), token = os.path.split(text), _TOKEN.search(text)
+        single = name.count("%") == 1 and token is not None
+        digits = int(token[1] or 1) if token is not None else 1
+        controls = any(ord(character) < 32 or ord(character) == 127 for character in text)
+        for good, wanted in (
+            (text.strip(), "not be empty"),
+            (not controls, "not hold control characters"),
+            (name not in ("", ".", "..") and "\\" not in name, "end in a file name"),
+            ("%" not in folder, "not hold '%' in a folder's name"),
+            (not self.is_video or "%" not in name, "not hold '%': a video holds all frames"),
+            (self.is_video or single, "hold one frame token, %04d, #### or $F4, in its file name"),
+            (1 <= digits <= 12, "ask for 1 to 12 digits"),
+        ):
+            if not good:
+                raise ValueError(f"pattern {_short(text)} must {wanted}")
         self._check_inside(self.path(0))
 
     @property

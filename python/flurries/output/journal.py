@@ -20,8 +20,7 @@ from typing import Any, TypeAlias
 from flurries import __version__
 from flurries.io.atomic import before_renaming, owner_of_new_files
 from flurries.io.files import hash_of
-from flurries.io.stores import Bucket, Store
-from flurries.io.stores.bucket import md5
+from flurries.io.stores import Bucket, Store, md5
 from flurries.scene.fingerprint import BITS
 
 NAME = "flurries.jsonl"

@@ -10,14 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import choice, integer, is_pair, rectangular
-from flurries.io.color import (
-    Array,
-    encoding_of,
-    light_of,
-    linear_to_srgb,
-    numbers,
-    to_integer,
-)
+from flurries.io.color import Array, encoding_of, light_of, linear_to_srgb, planes_of, to_integer
 from flurries.io.oiio import last_error, openimageio
 
 _FILTER = "lanczos3"
@@ -49,23 +42,23 @@ def fit(
     encoding : {"display", "linear"}, optional
         What the numbers are; by default integers are display values and floats linear light.
     """
-    array = numbers("pixels", pixels)
-    if array.ndim < 2 or 0 in array.shape or array.shape[2:] not in ((), (1,), (3,), (4,)):
-        raise ValueError(f"pixels must be (H, W) or (H, W, 1, 3 or 4), got {array.shape}")
+    planes = planes_of("pixels", pixels)
     width, height = checked_size(size)
     choice("how", how, get_args(Fit))
-    integers = array.dtype.kind == "u"
-    encoding = encoding_of(encoding, array)
-    if array.shape[:2] == (height, width):
-        return np.array(array)
-    planes = array[..., np.newaxis] if array.ndim == 2 else array
-    resized = _resize(*_lit(planes, encoding), width, height, how)
-    values = _from_light(resized, encoding, straight=integers)
+    encoding, shape = encoding_of(encoding, planes), (height, width, *np.shape(pixels)[2:])
+    if planes.shape[:2] == (height, width):
+        return np.array(planes).reshape(shape)
+    integers = planes.dtype.kind == "u"
+    light = _resize(*_lit(planes, encoding), width, height, how)
+    color, alpha = light[..., :3], light[..., 3:]
+    if alpha.shape[2] and integers:
+        color = np.divide(color, alpha, out=color.copy(), where=alpha > 0)
+    if encoding == "display":
+        color = linear_to_srgb(color)
+    values = np.concatenate([color, alpha], axis=-1)
     if integers:
-        result = to_integer(values, 8 * array.dtype.itemsize)
-    else:
-        result = values.astype(array.dtype)
-    return result[..., 0] if array.ndim == 2 else result
+        return to_integer(values, 8 * planes.dtype.itemsize).reshape(shape)
+    return values.astype(planes.dtype).reshape(shape)
 
 
 def fit_nearest(plane: npt.ArrayLike, size: Sequence[int]) -> Array:
@@ -120,16 +113,6 @@ def _lit(planes: Array, encoding: str) -> tuple[Any, Array, Array]:
         low = np.fmin(low, [np.fmin.reduce(values) for values in each])
         high = np.fmax(high, [np.fmax.reduce(values) for values in each])
     return buffer, low, high
-
-
-def _from_light(light: Array, encoding: str, *, straight: bool) -> Array:
-    """Return display values, straight where they came straight."""
-    color, alpha = light[..., :3], light[..., 3:]
-    if alpha.shape[2] and straight:
-        color = np.divide(color, alpha, out=color.copy(), where=alpha > 0)
-    if encoding == "display":
-        color = linear_to_srgb(color)
-    return np.concatenate([color, alpha], axis=-1)
 
 
 def _resize(buffer: Any, low: Array, high: Array, width: int, height: int, how: str) -> Array:

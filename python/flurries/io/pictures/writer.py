@@ -27,6 +27,7 @@ from flurries.io.color import (
     Array,
     encoding_of,
     numbers,
+    planes_of,
     to_display,
     to_half,
     to_integer,
@@ -245,13 +246,7 @@ def _checked_pixels(
     pixels: npt.ArrayLike, alpha: npt.ArrayLike | None
 ) -> tuple[Array, Array | None]:
     """Return colors (H, W, 1 or 3) and alpha (H, W) or None."""
-    array = numbers("pixels", pixels)
-    if array.ndim == 2:
-        array = array[..., np.newaxis]
-    if array.ndim != 3 or array.shape[2] not in (1, 3, 4) or 0 in array.shape:
-        raise ValueError(
-            f"pixels must be (H, W), (H, W, 1), (H, W, 3) or (H, W, 4), got {np.shape(pixels)}"
-        )
+    array = planes_of("pixels", pixels)
     if array.shape[2] == 4:
         if alpha is not None:
             raise ValueError("alpha must be left out where pixels are (H, W, 4)")
