@@ -146,7 +146,7 @@ def test_every_flake_has_the_disparity_of_its_depth(kind: str):
     assert len(common) >= 20
     for left, right in common:
         assert np.array_equal(left[:3], right[:3])
-        wanted = eyes[0].view.camera.focal * apart / left[2]
+        wanted = eyes[0].view.focal * apart / left[2]
         assert left[3] - right[3] == pytest.approx(wanted, abs=1e-9) and left[4] == right[4]
     # What pair() gives is these flakes and the sheets, each with its own disparity.
     picture = np.zeros(shape, np.uint8)
@@ -159,7 +159,7 @@ def test_every_flake_has_the_disparity_of_its_depth(kind: str):
         large = [
             row for row in both[eyes.index(eye)].values()
             if 2 < row[3] < 254 and 2 < row[4] < 190 and row[7] == 1.0
-            and eye.view.camera.focal * row[6] / row[2] > 4.0
+            and eye.view.focal * row[6] / row[2] > 4.0
         ]  # fmt: skip
         there = [whole[int(row[4]), int(row[3])] for row in large]
         assert kind == "rain" or (len(there) >= 5 and min(there) > 0.15)
@@ -178,7 +178,7 @@ def test_sheets_before_two_eyes_have_their_disparity():
             _core.sheet_read(plane, (0, 0), [eye.layers[number]], None, False)
             planes.append(plane - plane.mean())
         left, right = planes
-        wanted = eyes[0].view.camera.focal * 0.1 / (eyes[0].near * layer.depth)
+        wanted = eyes[0].view.focal * 0.1 / (eyes[0].near * layer.depth)
         best = max(range(40), key=lambda d: float((left[:, d:] * right[:, : 256 - d]).mean()))
         assert abs(best - wanted) <= 1.0, (number, wanted, best)
 
@@ -214,11 +214,11 @@ def test_a_record_makes_it_again(kind: str):
     weather = KINDS[kind]()
     seen = weather.apply(PICTURE)
     text = json.dumps(seen.record)
-    for again in (fl.augment.replay(json.loads(text)), KINDS[kind].replay(json.loads(text))):
-        assert type(again) is type(weather)
-        for index in (None, 5):
-            assert np.array_equal(again(PICTURE, index=index), seen.image)
-        assert again.record(index=9) == json.loads(text) | {"color": again.color}
+    again = fl.augment.replay(json.loads(text))
+    assert type(again) is type(weather)
+    for index in (None, 5):
+        assert np.array_equal(again(PICTURE, index=index), seen.image)
+    assert again.record(index=9) == json.loads(text) | {"color": again.color}
 
 
 @pytest.mark.parametrize("change", [
@@ -267,7 +267,5 @@ def test_objects_pickle_small(kind: str):
 ])  # fmt: skip
 def test_an_unknown_field_is_answered_with_the_nearest(name: str, nearest: str):
     for kind in KINDS.values():
-        with pytest.raises(TypeError, match=f"no argument {name}; did you mean '{nearest}'"):
+        with pytest.raises(TypeError, match=f"has no {name!r}; did you mean '{nearest}'"):
             kind(**{name: 1})
-    with pytest.raises(TypeError, match="it has amount"):
-        Snowfall(xyz=1)  # type: ignore[call-arg]

@@ -8,7 +8,7 @@ from scipy.ndimage import uniform_filter
 
 import flurries as fl
 from flurries import _core
-from flurries.augment.slices import labels_of, slices
+from flurries.augment.slices import falling_of, slices
 
 
 def moved(alpha: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -86,14 +86,14 @@ def test_vectors_are_focal_over_depth(kind: str):
     times = [1.0 - 0.5 / 30.0, 1.0, 1.0 + 0.5 / 30.0]
     three = [np.empty((512, 512))] * 3, [weather.record(index=0)] * 3
     airs = list(weather._airs(*three, None, times, 30.0))
-    _, motion, where = labels_of(airs[1], 30.0).most
+    _, (_, motion, where) = falling_of(airs[1], 30.0)
     found = []
     for here in airs:
         request = here.request()
         assert request is not None
         ids, rows, _ = _core.flake_rows(_core.fall(request))
         found.append(dict(zip(ids.tolist(), rows, strict=True)))
-    focal, errors = airs[0].view.camera.focal, []
+    focal, errors = airs[0].view.focal, []
     for number, (_, _, z, u, v, depth, diameter, share) in found[1].items():
         if not (number in found[0] and number in found[2]):
             continue

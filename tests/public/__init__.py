@@ -20,7 +20,7 @@ import numpy as np
 import flurries as fl
 
 # Modules of other libraries' transforms, which need those, and the one that runs when imported.
-ELSEWHERE = ("albumentations", "kornia", "tensors", "torchvision", "__main__")
+ELSEWHERE = ("albumentations", "kornia", "torchvision", "__main__")
 
 # What libraries offer that need not be here.
 GUESTS = {"view": "anywidget", "output.groups.to_dask": "dask"}

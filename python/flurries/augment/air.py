@@ -6,18 +6,16 @@ import math
 import threading
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Array
+from flurries._contract import Array, Float64
 from flurries.augment import calibration
 from flurries.augment.calibration import GAINS, Kind, Profile
 from flurries.augment.distance import Distances
-from flurries.augment.draws import uniforms
 from flurries.augment.sheets import Falling, Sheets, sheets_of
-from flurries.camera.lens import Camera
 from flurries.effects.air import NEAREST, Class, Eye, images_of
 from flurries.effects.air import Air as Request
 from flurries.effects.strength import OPACITY, reach
@@ -49,13 +47,13 @@ _STREAM = 7005
 _STILL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-@dataclass(frozen=True)
-class View:
-    """One eye's view."""
+class View(NamedTuple):
+    """One eye's view, of a camera that looks ahead."""
 
     shape: tuple[int, int]
-    camera: Camera  # Its offset is that of the eye.
-    eyes: float = 0.0  # Distance of the farthest eye from the middle, metres.
+    focal: float  # Pixels.
+    aside: float = 0.0  # The eye's place to the right of the middle of both, metres.
+    eyes: float = 0.0  # Distance of each of them from the middle, metres.
 
 
 @dataclass(frozen=True)
@@ -73,13 +71,19 @@ class Air:
     visible: float | None = None  # Visibility in place of the amount's, metres.
 
 
-def scratch(name: str, shape: tuple[int, int]) -> Array:
+def uniforms(seed: int, stream: int, count: int) -> Float64:
+    """Return numbers in [0, 1) that belong to a seed and a stream."""
+    numbers = np.empty(count)
+    _core.uniform(numbers, seed, stream)
+    return numbers
+
+
+def _scratch(name: str, shape: tuple[int, int]) -> Array:
     """Return a plane of this thread, whose content is that of its last use, (H, W) float32."""
     kept: dict[str, Array] = vars(_SCRATCH)
-    found = kept.get(name)
-    if found is None or found.shape != shape:
-        found = kept[name] = np.empty(shape, np.float32)
-    return found
+    if name not in kept or kept[name].shape != shape:
+        kept[name] = np.empty(shape, np.float32)
+    return kept[name]
 
 
 class Here:
@@ -88,12 +92,11 @@ class Here:
     def __init__(
         self, air: Air, view: View, distances: Distances, time: float, fps: float | None = None
     ) -> None:
-        self.near, self.far = calibration.depths_of(air.kind, air.profile, view.camera.focal)
+        self.near, self.far = calibration.depths_of(air.kind, air.profile, view.focal)
         if air.kind == "fog":
+            thick = calibration.natural("fog", air.amount)
+            seen = reach(air.visible or (visibility(thick) if thick else 0.0))
             hard = air.visible is None and air.profile == "hard"
-            seen = (
-                calibration.natural_reach(air.amount) if air.visible is None else reach(air.visible)
-            )
             distances = distances.until(distances.end if hard else seen)
         self.air, self.view, self.distances, self.time = air, view, distances, time
         self.moving = fps is not None or view.eyes > 0.0
@@ -126,7 +129,7 @@ class Here:
         even = patches is None or patches.strength == 0.0
         if even and way.size == 1:
             return float(-np.expm1(-thick * way.flat[0])), None
-        found = scratch("veil", self.view.shape)
+        found = _scratch("veil", self.view.shape)
         field = None
         if patches is not None and not even:
             field = patches.field(self.view.shape, self.air.seed, self.time)
@@ -142,7 +145,7 @@ class Here:
             if plane is None:
                 return np.full(shape, haze, np.float32), hidden
             return plane if passing else plane.copy(), hidden
-        out = scratch("alpha", shape) if passing else np.empty(shape, np.float32)
+        out = _scratch("alpha", shape) if passing else np.empty(shape, np.float32)
         self.write(out, haze, plane)
         return out, hidden
 
@@ -159,12 +162,11 @@ class Here:
 
     @cached_property
     def falling(self) -> Falling:
-        air, camera = self.air, self.view.camera
-        hard = air.profile == "hard"
+        air, hard = self.air, self.air.profile == "hard"
         return Falling(
             air.kind, 0 if hard else max(round(10.0 * air.amount), 1), self.far / self.near,
-            GAINS[air.kind] if hard else 1.0, self.thickness * self.near, camera.focal / self.near,
-            air.velocity, air.exposure,
+            GAINS[air.kind] if hard else 1.0, self.thickness * self.near,
+            self.view.focal / self.near, air.velocity, air.exposure,
         )  # fmt: skip
 
     @cached_property
@@ -180,9 +182,9 @@ class Here:
         places = uniforms(self.air.seed, _STREAM, 2 * len(layers)).reshape(-1, 2)
         shifts = np.floor(places * [layer.period for layer in layers])
         if self.moving:
-            camera, depths = self.view.camera, np.array([[layer.depth] for layer in layers])
-            moved = np.array(self.air.velocity) * self.time - camera.offset[:2]
-            shifts += camera.focal / (self.near * depths) * moved
+            depths = np.array([[layer.depth] for layer in layers])
+            moved = np.array(self.air.velocity) * self.time - (self.view.aside, 0.0)
+            shifts += self.view.focal / (self.near * depths) * moved
         return [
             layer.at(self.falling, self.near, (x, y))
             for layer, (x, y) in zip(layers, shifts.tolist(), strict=True)
@@ -192,7 +194,7 @@ class Here:
         """Write the opacity of all that falls, and of a veil."""
         depth, drawn, request = self.depth, None, self.request()
         if request is not None:
-            plane = scratch("drawn", self.view.shape)
+            plane = _scratch("drawn", self.view.shape)
             _core.particle_draw(plane, _core.fall(request), request.window, depth, None)
             drawn = plane, self.falling.gain
         _core.sheet_read(out, (0, 0), self.layers, depth, True, drawn, veil, haze)
@@ -215,10 +217,10 @@ class Here:
             swung=[swing * t / (2.0 * math.pi) for t in times],
             waves=None, depths=(0.0, end), profile=[],
         )  # fmt: skip
-        camera, (height, width) = self.view.camera, self.view.shape
-        eye = Eye(_STILL, camera.focals, camera.principal(self.view.shape), camera.offset)
+        view, (height, width) = self.view, self.view.shape
+        eye = Eye(_STILL, (view.focal,) * 2, (width / 2, height / 2), (view.aside, 0.0, 0.0))
         return Request(
             seed=air.seed, opacity=OPACITY, images=images_of(OPACITY), classes=[one],
-            eyes=[eye] * len(times), sway=sway, waves=None, clumps=None, shape=self.view.shape,
+            eyes=[eye] * len(times), sway=sway, waves=None, clumps=None, shape=view.shape,
             window=(0, height, 0, width), room=0.0, near=NEAREST, closeup=None,
         )  # fmt: skip

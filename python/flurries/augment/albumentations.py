@@ -15,43 +15,20 @@ from albumentations.core import transforms_interface as _interface
 
 from flurries import augment
 from flurries._contract import rate_of
-from flurries.augment.labels import thicker
 from flurries.augment.pictures import mixed
-from flurries.augment.signature import Fields, transforms
+from flurries.augment.pipelines import Fields, thicker, transforms
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 __all__ = ["Fog", "Rainfall", "Snowfall"]
 
-# AlbumentationsX samples in one call and refuses classes with the names of the others.
+# AlbumentationsX.
 _SAMPLES = hasattr(_interface.BasicTransform, "sample_parameters")
 
 
 class _Transform(_host.ImageOnlyTransform):  # type: ignore[misc]
-    """One weather.
-
-    Parameters
-    ----------
-    p : float
-        Probability of the transform.
-    fps : float
-        Frames per second of `images`.
-    depth_key : str, optional
-        The name under which the pipeline is given the picture's depth, see
-        :class:`flurries.augment.Snowfall`. ``additional_targets={"depth": "mask"}`` lets the
-        pipeline's own transforms move it with the picture (in AlbumentationsX beside a `mask`
-        only); without that this one has to stand before those that move.
-    alpha_key : str, optional
-        The name of a plane (H, W) of float32, zeros at first, that comes back with the opacity of
-        the weather; several weathers add up as layers do. For `images` (T, H, W). It is moved with
-        the picture if it is an additional target, as a depth is.
-    record_key : str, optional
-        The name of a list that comes back with what was drawn appended, for
-        :func:`flurries.augment.replay`.
-    weather
-        Fields of its kind.
-    """
+    """One weather; what keys are is told in docs/augment.md."""
 
     KIND: ClassVar[Any]
 
@@ -100,28 +77,23 @@ class _Transform(_host.ImageOnlyTransform):  # type: ignore[misc]
         return seen
 
     def get_transform_init_args(self) -> dict[str, Any]:
-        keys = {"depth_key": self.depth_key, "alpha_key": self.alpha_key}
-        own = {"p": self.p, "fps": self.fps, **keys, "record_key": self.record_key}
-        return {**own, **self.weather}
-
-    def _of(self, index: int, data: Mapping[str, Any]) -> dict[str, Any]:
-        drawn = {"record": self._drawing.record(index=index)}
-        return drawn if self.depth_key is None else {**drawn, "depth": _plane(data[self.depth_key])}
+        own = ("p", "fps", "depth_key", "alpha_key", "record_key")
+        return {name: getattr(self, name) for name in own} | self.weather
 
 
-if _SAMPLES:
-    from albumentations.core.transforms_interface import SampledParams as _Sampled
+def _draw(
+    self: _Transform, params: Any, data: Any, targets: Any = None, sampling: Any = None
+) -> Any:
+    """Return the draws of a call, as albumentations and AlbumentationsX want them."""
+    random = sampling.py_random if _SAMPLES else self.py_random
+    drawn = {"record": self._drawing.record(index=random.getrandbits(62))}
+    if self.depth_key is not None:
+        drawn["depth"] = _plane(data[self.depth_key])
+    return _interface.SampledParams(params=drawn) if _SAMPLES else drawn
 
-    def _sample(self: _Transform, params: Any, data: Any, targets: Any, sampling: Any) -> Any:
-        return _Sampled(params=self._of(sampling.py_random.getrandbits(62), data))
 
-    _Transform.sample_parameters = _sample
-else:
-
-    def _depend(self: _Transform, params: Any, data: Any) -> dict[str, Any]:
-        return self._of(self.py_random.getrandbits(62), data)
-
-    _Transform.get_params_dependent_on_data = _depend
+# AlbumentationsX refuses classes with the other's name of it.
+setattr(_Transform, "sample_parameters" if _SAMPLES else "get_params_dependent_on_data", _draw)
 
 
 def _plane(given: Any) -> Any:

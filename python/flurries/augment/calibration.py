@@ -17,7 +17,7 @@ from flurries import gas
 from flurries._contract import Float64, choice, real
 from flurries._kept import kept
 from flurries.effects.severity import LOWEST, RATES, SEVERITIES, VISIBILITIES
-from flurries.effects.strength import BACKDROP, OPACITY, Strength, reach
+from flurries.effects.strength import BACKDROP, OPACITY, Strength
 from flurries.particles.sizes import RAIN, SNOW, Sizes
 
 Profile: TypeAlias = Literal["natural", "hard"]
@@ -108,12 +108,6 @@ def natural(kind: Kind, amount: float) -> float:
     if kind == "fog":
         return _between((0.0, *(gas.visibility(seen) for seen in VISIBILITIES)), amount)
     return _extinction(kind, _between((0.0, *RATES[kind]), amount))
-
-
-def natural_reach(amount: float) -> float:
-    """Return how far natural fog reaches, metres."""
-    thick = natural("fog", amount)
-    return reach(gas.visibility(thick)) if thick > 0.0 else BACKDROP
 
 
 def sizes_of(kind: Kind, tenths: int) -> Sizes:

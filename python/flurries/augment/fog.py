@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any, ClassVar
@@ -10,12 +11,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flurries import spectral
-from flurries._contract import Array, Float64
+from flurries._contract import Array, Float64, suggesting
 from flurries._kept import kept
-from flurries.augment.air import Air
+from flurries.augment.air import Air, uniforms
 from flurries.augment.calibration import Kind
-from flurries.augment.draws import Range, between, range_of, uniforms
-from flurries.augment.signature import suggests
+from flurries.augment.record import Limits, Range, between, range_of
 from flurries.augment.weather import Weather
 from flurries.effects.strength import BACKDROP, Strength
 
@@ -65,7 +65,7 @@ def _normal() -> Float64:
     return np.array([law.inv_cdf((k + 0.5) / _QUANTILES) for k in range(_QUANTILES)])
 
 
-@suggests
+@suggesting
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Fog(Weather):
     """Fog, as a function of pictures, clips, batches and stereo pairs.
@@ -108,19 +108,15 @@ class Fog(Weather):
     patches: Range = (0.0, 0.3)
     wind: Range = (-0.1, 0.1)
 
-    DRAWN: ClassVar[tuple[str, ...]] = ("patches", "wind")
+    DRAWN: ClassVar[Mapping[str, Limits]] = {"patches": (0.0, 1.0), "wind": (-100.0, 100.0)}
     WEATHER: ClassVar[Kind] = "fog"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        settle = object.__setattr__
-        settle(self, "patches", range_of("patches", self.patches, low=0.0, high=1.0))
-        settle(self, "wind", range_of("wind", self.wind, low=-100.0, high=100.0))
         if self.visibility is not None:
             if self.amount is not None or self.severity is not None:
                 raise ValueError("visibility must stand without amount and severity")
-            limits = range_of("visibility", self.visibility, low=1e-3, high=1e9)
-            settle(self, "visibility", limits)
+            vars(self)["visibility"] = range_of("visibility", self.visibility, (1e-3, 1e9))
 
     def strength(self) -> tuple[Strength, Strength]:
         """Return how strong the weakest and the strongest fog are that are drawn."""
@@ -132,7 +128,6 @@ class Fog(Weather):
 
     def _drawn(self, image: Array | None, index: int | None) -> dict[str, Any]:
         record = super()._drawn(image, index)
-        record["visibility"] = None
         if self.visibility is not None:
             u = float(uniforms(record["weather_seed"], _STREAM, 1)[0])
             record["amount"], record["visibility"] = None, between(self.visibility, u)

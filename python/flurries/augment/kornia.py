@@ -14,8 +14,7 @@ from kornia.augmentation import IntensityAugmentationBase2D
 
 from flurries import augment
 from flurries._contract import Array, flag, integer, rate_of
-from flurries.augment import tensors
-from flurries.augment.signature import Fields, transforms
+from flurries.augment.pipelines import Fields, painted, transforms
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -24,27 +23,7 @@ __all__ = ["Fog", "Rainfall", "Snowfall"]
 
 
 class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
-    """One weather.
-
-    Parameters
-    ----------
-    p : float
-        Probability of the augmentation, for each picture.
-    same_on_batch : bool
-        One weather for all pictures of a batch.
-    keepdim : bool
-        Give back a single picture without the dimension of the batch.
-    depth_channel : int, optional
-        Which channel of the input is the depth in metres, see :class:`flurries.augment.Snowfall`.
-    alpha_channel : int, optional
-        Which channel comes back with the opacity of the weather over what it held, zeros at first.
-    fps : float
-        Frames per second of the clips of ``VideoSequential(..., same_on_frame=True)``.
-    same : bool
-        Whether weather stands still in them.
-    weather
-        Fields of its kind.
-    """
+    """One weather; what channels are is told in docs/augment.md."""
 
     KIND: ClassVar[Any]
 
@@ -102,7 +81,7 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
             return seen, layer
 
         colors = [c for c in range(count) if c not in others]
-        seen = tensors.painted(input[:, colors] if others else input, batch)
+        seen = painted(input[:, colors] if others else input, batch)
         if not others:
             return seen
         result = input.clone()

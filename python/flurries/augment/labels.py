@@ -5,17 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Array, Float64, pixels, rectangular, shares, table
-from flurries.augment.air import Here
-from flurries.augment.slices import labels_of
-
-if TYPE_CHECKING:
-    from flurries.augment.weather import Weather
+from flurries.augment.pictures import layer_of
 
 # Labels that are made when they are first read.
 _LATER = (
@@ -133,64 +129,6 @@ def hidden(alpha: Array, veil: Any, corners: Float64 | None, masks: Any) -> dict
             means = [part.mean(dtype=np.float64) if part.size else np.nan for part in of]
             found[f"instance_{name}"] = np.array(means, np.float64)
     return found
-
-
-def mixture_of(
-    here: Here, alpha: Array, flow: Array | None, motion: bool, fps: float
-) -> dict[str, Any]:
-    """Return the labels of what is seen of picture and weather; holes stay holes."""
-    falls, depth, came = labels_of(here, fps), here.distances.given, here.distances.came
-    found: dict[str, Any] = {}
-    # A layer of the texture alone may be denser than all of them, which are smoother.
-    seen = (falls.most.opacity > SEEN) & (alpha > SEEN)
-    left = 1.0 - falls.alpha
-    if flow is not None:
-        found["flow"] = np.where(seen[..., None], falls.most.motion, flow).astype(np.float32)
-        found["soft_flow"] = (left[..., None] * flow + falls.motion).astype(np.float32)
-    if depth is not None:
-        nearer = np.where(seen, np.minimum(falls.most.depth, depth), depth)
-        nearness = left / depth + falls.nearness
-        soft = np.divide(1.0, nearness, out=np.full_like(nearness, np.inf), where=nearness > 0.0)
-        if came is not None:
-            holes = np.isnan(came) | (came == 0.0)
-            np.copyto(nearer, came, where=holes & ~seen)
-            soft[holes] = came[holes]
-        found["depth"] = nearer.astype(np.float32)
-        found["soft_depth"] = soft.astype(np.float32)
-    parallax = here.view.camera.focal * 2.0 * here.view.eyes
-    if parallax > 0.0:
-        found["weather_disparity"] = np.asarray(parallax / falls.most.depth, np.float32)
-        if depth is not None:
-            known = np.where(nearer == 0.0, np.nan, nearer)
-            found["disparity"] = np.asarray(parallax / known, np.float32)
-    if motion:
-        found["motion"] = falls.most.motion
-        parts = (falls.motion, falls.nearness[..., None], falls.alpha[..., None])
-        found["falling"] = np.concatenate(parts, axis=-1)
-    return found
-
-
-def layer_of(alpha: Array, color: tuple[float, ...]) -> Array:
-    """Return (..., 4) float32: a color, premultiplied with an opacity."""
-    layer = np.empty((*alpha.shape, 4), np.float32)
-    np.multiply(alpha[..., None], np.asarray(color, np.float32), out=layer[..., :3])
-    layer[..., 3] = alpha
-    return layer
-
-
-def thicker(weather: Weather, given: Any, fps: float, depth: Any) -> Array:
-    """Return an opacity with that of a weather over it, of a picture (H, W) or a film (T, H, W)."""
-    before = rectangular("alpha", given)
-    if before.dtype.kind != "f" or before.ndim not in (2, 3) or before.size == 0:
-        raise ValueError(
-            "alpha must be float of shape (H, W), or (T, H, W) for a film, got "
-            f"{before.dtype} {before.shape}"
-        )
-    clear = np.zeros(before.shape, np.float32)
-    how: dict[str, Any] = {} if before.ndim == 2 else {"fps": fps}
-    made = weather.clip if how else weather
-    _, layer = made(clear, depth=depth, return_layer=True, **how)
-    return np.asarray(1.0 - (1.0 - before) * (1.0 - layer[..., 3]), before.dtype)
 
 
 def occlusion(alpha: npt.ArrayLike, boxes: npt.ArrayLike) -> Float64:

@@ -71,3 +71,11 @@ def mixed(given: Array, alpha: Array, color: tuple[float, ...], white: float) ->
         with np.errstate(over="ignore"):
             result = result.astype(kept)
     return result.reshape(given.shape)
+
+
+def layer_of(alpha: Array, color: tuple[float, ...]) -> Array:
+    """Return (..., 4) float32: a color, premultiplied with an opacity."""
+    layer = np.empty((*alpha.shape, 4), np.float32)
+    np.multiply(alpha[..., None], np.asarray(color, np.float32), out=layer[..., :3])
+    layer[..., 3] = alpha
+    return layer

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from flurries._contract import real
+from flurries._contract import suggesting
 from flurries.augment.air import Air
 from flurries.augment.calibration import Kind
-from flurries.augment.draws import Range, range_of
-from flurries.augment.signature import suggests
+from flurries.augment.record import Limits, Range, Recorded
 from flurries.augment.weather import Weather
 
 
@@ -22,18 +22,10 @@ class Precipitation(Weather):
     fall: Range = 0.0
     exposure: Range = 0.0
 
-    DRAWN: ClassVar[tuple[str, ...]] = ("wind", "fall", "exposure")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        settle = object.__setattr__
-        settle(self, "veil", real("veil", self.veil, low=0.0, high=1.0))
-        for name in ("wind", "fall"):
-            settle(self, name, range_of(name, getattr(self, name), low=-100.0, high=100.0))
-        settle(self, "exposure", range_of("exposure", self.exposure, low=0.0, high=10.0))
-
-    def _drawn(self, image: Any, index: int | None) -> dict[str, Any]:
-        return {**super()._drawn(image, index), "veil": self.veil}
+    DRAWN: ClassVar[Mapping[str, Limits]] = {
+        "wind": (-100.0, 100.0), "fall": (-100.0, 100.0), "exposure": (0.0, 10.0),
+    }  # fmt: skip
+    FIXED: ClassVar[Mapping[str, Limits]] = {**Recorded.FIXED, "veil": (0.0, 1.0)}
 
     def _air(self, record: dict[str, Any]) -> Air:
         return Air(
@@ -42,7 +34,7 @@ class Precipitation(Weather):
         )  # fmt: skip
 
 
-@suggests
+@suggesting
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Snowfall(Precipitation):
     """Falling snow, as a function of pictures, clips, batches and stereo pairs.
@@ -103,7 +95,7 @@ class Snowfall(Precipitation):
     WEATHER: ClassVar[Kind] = "snow"
 
 
-@suggests
+@suggesting
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Rainfall(Precipitation):
     """Rain, as a function of pictures, clips, batches and stereo pairs; see :class:`Snowfall`.

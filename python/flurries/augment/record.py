@@ -1,31 +1,36 @@
-"""What a weather for data sets is told, what is drawn from that, and the record of it."""
+"""What a weather for data sets is told, what is drawn from that, and the record of it.
+
+Draws are a pure function of the seed and the index of a call.
+"""
 
 from __future__ import annotations
 
+import secrets
+import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
-from functools import partial
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, choice, int64, mapping, real
-from flurries._kept import kept
-from flurries.augment.air import Air, View
+from flurries._contract import Array, choice, int64, real
+from flurries.augment.air import Air, uniforms
 from flurries.augment.calibration import PROFILES, Kind, Profile, strength
 from flurries.augment.distance import Ground, ground_of
-from flurries.augment.draws import Range, between, own_index, range_of, uniforms
 from flurries.augment.pictures import picture_of
-from flurries.camera.lens import Camera
+from flurries.effects.severity import SEVERITIES
 from flurries.effects.strength import Strength
 
+Range: TypeAlias = float | tuple[float, float]
+Limits: TypeAlias = tuple[float, float]
+
 VERSION = 3
-SEVERITY = (1, 5)
 DEFAULT_AMOUNT = (0.2, 0.8)
 
-_Kind = TypeVar("_Kind", bound="Recorded")
+# Samples of a picture that its own index is taken from.
+_SAMPLES = 4096
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -42,32 +47,36 @@ class Recorded(ABC):
     seed: int | None = None
     weather_seed: int | None = None
 
-    # Numbers that are drawn, in the order of their random numbers: (name, limits).
-    DRAWN: ClassVar[tuple[str, ...]] = ()
+    # Limits of the weather's own numbers that are drawn, in the order of their random numbers.
+    DRAWN: ClassVar[Mapping[str, Limits]] = {}
+    # Limits of those that are not.
+    FIXED: ClassVar[Mapping[str, Limits]] = {"focal": (0.05, 1e3), "white": (1e-30, 1e30)}
     WEATHER: ClassVar[Kind]
 
     def __post_init__(self) -> None:
-        settle = partial(object.__setattr__, self)
+        own = vars(self)  # In which a frozen class can be settled.
         if self.amount is not None and self.severity is not None:
             raise ValueError("amount and severity must not both be given")
-        if self.severity is not None:
-            low, high = range_of("severity", self.severity, low=SEVERITY[0], high=SEVERITY[1])
-            if low != int(low) or high != int(high):
-                raise TypeError(f"severity must be an integer or two, got {self.severity!r}")
-            settle("severity", (int(low), int(high)))
-        settle("profile", choice("profile", self.profile, PROFILES))
-        if self.amount is not None:
-            settle("amount", range_of("amount", self.amount, low=0.0, high=1.0))
+        own["profile"] = choice("profile", self.profile, PROFILES)
+        own["ground"] = ground_of(self.ground)
         if isinstance(self.color, (tuple, list, np.ndarray)) and len(self.color) == 3:
-            settle("color", tuple(real("color", c, low=0.0, high=1.0) for c in self.color))
+            own["color"] = tuple(real("color", c, low=0.0, high=1.0) for c in self.color)
         else:
-            settle("color", range_of("color", self.color, low=0.0, high=1.0))
-        settle("ground", ground_of(self.ground))
-        settle("focal", real("focal", self.focal, low=0.05, high=1e3))
-        settle("white", real("white", self.white, low=1e-30, high=1e30))
+            own["color"] = range_of("color", self.color, (0.0, 1.0))
+        if self.amount is not None:
+            own["amount"] = range_of("amount", self.amount, (0.0, 1.0))
+        if self.severity is not None:
+            levels = range_of("severity", self.severity, (1, SEVERITIES))
+            if any(level != int(level) for level in levels):
+                raise TypeError(f"severity must be an integer or two, got {self.severity!r}")
+            own["severity"] = tuple(map(int, levels))
+        for name, limits in self.DRAWN.items():
+            own[name] = range_of(name, own[name], limits)
+        for name, (low, high) in self.FIXED.items():
+            own[name] = real(name, own[name], low=low, high=high)
         for name in ("seed", "weather_seed"):
-            if getattr(self, name) is not None:
-                settle(name, int64(name, getattr(self, name)))
+            if own[name] is not None:
+                own[name] = int64(name, own[name])
 
     def strength(self) -> tuple[Strength, Strength]:
         """Return how strong the weakest and the strongest weather are that are drawn.
@@ -77,7 +86,7 @@ class Recorded(ABC):
         two flurries.Strength
             Before a sky; of the hard profile with the depths of a picture of 512 px.
         """
-        ends = self.severity and [level / SEVERITY[1] for level in self.severity]  # type: ignore[union-attr]
+        ends = self.severity and [level / SEVERITIES for level in self.severity]  # type: ignore[union-attr]
         low, high = ends or self.amount or DEFAULT_AMOUNT  # type: ignore[misc]
         own = self.profile, self.WEATHER, self.focal
         return strength(low, *own), strength(high, *own)
@@ -108,23 +117,6 @@ class Recorded(ABC):
             raise ValueError("index or image must be given")
         return self._drawn(None if image is None else picture_of("image", image), index)
 
-    @classmethod
-    def replay(cls: type[_Kind], record: Mapping[str, Any]) -> _Kind:
-        """Return the weather that makes what was recorded, whatever the index."""
-        values = dict(mapping("record", record))
-        kind, version = values.pop("transform", None), values.pop("version", None)
-        if kind != cls.__name__ or version != VERSION:
-            raise ValueError(
-                f"record must be of a {cls.__name__}, version {VERSION}, got {kind!r}, {version!r}"
-            )
-        ground = values.pop("ground", None)
-        known = {f.name for f in fields(cls)} - {"severity", "seed", "ground"}
-        if set(values) != known:
-            odd = sorted(set(values) ^ known)
-            raise ValueError(f"record must hold {sorted(known)}, differs in {odd}")
-        values["color"] = tuple(values["color"])
-        return cls(ground=ground, **values)
-
     def _drawn(self, image: Array | None, index: int | None) -> dict[str, Any]:
         """Return the record of a call."""
         if index is not None:
@@ -133,38 +125,51 @@ class Recorded(ABC):
             number = 0
         else:
             assert image is not None
-            number = own_index(self.seed, image)
+            # The system's numbers are never shared by forked workers.
+            number = secrets.randbits(62) if self.seed is None else _index_of(image)
         u = uniforms(self.seed or 0, number, 4 + len(self.DRAWN))
+        drawn: dict[str, Any] = {
+            name: between(getattr(self, name), share)
+            for name, share in zip(self.DRAWN, u[4:], strict=True)
+        }
         if self.severity is not None:
             low, high = self.severity  # type: ignore[misc]
-            amount = (low + int(u[1] * (high - low + 1))) / SEVERITY[1]
+            drawn["amount"] = (low + int(u[1] * (high - low + 1))) / SEVERITIES
         else:
-            amount = between(self.amount or DEFAULT_AMOUNT, u[1])
-        if len(self.color) == 3:  # type: ignore[arg-type]
-            color: Any = self.color
-        else:
-            color = (between(self.color, u[2]),) * 3
-        own = self.weather_seed
-        record: dict[str, Any] = {
-            "transform": type(self).__name__,
-            "version": VERSION,
-            "amount": amount,
-            "profile": self.profile,
-            "color": color,
-            "ground": None if self.ground is None else asdict(self.ground),
-            "focal": self.focal,
-            "white": self.white,
-            "weather_seed": int(u[0] * 2**53) if own is None else own,
-        }
-        for slot, name in enumerate(self.DRAWN):
-            record[name] = between(getattr(self, name), u[4 + slot])
-        return record
+            drawn["amount"] = between(self.amount or DEFAULT_AMOUNT, u[1])
+        if len(self.color) == 2:  # type: ignore[arg-type]
+            drawn["color"] = (between(self.color, u[2]),) * 3
+        if self.weather_seed is None:
+            drawn["weather_seed"] = int(u[0] * 2**53)
+        drawn["ground"] = None if self.ground is None else asdict(self.ground)
+        kept = {name: v for name, v in vars(self).items() if name not in ("severity", "seed")}
+        return {"transform": type(self).__name__, "version": VERSION, **kept, **drawn}
 
     @abstractmethod
     def _air(self, record: dict[str, Any]) -> Air:
         """Return the air that a record describes."""
 
 
-@kept(32)
-def view_of(shape: tuple[int, int], focal: float, aside: float = 0.0, eyes: float = 0.0) -> View:
-    return View(shape, Camera(focal * max(shape), offset=(aside, 0.0, 0.0)), eyes)
+def range_of(name: str, value: object, limits: Limits) -> Limits:
+    """Return (low, high) of a number or of a pair, within limits."""
+    ends = value if isinstance(value, (tuple, list, np.ndarray)) else (value, value)
+    if len(ends) != 2:
+        raise ValueError(f"{name} must be a number or (low, high), got {value!r}")
+    first, last = (real(name, end, low=limits[0], high=limits[1]) for end in ends)
+    if first > last:
+        raise ValueError(f"{name} must be (low, high) with low <= high, got {(first, last)}")
+    return first, last
+
+
+def between(limits: Any, u: float) -> float:
+    """Return the number at a share of a range."""
+    low, high = limits
+    return float(low + (high - low) * u)
+
+
+def _index_of(image: Array) -> int:
+    """Return an index that is a picture's own."""
+    values = image.reshape(-1) if image.flags.c_contiguous else np.ravel(image)
+    content = np.ascontiguousarray(values[:: max(values.size // _SAMPLES, 1)]).tobytes()
+    head = zlib.crc32(repr((image.shape, image.dtype.name)).encode())
+    return (zlib.crc32(content, head) & 0x7FFF_FFFF) << 32 | zlib.adler32(content, head)

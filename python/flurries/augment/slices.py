@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
 from flurries.augment.air import Here
+from flurries.augment.labels import SEEN
 from flurries.effects.air import Air as Request
 
 # Depths that drawn flakes are sorted into.
@@ -25,42 +26,62 @@ class Slice(NamedTuple):
     depth: Array
 
 
-class Labels(NamedTuple):
-    """The flakes at each pixel, the nearer slices before the farther ones, without a veil."""
+def mixture_of(
+    here: Here, alpha: Array, flow: Array | None, motion: bool, fps: float
+) -> dict[str, Any]:
+    """Return the labels of what is seen of picture and weather; holes stay holes."""
+    layer, most = falling_of(here, fps)
+    depth, came, found = here.distances.given, here.distances.came, dict[str, Any]()
+    # A layer of the texture alone may be denser than all of them, which are smoother.
+    seen = (most.opacity > SEEN) & (alpha > SEEN)
+    left = 1.0 - layer[..., 3]
+    if flow is not None:
+        found["flow"] = np.where(seen[..., None], most.motion, flow).astype(np.float32)
+        found["soft_flow"] = (left[..., None] * flow + layer[..., :2]).astype(np.float32)
+    if depth is not None:
+        nearer = np.where(seen, np.minimum(most.depth, depth), depth)
+        nearness = left / depth + layer[..., 2]
+        soft = np.divide(1.0, nearness, out=np.full_like(nearness, np.inf), where=nearness > 0.0)
+        if came is not None:
+            holes = np.isnan(came) | (came == 0.0)
+            np.copyto(nearer, came, where=holes & ~seen)
+            soft[holes] = came[holes]
+        found["depth"] = nearer.astype(np.float32)
+        found["soft_depth"] = soft.astype(np.float32)
+    if here.view.eyes:
+        parallax = here.view.focal * 2.0 * here.view.eyes
+        found["weather_disparity"] = np.asarray(parallax / most.depth, np.float32)
+        if depth is not None:
+            known = np.where(nearer == 0.0, np.nan, nearer)
+            found["disparity"] = np.asarray(parallax / known, np.float32)
+    if motion:
+        found["motion"], found["falling"] = most.motion, layer
+    return found
 
-    alpha: Array
-    # Pixels (x, y) per frame, and one over the depth, 1/m; premultiplied with the opacity.
-    motion: Array
-    nearness: Array
-    # The slice that is densest at each pixel.
-    most: Slice
 
-
-def labels_of(here: Here, fps: float) -> Labels:
-    """Return the labels of the flakes before a picture."""
+def falling_of(here: Here, fps: float) -> tuple[Array, Slice]:
+    """Return all flakes as `Weathered.falling`, and at each pixel the slice that is densest."""
     shape, air = here.view.shape, here.air
-    left, nearness = np.ones(shape, np.float32), np.zeros(shape, np.float32)
-    motion, densest = np.zeros((2, *shape), np.float32), np.zeros(shape, np.float32)
-    most = [np.zeros(shape, np.float32) for _ in "xyz"]
-    most[2].fill(np.inf)
+    left, densest = np.ones(shape, np.float32), np.zeros(shape, np.float32)
+    # Across, down, and one over the depth of all, or the depth of the densest.
+    means, most = np.zeros((2, 3, *shape), np.float32)
+    most[2] = np.inf
     if air.patches is not None and here.extinction > 0.0:
         # Fog moves as the mean of its patches and is nowhere in particular.
-        most[0][...], most[1][...] = air.patches.motion(shape, fps)
+        most[0], most[1] = air.patches.motion(shape, fps)
     for part in slices(here, fps):
         weight = left * part.opacity
         left -= weight
+        across, down = part.motion[..., 0], part.motion[..., 1]
+        parts = weight * across, weight * down, weight / part.depth
+        for mean, share in zip(means, parts, strict=True):
+            mean += share
         seen = part.opacity > densest
         np.copyto(densest, part.opacity, where=seen)
-        values = part.motion[..., 0], part.motion[..., 1], part.depth
-        for known, value in zip(most, values, strict=True):
+        for known, value in zip(most, (across, down, part.depth), strict=True):
             np.copyto(known, value, where=seen)
-        for axis in (0, 1):
-            motion[axis] += weight * values[axis]
-        nearness += weight / part.depth
-    way = np.ascontiguousarray(np.moveaxis(motion, 0, -1))
-    return Labels(
-        1.0 - left, way, nearness, Slice(densest, np.stack(most[:2], axis=-1), most[2])
-    )  # fmt: skip
+    layer = np.stack([*means, 1.0 - left], axis=-1)
+    return layer, Slice(densest, np.ascontiguousarray(np.moveaxis(most[:2], 0, -1)), most[2])
 
 
 def slices(here: Here, fps: float) -> list[Slice]:
@@ -75,7 +96,7 @@ def slices(here: Here, fps: float) -> list[Slice]:
         for near, far in itertools.pairwise(bounds):
             part = _drawn(here, request._replace(classes=[one._replace(shown=(*near, *far))]))
             found += [] if part is None else [part]
-    focal, speed = here.view.camera.focal, np.asarray(here.air.velocity)
+    focal, speed = here.view.focal, np.asarray(here.air.velocity)
     for layer, own in zip(here.layers, here.sheets.layers if here.layers else (), strict=True):
         plane = np.empty(here.view.shape, np.float32)
         _core.sheet_read(plane, (0, 0), [layer], here.depth, True)

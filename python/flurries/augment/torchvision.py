@@ -14,9 +14,7 @@ from torchvision.transforms import v2
 
 from flurries import augment
 from flurries._contract import rate_of, real
-from flurries.augment import tensors
-from flurries.augment.labels import thicker
-from flurries.augment.signature import Fields, transforms
+from flurries.augment.pipelines import Fields, painted, thicker, transforms
 from flurries.augment.weather import Weather
 
 if TYPE_CHECKING:
@@ -57,17 +55,7 @@ class Records(list[Any]):
 
 
 class _Transform(v2.Transform):  # type: ignore[misc]
-    """One weather.
-
-    Parameters
-    ----------
-    p : float
-        Probability of the transform.
-    fps : float
-        Frames per second of videos.
-    weather
-        Fields of its kind.
-    """
+    """One weather, with a probability; `fps` is that of videos."""
 
     KIND: ClassVar[Any]
     _transformed_types = (*v2.Transform._transformed_types, Records)
@@ -108,7 +96,7 @@ class _Transform(v2.Transform):  # type: ignore[misc]
             # Boxes, masks, key points and what may come to be.
             return inpt
         if not isinstance(inpt, torch.Tensor):
-            return painted(drawn, inpt, depth)
+            return _pillow(drawn, inpt, depth)
         if inpt.numel() == 0:
             return inpt
         if inpt.ndim < 2 + isinstance(inpt, visible):
@@ -127,7 +115,7 @@ class _Transform(v2.Transform):  # type: ignore[misc]
             whole, layers = (np.stack(part) for part in zip(*seen, strict=True))
             return whole.reshape(planes.shape), layers.reshape(*planes.shape[:-1], 4)
 
-        result = tensors.painted(given, pictures).reshape(inpt.shape)
+        result = painted(given, pictures).reshape(inpt.shape)
         if isinstance(inpt, tv_tensors.TVTensor):
             result = tv_tensors.wrap(result, like=inpt)
         return result
@@ -138,7 +126,7 @@ class _Transform(v2.Transform):  # type: ignore[misc]
         return f"p={self.p}, {self.weather}"
 
 
-def painted(weather: Weather, picture: Any, depth: Any) -> Any:
+def _pillow(weather: Weather, picture: Any, depth: Any) -> Any:
     """Return a picture of Pillow in a weather: grey stays grey, and an alpha stays as it is."""
     from PIL import Image
 

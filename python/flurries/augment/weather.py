@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields
 from functools import partial
 from typing import Any, Literal, overload
 
@@ -11,11 +12,17 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Array, choice, flag, int64, mapping, output, rate_of, real
-from flurries.augment.air import FPS, Here
+from flurries.augment.air import FPS, Here, View
 from flurries.augment.distance import Depth, Distances, distances_of
-from flurries.augment.labels import Weathered, boxes_of, flow_of, hidden, layer_of, mixture_of
-from flurries.augment.pictures import mixed, picture_of, stack_of
-from flurries.augment.record import Recorded, view_of
+from flurries.augment.labels import Weathered, boxes_of, flow_of, hidden
+from flurries.augment.pictures import layer_of, mixed, picture_of, stack_of
+from flurries.augment.record import VERSION, Recorded
+from flurries.augment.slices import mixture_of
+
+_NAMES = ("Snowfall", "Rainfall", "Fog")
+
+# Labels of `apply` that each picture of several has its own of.
+_LABELS = ("boxes", "masks", "flow")
 
 
 class Weather(Recorded):
@@ -65,11 +72,9 @@ class Weather(Recorded):
             Or with `return_layer` that and the layer, (H, W, 4) float32, premultiplied.
         """
         given = picture_of("image", image)
-        moment = 0.0 if time is None else real("time", time, low=-1e9, high=1e9)
         rate = None if time is None else FPS
-        made = self._made(
-            [given], [self._drawn(given, index)], [depth], [moment], return_layer, rate
-        )
+        record = self._drawn(given, index)
+        made = self._made([given], [record], [depth], [_seconds(time)], return_layer, rate)
         ((seen, layer),) = made
         if out is not None:
             result = output(out, seen.shape, seen.dtype, given)
@@ -101,11 +106,9 @@ class Weather(Recorded):
         array of the shape and dtype of `frames`
             Or with `return_layer` that and the layers, (T, H, W, 4) float32.
         """
-        given = stack_of("frames", frames)
-        rate = rate_of(fps)
-        start = real("time", time, low=-1e9, high=1e9)
+        given, rate = stack_of("frames", frames), rate_of(fps)
         records = [self._drawn(given[0], index)] * len(given)
-        times = [start + number / rate for number in range(len(given))]
+        times = [_seconds(time) + number / rate for number in range(len(given))]
         return self._stacked(given, records, depth, times, return_layer, rate)
 
     def batch(
@@ -130,14 +133,14 @@ class Weather(Recorded):
         """
         given = stack_of("images", images)
         count = len(given)
-        if index is None or isinstance(index, (int, np.integer)):
-            first = None if index is None else int64("index", index) + 2**63
+        if index is None:
+            wanted: list[int | None] = [None] * count
+        elif isinstance(index, (int, np.integer)):
+            first = int64("index", index) + 2**63
             # Wrapped within an int64.
-            wanted = [None if first is None else (first + k) % 2**64 - 2**63 for k in range(count)]
+            wanted = [(first + k) % 2**64 - 2**63 for k in range(count)]
         else:
-            if len(index) != count:
-                raise ValueError(f"index must be one or {count} integers, got {len(index)}")
-            wanted = [int64("index", value) for value in index]
+            wanted = [int64("index", one) for one in _each("index", index, count)]
         records = [self._drawn(image, k) for image, k in zip(given, wanted, strict=True)]
         return self._stacked(given, records, depth, [0.0] * count, return_layer)
 
@@ -168,12 +171,10 @@ class Weather(Recorded):
         A flake or a layer of sheets at depth z has the disparity ``focal * distance / z``.
         """
         pictures = _pair(left, right)
-        times = [real("time", time, low=-1e9, high=1e9)] * 2
         records = [self._drawn(pictures[0], index)] * 2
-        eyes = None, distance, (-1, 1)
-        seen, layers = zip(
-            *self._made(pictures, records, depth, times, return_layer, *eyes), strict=True
-        )
+        times, eyes = [_seconds(time)] * 2, (None, distance, (-1, 1))
+        made = self._made(pictures, records, depth, times, return_layer, *eyes)
+        seen, layers = zip(*made, strict=True)
         return (*seen, *layers) if layers[0] is not None else seen
 
     def apply(
@@ -211,29 +212,28 @@ class Weather(Recorded):
             Of a film a list and of a pair a tuple: of each, with its own boxes, masks and flow.
         """
         wanted, rate = flag("motion", motion), rate_of(fps)
-        left = eye is not None and choice("eye", eye, ("left", "right")) == "left"
-        sides: tuple[int, ...] = () if eye is None else (-1 if left else 1,)
-        moment = 0.0 if time is None else real("time", time, low=-1e9, high=1e9)
-        labels: list[Any] = [boxes, masks, flow]
-        if isinstance(image, tuple):
+        sides: tuple[int, ...] = ()
+        if eye is not None:
+            sides = (-1 if choice("eye", eye, ("left", "right")) == "left" else 1,)
+        moment, labels = _seconds(time), [boxes, masks, flow]
+        pair, film = isinstance(image, tuple), getattr(image, "ndim", 0) == 4
+        if pair:
             pictures, times, sides = _pair(*image), [moment] * 2, (-1, 1)
-        elif getattr(image, "ndim", 0) == 4:
+        elif film:
             pictures = list(stack_of("image", image))
             times = [moment + number / rate for number in range(len(pictures))]
             sides *= len(pictures)
         else:
             pictures, times, depth = [picture_of("image", image)], [moment], [depth]
             labels = [[label] for label in labels]
-        count = len(pictures)
-        each = list(map(_each, ("boxes", "masks", "flow"), labels, [count] * 3))
-        shape = pictures[0].shape[:2]
-        corners = [None if box is None else boxes_of(box) for box in each[0]]
-        flows = [None if label is None else flow_of(label, shape) for label in each[2]]
-        record = self._drawn(pictures[0], index)
-        film = rate if time is not None or len(set(times)) > 1 else None
-        airs = self._airs(pictures, [record] * count, depth, times, film, distance, sides)
+        count, record = len(pictures), self._drawn(pictures[0], index)
+        each = [_each(name, label, count) for name, label in zip(_LABELS, labels, strict=True)]
+        corners = [None if one is None else boxes_of(one) for one in each[0]]
+        shape, color = pictures[0].shape[:2], record["color"]
+        flows = [None if one is None else flow_of(one, shape) for one in each[2]]
+        goes_on = rate if time is not None or len(set(times)) > 1 else None
+        airs = self._airs(pictures, [record] * count, depth, times, goes_on, distance, sides)
         found = []
-        color = record["color"]
         for k, here in enumerate(airs):
             alpha, veil = here.alpha()
             later = None
@@ -243,25 +243,24 @@ class Weather(Recorded):
                 mixed(pictures[k], alpha, color, self.white), alpha, color, record, each[0][k],
                 each[1][k], **hidden(alpha, veil, corners[k], each[1][k]), _mixture=later,
             ))  # fmt: skip
-        if isinstance(image, tuple):
-            return tuple(found)
-        return found if getattr(image, "ndim", 0) == 4 else found[0]
+        return tuple(found) if pair else found if film else found[0]
 
     def _airs(
         self, pictures: Iterable[Array], records: list[dict[str, Any]], depth: Depth,
         times: list[float], rate: float | None, apart: float = 0.0, sides: tuple[int, ...] = (),
     ) -> Iterator[Here]:  # fmt: skip
         """Yield the air before each picture: before both eyes one, by what the left one sees."""
-        apart = real("distance", apart, low=0.0, high=1e3)
+        half = 0.5 * real("distance", apart, low=0.0, high=1e3)
         several = isinstance(depth, (list, tuple)) or getattr(depth, "ndim", 0) == 3
         depths = _each("depth", depth, len(times)) if several else [depth] * len(times)
         far: Distances | None = None
         first: Here | None = None
         for k, (picture, record) in enumerate(zip(pictures, records, strict=True)):
-            eye = (0.5 * apart * sides[k], 0.5 * apart) if sides else ()
-            view = view_of(picture.shape[:2], self.focal, *eye)
+            shape = picture.shape[:2]
+            eye = (half * sides[k], half) if sides else ()
+            view = View(shape, self.focal * max(shape), *eye)
             if several or far is None:
-                far = distances_of(depths[k], view.shape, self.ground, view.camera.focal)
+                far = distances_of(depths[k], shape, self.ground, view.focal)
             here = Here(self._air(record), view, far, times[k], rate)
             if sides == (-1, 1):
                 first = first or here
@@ -285,14 +284,13 @@ class Weather(Recorded):
         layers: bool, *how: Any,
     ) -> Any:  # fmt: skip
         result = np.empty(given.shape, given.dtype.newbyteorder("="))
-        planes = (
-            np.empty((*given.shape[:3], 4), np.float32) if flag("return_layer", layers) else None
-        )
-        for number, made in enumerate(self._made(given, records, depth, times, layers, *how)):
-            result[number] = made[0]
-            if planes is not None:
-                planes[number] = made[1]
-        return result if planes is None else (result, planes)
+        shape = (*given.shape[:3], 4)
+        whole = np.empty(shape, np.float32) if flag("return_layer", layers) else None
+        for k, made in enumerate(self._made(given, records, depth, times, layers, *how)):
+            result[k] = made[0]
+            if whole is not None:
+                whole[k] = made[1]
+        return result if whole is None else (result, whole)
 
 
 def replay(record: Mapping[str, Any]) -> Weather:
@@ -316,10 +314,16 @@ def replay(record: Mapping[str, Any]) -> Weather:
     >>> bool((again == seen.image).all())
     True
     """
-    given = mapping("record", record)
-    name = choice("record: transform", given.get("transform"), ("Snowfall", "Rainfall", "Fog"))
-    kind: type[Weather] = getattr(importlib.import_module("flurries.augment"), name)
-    return kind.replay(given)
+    given = dict(mapping("record", record))
+    name = choice("record: transform", given.pop("transform", None), _NAMES)
+    kind = getattr(importlib.import_module("flurries.augment"), name)
+    if (version := given.pop("version", None)) != VERSION:
+        raise ValueError(f"record must be of version {VERSION}, got {version!r}")
+    known = {field.name for field in fields(kind)} - {"severity", "seed"}
+    if odd := sorted(given.keys() ^ known):
+        raise ValueError(f"record must hold {sorted(known)}, differs in {odd}")
+    weather: Weather = kind(**given)
+    return weather
 
 
 def _pair(left: Any, right: Any) -> list[Array]:
@@ -330,6 +334,10 @@ def _pair(left: Any, right: Any) -> list[Array]:
             f"{pictures[1].shape[:2]}"
         )
     return pictures
+
+
+def _seconds(time: float | None) -> float:
+    return 0.0 if time is None else real("time", time, low=-1e9, high=1e9)
 
 
 def _each(name: str, value: Any, count: int) -> list[Any]:
