@@ -1,10 +1,17 @@
-"""The plan of a scene: the steps that its effects name, and a trace of a few of its frames."""
+"""The plan of a scene: the steps that its effects name, and a trace of a few of its frames.
+
+Printed as a table, shown as a picture in a notebook, or given as JSON.
+"""
 
 from __future__ import annotations
 
+import json
 import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from functools import reduce
+from operator import or_
 from typing import Any
 
 import numpy as np
@@ -15,8 +22,8 @@ from flurries.frame import planes
 from flurries.frame.mixing import free_name
 from flurries.frame.needs import LeftOut, needs_of
 from flurries.frame.picture import images, shown_type
-from flurries.frame.program import Ask, Program
-from flurries.frame.report import Plan, PlannedStep
+from flurries.frame.program import Program
+from flurries.frame.show import listing
 from flurries.motion.keys import Keys
 
 # Frames of a film whose steps are asked for, spread over it, beside those where something is keyed.
@@ -29,6 +36,127 @@ PROBED = 5
 # An effect, -1 for the scene's own, and a step: as in a trace.
 _Key = tuple[int, str]
 _COMPOSITE: _Key = (-1, "composite")
+
+_Table = tuple[str, list[tuple[str, ...]]]
+
+
+@dataclass(frozen=True)
+class PlannedStep:
+    """A step of rendering a frame."""
+
+    name: str  # "snow: texture"; steps of the scene itself have no effect's name.
+    size: str  # Of what it makes.
+    milliseconds: float | None  # In a frame in which it runs; None where none was probed.
+    bytes: int | None  # Allocated at its height beyond what was there when it began, at most.
+    share: float = 1.0  # Of the frames in which it runs.
+    once: bool = False  # Whether it runs for the first frame alone; its time is that one's.
+
+
+@dataclass(frozen=True)
+class Handover:
+    """What a frame of snow or rain costs, and what its weather looks like, in one setting."""
+
+    setting: str  # "hand-over at 3.4 m"
+    milliseconds: float
+    rms: float  # Root mean square of the weather's opacity from its mean.
+    euler: int  # Pieces less holes of the hundredth of the pixels with most weather.
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """What accuracy costs in a scene."""
+
+    frame: int  # That was rendered.
+    settings: tuple[Handover, ...]  # From the nearest hand-over to every flake drawn.
+    why: str = ""  # Why there are no settings, or fewer.
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The steps of rendering a scene; printing it gives a table."""
+
+    size: tuple[int, int]  # (width, height) px.
+    frames: tuple[int, int, int]  # (first, last, count) of the film, or of what was asked for.
+    steps: tuple[PlannedStep, ...]
+    left_out: tuple[LeftOut, ...]
+    probed: tuple[int, ...]  # The frames that were rendered to measure; none without a probe.
+    # For a frame: the steps by their shares without what runs once, and rest.
+    milliseconds: float | None
+    first: float | None  # Milliseconds of the first frame, with what is made once and kept.
+    rest: float | None  # Milliseconds between the steps.
+    bytes: int | None  # Most at one time while a frame is rendered, without what the scene holds.
+    threads: int  # What the times are for.
+    # (effect, frame, strength): one an effect, more where it changes; see `fl.Snow.strength`.
+    strengths: tuple[tuple[str, int, Any], ...] = ()
+    accuracy: Accuracy | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the plan as plain values."""
+        values: dict[str, Any] = json.loads(json.dumps(asdict(self)))
+        return values | {"frames": dict(zip(("first", "last", "count"), self.frames, strict=True))}
+
+    def to_json(self) -> str:
+        """Return the plan as JSON."""
+        return json.dumps(self.to_dict(), indent=2)
+
+    def __str__(self) -> str:
+        lines = []
+        for title, rows in self._tables():
+            wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+            lines += ["", title]
+            for row in rows:
+                cells = (cell.ljust(width) for cell, width in zip(row, wide, strict=True))
+                lines.append("  ".join(cells).rstrip())
+        return "\n".join(lines[1:])
+
+    def _repr_html_(self) -> str:
+        times = [step.milliseconds or 0.0 for step in self.steps]
+        longest = max(times, default=0.0) or 1.0
+        bars = ["", *("█" * round(20.0 * time / longest) for time in times)]
+        (title, steps), *more = self._tables()
+        bars += [""] * (len(steps) - len(bars))
+        rows = [(*row, bar) for row, bar in zip(steps, bars, strict=True)]
+        tables = [f"<b>{title}</b>{listing(rows)}" for title, rows in [(title, rows), *more]]
+        return f"<div>{''.join(tables)}</div>"
+
+    def _tables(self) -> list[_Table]:
+        def row(name: str, what: str, time: float | None, size: int | None, when: str = "") -> Any:
+            taken = "" if time is None else f"{time:8.3g}"
+            return name, what, taken, "" if size is None else f"{size / 2.0**20:8.1f}", when
+
+        rows = [("step", "what", f"{'ms':>8}", f"{'MiB':>8}", "")]
+        for step in self.steps:
+            rare = f"in {100.0 * step.share:.0f} % of the frames" if step.share < 1.0 else ""
+            when = "once" if step.once else rare
+            rows.append(row(step.name, step.size, step.milliseconds, step.bytes, when))
+        size = f"{self.size[0]} x {self.size[1]} px"
+        title = f"{size}, without times"
+        if self.milliseconds is not None:
+            first, last, count = self.frames
+            film = f"frames {first} to {last}: {1e-3 * self.milliseconds * count:.3g} s"
+            film = f"frame {first}" if count == 1 else film
+            rows.append(row("between the steps", "", self.rest, None))
+            rows.append(row("the first frame", "with what is kept", self.first, None))
+            rows.append(row("a frame", film, self.milliseconds, self.bytes))
+            title = f"{size}, {self.threads} thread{'s' * (self.threads > 1)}"
+            title += f", measured in frame{'s' * (len(self.probed) > 1)} "
+            title += ", ".join(map(str, self.probed))
+        tables: list[_Table] = [(title, [*rows])]
+        if self.strengths:
+            said = [(name, f"frame {frame}", str(one)) for name, frame, one in self.strengths]
+            tables.append(("strength", [*said]))
+        if self.left_out:
+            tables.append(("left out", [(one.what, one.why) for one in self.left_out]))
+        found = self.accuracy
+        if found is not None and found.settings:
+            settings = [("setting", f"{'ms':>8}", f"{'RMS':>8}", f"{'Euler':>8}")]
+            for one in found.settings:
+                numbers = f"{one.milliseconds:8.3g}", f"{one.rms:8.4f}", f"{one.euler:8d}"
+                settings.append((one.setting, *numbers))
+            tables.append((f"accuracy, frame {found.frame}", [*settings]))
+        if found is not None and found.why:
+            tables.append(("accuracy", [(found.why,)]))
+        return tables
 
 
 @dataclass(frozen=True)
@@ -43,8 +171,12 @@ class _Look:
 
 def plan_of(program: Program, numbers: Sequence[int], *, probe: bool = True) -> Plan:
     """Return the plan of a scene's frames; see :meth:`flurries.Scene.plan`."""
-    keyed = _keyed(program).intersection(numbers)
-    looks = _looks(program, numbers, keyed)
+    holders = [*program.effects, *program.base.lights, program.base.lens]
+    values = [value for one in holders for value in getattr(one, "__dict__", {}).values()]
+    times = {round(t) for keys in values if isinstance(keys, Keys) for t, _ in keys.keys}
+    keyed = times.intersection(numbers)
+    spread = [numbers[i] for i in np.linspace(0, len(numbers) - 1, LOOKED_AT).astype(int)]
+    looks = [_look(program, t) for t in sorted({*sorted(keyed)[:MOST_KEYED], *spread})]
     middle = numbers[(len(numbers) - 1) // 2]
     probed = _probed(looks, middle, keyed) if probe else ()
     cold, warm = _traces(program, probed)
@@ -110,46 +242,32 @@ def _strengths(program: Program, frames: Sequence[int]) -> Iterator[tuple[str, i
             before = strength
 
 
-def _keyed(program: Program) -> set[int]:
-    holders = [*program.effects, *program.base.lights, program.base.lens]
-    values = [value for one in holders for value in getattr(one, "__dict__", {}).values()]
-    return {round(frame) for keys in values if isinstance(keys, Keys) for frame, _ in keys.keys}
-
-
-def _looks(program: Program, numbers: Sequence[int], keyed: set[int]) -> list[_Look]:
-    spread = np.linspace(0, len(numbers) - 1, LOOKED_AT).astype(int)
-    near = sorted(keyed)[:MOST_KEYED]
-    return [_look(program, t) for t in sorted({*near, *(numbers[i] for i in spread)})]
-
-
 def _time(program: Program, number: int) -> float:
     lap = program.base.lap
     return float(number) if lap is None else lap.place(float(number))
 
 
 def _look(program: Program, number: int) -> _Look:
-    t, front = _time(program, number), program.front(_time(program, number))
-    plate = program.backdrop.frame(t)
-    window = program.open_part(program.base.window, front)
-    camera, left_out, asks = program.camera(None, t), list[LeftOut](), list[Ask]()
-    if window is not None:
-        asks = program.asks(t, camera, window, shown_type(plate), read=False)
-    elif program.parts:
+    t = _time(program, number)
+    plate, camera = program.backdrop.frame(t), program.camera(None, t)
+    window = program.open_part(program.base.window, program.front(t))
+    left_out: list[LeftOut] = []
+    if window is None and program.parts:
         left_out.append(LeftOut("all effects", "they are behind what stands in front"))
+    asks = (window and program.asks(t, camera, window, shown_type(plate), read=False)) or []
     shown = {ask.part.place for ask in asks}
-    for part in program.parts if window is not None else ():
-        if part.place not in shown:
+    for part in program.parts:
+        if window is not None and part.place not in shown:
             needs = part.needs or needs_of(part.effect, program.frame(t, camera, window))
             faint = LeftOut(part.name, f"it changes a value by {needs.most:.2g} at most: no step")
             left_out += [faint] if needs.steps else needs.left_out
     reads = frozenset[str]().union(*(ask.needs.reads for ask in asks))
-    steps: dict[_Key, bool] = {(-1, "background"): False}
-    if program.distance is not None and "depth" in reads:
-        steps[-1, "depth"] = False
-    elif program.distance is not None:
+    if program.distance is not None and "depth" not in reads:
         left_out.append(LeftOut("depth", "nothing reads it"))
-    light = {"ambient": "ambient", "plate": "plate light"}
-    steps |= {(-1, name): False for part, name in light.items() if part in reads}
+    given = {"depth": program.distance is not None and "depth" in reads}
+    given |= {"ambient": "ambient" in reads, "plate light": "plate" in reads}
+    steps: dict[_Key, bool] = {(-1, "background"): False}
+    steps |= {(-1, name): False for name, made in given.items() if made}
     for ask in asks:
         # Asked again: what was said for the whole film knows neither this time nor this window.
         needs = needs_of(ask.part.effect, ask.frame)
@@ -213,8 +331,5 @@ def _traces(program: Program, probed: Sequence[int]) -> tuple[list[Trace], list[
 
 def _counted(runs: Sequence[Span]) -> str:
     """Return what the runs of a step have counted, at most: "361 tiles"."""
-    most: dict[str, int] = {}
-    for span in runs:
-        for name, number in span.counts.items():
-            most[name] = max(most.get(name, 0), number)
+    most = reduce(or_, (Counter(span.counts) for span in runs), Counter[str]())
     return ", ".join(f"{number} {name}" for name, number in most.items())

@@ -20,7 +20,6 @@ from flurries._kept import Kept
 from flurries._trace import current
 from flurries.camera.lens import Camera
 from flurries.frame.bands import Window, bands_of
-from flurries.frame.edges import Edges
 from flurries.frame.matte import Front
 from flurries.frame.mixing import Mix
 from flurries.frame.needs import LeftOut, Needs, has_keys, needs_of, renderer_of
@@ -91,24 +90,20 @@ class Program:
         moves = not base.path.still or has_keys(base.lens) or has_keys(base.lights)
         deep = self.distance is not None or (self.mattes is not None and self.mattes.deep)
         self.base = replace(base, kept=kept, settled=kept is not None and not moves, deep=deep)
+        first = self.frame(0.0)
         for index, effect in enumerate(self.effects):
-            self._add(index, effect)
-
-    def _add(self, index: int, effect: Any) -> None:
-        needs, first, renderer = None, self.frame(0.0), renderer_of(effect)
-        if not has_keys(effect):
             # What an effect needs does not depend on the seed.
-            needs = needs_of(effect, first)
-            if not needs.steps:
+            needs = None if has_keys(effect) else needs_of(effect, first)
+            if needs is not None and not needs.steps:
                 self.left_out += needs.left_out
-                return
-        own = getattr(effect, "seed", None)
-        seed = effect_seed(self.seed, index) if own is None else own
-        self.parts.append(Part(effect, renderer, index, seed, needs))
+                continue
+            own = getattr(effect, "seed", None)
+            seed = effect_seed(self.seed, index) if own is None else own
+            self.parts.append(Part(effect, renderer_of(effect), index, seed, needs))
 
-    def mix(self, plate: Array | None = None) -> Mix:
+    def mix(self, plate: Array) -> Mix:
         """Return the light that layers are mixed in, over a plate of the background."""
-        straight = plate is not None and plate.shape[2] == 4 and plate.dtype.kind == "u"
+        straight = plate.shape[2] == 4 and plate.dtype.kind == "u"
         return Mix(self.linear, self.backdrop.encoding, straight, self.primaries)
 
     def camera(self, eye: Camera | None, t: float) -> Camera:
@@ -127,30 +122,33 @@ class Program:
     ) -> list[Ask]:  # fmt: skip
         """Return the effects that run at `t` with their views of the frame, back to front."""
         # A picture of integers, of type `dtype`, does not show what is less than half of a step; of
-        # layers, where it is None, every value counts. Depth and ambient light are filled in where
-        # an effect reads them, unless `read` is False.
-        base = self.frame(t, camera, window)
+        # layers, where it is None, every value counts. Depth and light are filled in where an
+        # effect reads them, unless `read` is False.
+        base, front = self.frame(t, camera, window), self.front(t)
         runs = self._parts_in(base, dtype)
         reads = frozenset[str]().union(*(needs.reads for _, needs in runs)) if read else ()
-        depth, edges = self._depths_at(t) if "depth" in reads else (None, None)
-        ambient = self._ambient(t) if "ambient" in reads else None
-        front = self.front(t)
-        sides = (edges and edges.front, front.deep if read else None)
-        nearer = tuple(deep for deep in sides if deep is not None)
-        plate = self._plate(t, depth) if "plate" in reads else None
+        given: dict[str, dict[str, Any]] = {}
+        depth: Array | None = None
+        if "depth" in reads:
+            depth, edges = self.depth_at(t), self.distance and self.distance.edges(t)
+            depth = edges.back if edges else depth
+            nearer = [deep for deep in (edges and edges.front, front.deep) if deep is not None]
+            given["depth"] = {"depth": depth, "nearer": tuple(nearer)}
+        if "ambient" in reads:
+            given["ambient"] = {"ambient": self._ambient(t)}
+        if "plate" in reads:
+            given["plate"] = {"plate": self._plate(t, depth)}
         airs = [air_of(part.renderer, t) if base.lights else 0.0 for part, _ in runs]
         found = []
         for number, (part, needs) in enumerate(runs):
+            read_by = {k: v for name in needs.reads for k, v in given.get(name, {}).items()}
             frame = base.derive(
                 seed=part.seed,
                 air=(sum(airs), sum(airs[:number])),
                 steps={step.name: step for step in needs.steps},
                 visible=None if dtype is None else front.visible,
                 whole=dtype is None,
-                depth=depth if "depth" in needs.reads else None,
-                ambient=ambient if "ambient" in needs.reads else None,
-                nearer=nearer if "depth" in needs.reads else (),
-                plate=plate if "plate" in needs.reads else None,
+                **read_by,
             )
             found.append(Ask(part, frame, needs))
         return found
@@ -162,11 +160,8 @@ class Program:
 
     def _parts_in(self, frame: Frame, dtype: np.dtype[Any] | None) -> list[tuple[Part, Needs]]:
         """Return the parts that show anything in a frame, with their needs."""
-        runs = []
-        for part in self.parts:
-            needs = part.needs or needs_of(part.effect, frame)
-            if needs.steps:
-                runs.append((part, needs))
+        asked = [(part, part.needs or needs_of(part.effect, frame)) for part in self.parts]
+        runs = [(part, needs) for part, needs in asked if needs.steps]
         if dtype is None or dtype.kind != "u":
             return runs
         limit, total, shown = HALF_STEP / float(np.iinfo(dtype).max), 0.0, []
@@ -197,12 +192,6 @@ class Program:
         with current.get().stage("depth"):
             depth: Array = self.distance.frame(t)
         return depth
-
-    def _depths_at(self, t: float) -> tuple[Array | None, Edges | None]:
-        """Return the depth for effects, the far sides at edges, and these edges."""
-        depth = self.depth_at(t)
-        edges: Edges | None = None if self.distance is None else self.distance.edges(t)
-        return depth if edges is None else edges.back, edges
 
     # Of the whole picture, so that a region has the whole's bits.
     def find_light(self, *, keyed: bool = False) -> Light:

@@ -18,7 +18,7 @@ from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur, Lens
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_vector
-from flurries.frame.bands import Visible, crop
+from flurries.frame.bands import Visible, Window, crop
 from flurries.frame.matte import Deep
 from flurries.frame.needs import Step
 from flurries.light.lamp import ROW, Lamp, Sun
@@ -34,9 +34,7 @@ class Shared:
 
     # `cameras` are the eyes as they are at the frame's time, `window` that of all bands together.
 
-    def __init__(
-        self, cameras: tuple[Camera, ...], window: tuple[int, int, int, int], bands: int = 1
-    ) -> None:
+    def __init__(self, cameras: tuple[Camera, ...], window: Window, bands: int = 1) -> None:
         self.cameras, self.window, self.bands = cameras, window, bands
         # With the owner, which must not go while its id is known.
         self._known: dict[Any, tuple[object, Any]] = {}
@@ -74,14 +72,10 @@ class Frame:
 
     Attributes
     ----------
-    shape : (H, W)
-        Size of the whole frame, pixels.
-    window : (top, bottom, left, right)
-        The part that is wanted, pixels.
-    t : float
-        Frame number.
-    fps : float
-        Frames per second.
+    shape, window : (H, W), (top, bottom, left, right)
+        Size of the whole frame, and the part that is wanted, pixels.
+    t, fps : float
+        Frame number, and frames per second.
     camera : Camera
         The eye as it is at `t`: its rotation is from its own axes to the house's then.
     path : CameraPath
@@ -91,15 +85,13 @@ class Frame:
     depth : (H, W) float32 or None
         Planar depth of the background in world units, of the whole frame; infinity where nothing
         stands, None where nobody said. Read-only.
-    sun : Sun or None
-        The scene's sun.
+    sun, lights : Sun or None, tuple of Lamp
+        The scene's sun and lamps.
     ambient : (r, g, b) or None
         Display values of white in the background's own light, where an effect's color is
         "ambient".
     plate : PlateLight or None
         The background's light by places, where an effect's color is "local".
-    lights : tuple of Lamp
-        Lamps of the scene.
     lens : Lens or None
         The lens that the weather is seen through; without one everything is sharp.
     lap : Lap or None
@@ -113,25 +105,14 @@ class Frame:
         The effect's steps that are planned; None where a frame was made without a plan: all.
     visible : Visible or None
         Where anything of the effect can be seen; None is everywhere.
-    kept : Kept or None
-        Where results that other frames have as well are found, if the depth never changes.
-    settled : bool
-        Whether neither the camera nor the depth ever changes.
     deep : bool
         Whether the scene has a depth, read or not.
     whole : bool
         Whether layers are asked for with all that they can say of their pixels.
-    nearer : tuple of Deep
-        What stands in a share of pixels before `depth`, of the whole frame; an effect is asked
-        once more for each, with it in `depth`, and need not look at it.
-    side : int
-        The number of that depth; 0 is the scene's own.
-    shared : Shared or None
-        Results that both eyes, or the bands of a large frame, share.
     """
 
     shape: tuple[int, int]
-    window: tuple[int, int, int, int]
+    window: Window
     t: float
     fps: float
     camera: Camera
@@ -148,10 +129,13 @@ class Frame:
     air: tuple[float, float] = (0.0, 0.0)
     steps: Mapping[str, Step] | None = None
     visible: Visible | None = None
+    # Where results that other frames have as well are found, if the depth never changes.
     kept: Kept | None = field(default=None, compare=False, repr=False)
-    settled: bool = False
+    settled: bool = False  # Whether neither the camera nor the depth ever changes.
     deep: bool = False
     whole: bool = False
+    # What stands in a share of pixels before `depth`, of the whole frame: an effect is asked once
+    # more for each, with it in `depth` and its number in `side`, and need not look at it.
     nearer: tuple[Deep, ...] = field(default=(), compare=False, repr=False)
     side: int = 0
     shared: Shared | None = field(default=None, compare=False, repr=False)
@@ -250,12 +234,7 @@ class Frame:
     def displacement(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
         """Return camera minus air since frame 0, house axes, (3,) world units.
 
-        Parameters
-        ----------
-        fall : float or Keys
-            World units per second, down.
-        wind : (x, y, z) or Keys
-            World units per second, house axes.
+        The air falls and blows, world units per second: numbers or keys.
         """
         return self.path.relative(self.t, fps=self.fps, fall=fall, wind=wind)[0]
 

@@ -16,7 +16,7 @@ from flurries.effects.rain import Rain
 from flurries.effects.snow import Snow
 from flurries.effects.weather import Weather
 from flurries.frame.needs import renderer_of
-from flurries.frame.report import Accuracy, Handover
+from flurries.frame.plan import Accuracy, Handover
 from flurries.frame.view import Frame
 from flurries.scene.rendering import Rendering
 from flurries.scene.scene import Scene, expect_scene

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from distributed import Client
     from typing_extensions import Unpack
 
-    from flurries.frame.report import Plan
+    from flurries.frame.plan import Plan
     from flurries.output.write import Summary
 
 Region: TypeAlias = tuple[slice, slice]
