@@ -184,7 +184,7 @@ def test_a_photograph_has_the_usual_lens_and_a_still_s_exposure(tmp_path: Any):
 
     def exposure(scene: fl.Scene) -> float:
         frame = scene._program.views(3.0)[0][1]
-        return float(scene.effects[0].parts.flakes.weather.motion.exposure(frame)) / scene.fps
+        return float(scene.effects[0].parts.flakes.motion.exposure(frame)) / scene.fps
 
     assert exposure(still) == pytest.approx(1 / 250) and exposure(film) == pytest.approx(1 / 60)
     assert exposure(still.replace(effects=[fl.Snow(shutter=0.3)])) == pytest.approx(0.01)
@@ -198,7 +198,7 @@ def test_nothing_of_shapes_and_lens_where_they_are_not_asked_for():
     def asked(lens: fl.camera.Lens | None, **fields: Any) -> tuple[bool, bool]:
         shown = fl.Scene(size=(96, 64), effects=[fl.Snow(**fields)], lens=lens)
         frame = shown._program.views(3.0)[0][1]
-        near = air_of(shown.effects[0].parts.flakes.weather, frame, 1.0).closeup
+        near = air_of(shown.effects[0].parts.flakes, frame, 1.0).closeup
         return near is not None, near is not None and near.blur is not None
 
     assert asked(None, shape="round") == (False, False)

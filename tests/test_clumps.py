@@ -20,7 +20,7 @@ def scene(snow: fl.Snow, ahead: float = 0.0) -> fl.Scene:
 def denser(one: fl.Scene, t: float, places: np.ndarray) -> np.ndarray:
     """The law at places (..., 3) relative to the camera, wave by wave."""
     frame = one._program.views(t)[0][1]
-    clumps = clumps_of(one.effects[0].parts.front.weather, frame)
+    clumps = clumps_of(one.effects[0].parts.flakes, frame)
     phase = 2.0 * math.pi * places @ clumps.waves.T
     s = np.cos(phase) @ clumps.weights[:, 0] - np.sin(phase) @ clumps.weights[:, 1]
     return 1.0 + STRENGTH * s / np.sqrt(1.0 + s**2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, fields
@@ -136,16 +135,7 @@ def other(name: str, about: str, text: str) -> tuple[str, str]:
 
 def ranges(kind: type[Any]) -> dict[str, str]:
     """Return what the checks of an effect's fields say of their limits."""
-    module = importlib.import_module(kind.__module__)
-    module = module if hasattr(module, "settle") else checks
-    seen: dict[str, Any] = {}
-    plain = module.settle
-    module.settle = lambda effect, checks: (seen.update(checks), plain(effect, checks))
-    try:
-        kind()
-    finally:
-        module.settle = plain
-    return {name: " ".join(limits(check)) for name, check in seen.items()}
+    return {name: " ".join(limits(check)) for name, check in checks.checks_of(kind).items()}
 
 
 def limits(check: Any) -> Iterator[str]:

@@ -16,8 +16,15 @@ import numpy as np
 from flurries import gas
 from flurries._contract import Float64, choice, real
 from flurries._kept import kept
-from flurries.effects.severity import LOWEST, RATES, SEVERITIES, VISIBILITIES
-from flurries.effects.strength import BACKDROP, OPACITY, Strength
+from flurries.effects.strength import (
+    BACKDROP,
+    LOWEST,
+    OPACITY,
+    RATES,
+    SEVERITIES,
+    VISIBILITIES,
+    Strength,
+)  # fmt: skip
 from flurries.particles.sizes import RAIN, SNOW, Sizes
 
 Profile: TypeAlias = Literal["natural", "hard"]

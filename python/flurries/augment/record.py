@@ -20,8 +20,7 @@ from flurries.augment.air import Air, uniforms
 from flurries.augment.calibration import PROFILES, Kind, Profile, strength
 from flurries.augment.distance import Ground, ground_of
 from flurries.augment.pictures import picture_of
-from flurries.effects.severity import SEVERITIES
-from flurries.effects.strength import Strength
+from flurries.effects.strength import SEVERITIES, Strength
 
 Range: TypeAlias = float | tuple[float, float]
 Limits: TypeAlias = tuple[float, float]

@@ -1,18 +1,16 @@
 """What can be in the air of a scene: each effect names its parts and renders one layer."""
 
-from flurries.effects.air import Flakes
 from flurries.effects.color import Hex
 from flurries.effects.cone import ConeRain, ConeSnow
+from flurries.effects.drawn import Flakes
+from flurries.effects.falling import Rain, Snow
 from flurries.effects.field import Field
 from flurries.effects.kinds import register
 from flurries.effects.mist import Mist
 from flurries.effects.motion import Motion
-from flurries.effects.precipitation import Precipitation
-from flurries.effects.rain import Rain
-from flurries.effects.snow import Snow
+from flurries.effects.precipitation import Precipitation, Veil
 from flurries.effects.tent import TentRain, TentSnow
 from flurries.effects.texture import Texture
-from flurries.effects.veil import Veil
 from flurries.frame.layer import Layer
 from flurries.frame.view import Frame
 

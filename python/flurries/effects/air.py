@@ -2,15 +2,13 @@
 
 The air is that of each class of size, which falls and blows as a whole; a flake's place in it never
 changes. So a request says where the camera is in that air at the frame's times, and how the eye
-looks there. `Flakes` are the few that textures without a population have near the camera.
+looks there.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,78 +17,17 @@ from flurries._contract import Float64
 from flurries._kept import kept
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur
-from flurries.camera.path import CameraPath
 from flurries.effects.clumps import Clumps, clumps_of
 from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
-from flurries.effects.maps import TUNED
-from flurries.effects.motion import Motion
-from flurries.effects.weather import NEAR_FADE, Share, Weather, amounts_at
 from flurries.frame.view import Frame
-from flurries.motion.keys import Keys, Number, value_at
-from flurries.particles.population import FADE, SizeClass
-from flurries.particles.sizes import Sizes
-
-# The most opaque ball there is: its middle lets through a ten-millionth.
-_MOST_OPAQUE = 0.99
-
-# Sizes of these looks are six deviations of a Gaussian wide; a ball that covers as much is smaller.
-_BALL = math.sqrt(8.0) / 6.0
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Flakes:
-    motion: Motion  # What moves them.
-    number: int  # How many are in view.
-    density: float | None = None  # Per cubic metre, in place of the number in view.
-    reach: float  # Depth up to which there are any, metres.
-    # (smallest, largest): widths, metres, as many of each: six times the deviation of a Gaussian
-    # that covers as much.
-    sizes: tuple[float, float]
-    opacity: Number  # Mean over the disc of a resting one.
-    sway: tuple[float, float] = (0.0, 0.0)  # (amplitude, rate): metres, and radians per second.
-    # (low, high): sigma of images on a picture 1024 px wide between which flakes fade: out-of-
-    # focus puffs look like dirt.
-    largest: tuple[float, float] = (3.5, 6.0)
-    keyed: bool = False  # Whether the amount of flakes changes.
-
-    shape: ClassVar[str] = "round"
-    emission: ClassVar[float] = 1.0
-    clumps: ClassVar[float] = 0.0
-    near: ClassVar[float] = 0.0
-
-    @cached_property
-    def law(self) -> Sizes:
-        small, large = (_BALL * size for size in self.sizes)
-        return Sizes(small, 0.5 * (small + large), large)
-
-    def opacity_at(self, t: float) -> float:
-        return min(float(value_at(self.opacity, t)), _MOST_OPAQUE)
-
-    def shares(self, frame: Frame) -> tuple[Share, ...]:
-        return _shares(self, frame.shape, frame.path, frame.camera.focal)
-
-
-@kept(64)
-def _shares(
-    flakes: Flakes, shape: tuple[int, int], path: CameraPath, focal: float
-) -> tuple[Share, ...]:
-    (height, width), (fx, fy) = shape, path.widest.focals
-    # The view is a pyramid: a third of the prism around it.
-    view = width * height * flakes.reach**3 / (3.0 * fx * fy)
-    density = flakes.number / view if flakes.density is None else flakes.density
-    small, large = flakes.law.smallest, flakes.law.largest
-    fall = float(value_at(flakes.motion.fall, 0.0))
-    one = SizeClass(density, small, large, fall, flakes.law.nodes(small, large))
-    # The largest fade in, and all out again.
-    widest = focal * flakes.sizes[1] / (6.0 * width / TUNED)
-    low, high = (widest / limit for limit in flakes.largest)
-    shown = (high, low, flakes.reach, flakes.reach * (1.0 + FADE))
-    share = Share(one, flakes.motion, flakes.reach, shown)
-    return (share,) if math.isfinite(density) else ()
-
+from flurries.motion.keys import Keys, value_at
+from flurries.particles.population import FADE
 
 # Nothing nearer than this is drawn, metres; what `particles.splat` has for a default.
 NEAREST = 0.1
+
+# Flakes fade in before the lens from the near depth over this: from it on all are there.
+NEAR_FADE = 1.25
 
 # Sigma of a flake's image in px between which it gets a shape: below, no shape can be told.
 SWITCH = (3.7, 4.1)
@@ -160,66 +97,65 @@ class Air(NamedTuple):
     closeup: Closeup | None  # How flakes look from near.
 
 
-def air_of(
-    weather: Weather | Flakes, frame: Frame, amount: float, steps: tuple[float, ...] = ()
-) -> Air:
-    """Return the flakes that are drawn before a frame's camera."""
-    clumps = clumps_of(weather, frame)
-    exposure, wind = weather.motion.exposure(frame), weather.motion.varied
-    path, fps = frame.path, frame.fps
+def air_of(weather: Any, frame: Frame, amount: float, steps: tuple[float, ...] = ()) -> Air:
+    """Return the flakes of a `Drawn` before a frame's camera, with places at steps of frames."""
+    motion, path, fps, wind = weather.motion, frame.path, frame.fps, weather.motion.varied
+    exposure, shares = motion.exposure(frame), weather.shares(frame)
     after = (0.0, -0.5 * exposure, 0.5 * exposure, *steps)
+    times = [frame.t + step for step in after]
     eyes = [_eye(frame.camera, frame)] * len(after)
     if path.turns or path.zooms:
         eyes[1:] = [_eye(frame.later(s).camera if s else frame.camera, frame) for s in after[1:]]
-    slope, shares, opacity = weather.law.slope, weather.shares(frame), weather.opacity_at(frame.t)
-    times = [frame.t + step for step in after]
-    swung = [weather.sway[1] / (2.0 * math.pi * fps) * t for t in times]
-    ways = [share.motion.places(path, fps, times) for share in shares]
     blur = None if frame.lens is None else frame.blur
     room, closeup = 0.0, None
     if blur is not None:
         # As far as a flake out of focus reaches, at its own depth.
-        ends = [one.reach * (1.0 + FADE) for one in shares]
-        near, deepest = max(weather.near / NEAR_FADE, 1e-3), max(ends, default=1.0)
-        widest = max(near * blur.circle(near), deepest * blur.circle(deepest))
-        room = 0.75 * widest / frame.camera.focal
+        near = max(weather.near / NEAR_FADE, 1e-3)
+        far = max((one.reach * (1.0 + FADE) for one in shares), default=1.0)
+        room = 0.75 * max(near * blur.circle(near), far * blur.circle(far)) / frame.camera.focal
     if weather.shape != "round" or blur is not None:
         closeup = Closeup(weather.shape, SWITCH, blur, frame.seed, frame.t / fps, exposure / fps)
     part = 0.0
     if frame.lap is not None and weather.keyed:
         # The round that goes has lost those of low ranks, which the next one shows.
         part = min(frame.lap.part(frame.t), 1.0 - 1e-9)
+    swung = [weather.sway[1] / (2.0 * math.pi * fps) * t for t in times]
     classes = []
-    for number, (share, at) in enumerate(zip(shares, ways, strict=True)):
-        end, waves, profile = share.reach * (1.0 + FADE), None, []
-        emission = weather.emission
-        if isinstance(emission, Keys):
-            assert isinstance(weather, Weather)
-            heights = np.linspace(-end, end, _HEIGHTS)
-            amounts = (amount * amounts_at(weather, frame, share, heights)).tolist()
-        else:
-            amounts = [amount * emission]
+    for number, share in enumerate(shares):
+        at, end = share.motion.places(path, fps, times), share.reach * (1.0 + FADE)
+        waves: Float64 | None = None
+        profile, there = [], [weather.emission]
+        if isinstance(weather.emission, Keys):
+            there = amounts_at(weather, frame, share, np.linspace(-end, end, _HEIGHTS)).tolist()
         if wind is not None and wind.profile is not None:
             ahead = np.linspace(0.0, end, _DEPTHS)
-            moved = [carried_by_profile(share.motion, path, fps, t, ahead).T for t in times]
-            profile = [(one[0].tolist(), one[1].tolist()) for one in moved]
+            moved = (carried_by_profile(share.motion, path, fps, t, ahead) for t in times)
+            profile = [(one[:, 0].tolist(), one[:, 1].tolist()) for one in moved]
         if wind is not None and wind.waves is not None:
             waves = wave_weights(share.motion, fps, times, np.array(at[0]))
         classes.append(Class(
             number=number, density=share.size.density * (1.0 + weather.clumps),
-            sizes=(share.size.smallest, share.size.largest), slope=slope,
-            shown=share.shown, by_size=isinstance(weather, Flakes), heights=(-end, end),
-            amounts=[min(one / (1.0 - part), 1.0) for one in amounts], ranks=(part, 1.0), at=at,
-            swung=swung, waves=waves, depths=(0.0, end), profile=profile,
+            sizes=(share.size.smallest, share.size.largest), slope=weather.law.slope,
+            shown=share.shown, by_size=weather.by_size, heights=(-end, end),
+            amounts=[min(amount * one / (1.0 - part), 1.0) for one in there], ranks=(part, 1.0),
+            at=at, swung=swung, waves=waves, depths=(0.0, end), profile=profile,
         ))  # fmt: skip
+    opacity = weather.opacity_at(frame.t)
     return Air(
         seed=frame.seed, opacity=opacity, images=images_of(opacity), classes=classes, eyes=eyes,
         sway=weather.sway[0],
         waves=None if wind is None or wind.waves is None else cycles_of(wind.waves),
-        clumps=clumps, shape=frame.shape,
+        clumps=clumps_of(weather, frame), shape=frame.shape,
         window=frame.window if frame.shared is None else frame.shared.window,
         room=room, near=NEAREST, closeup=closeup,
     )  # fmt: skip
+
+
+def amounts_at(weather: Any, frame: Frame, share: Any, heights: Float64) -> Float64:
+    """Return the part of a class's flakes that is there, at heights below the eye, metres."""
+    fall = max(float(value_at(share.motion.fall, frame.t)), 1e-3)
+    left = frame.t - frame.fps * np.maximum(weather.cloud + heights, 0.0) / fall
+    return np.array([weather.emission.at(time) for time in left.ravel().tolist()])
 
 
 def _eye(camera: Camera, frame: Frame) -> Eye:
@@ -227,10 +163,6 @@ def _eye(camera: Camera, frame: Frame) -> Eye:
     return Eye(turn, camera.focals, camera.principal(frame.shape), camera.offset)
 
 
+@kept(8, by_mode=True)
 def images_of(opacity: float) -> _core.BallImages:
-    return _images(opacity, _core.reproducible())
-
-
-@kept(8)
-def _images(opacity: float, mode: bool) -> _core.BallImages:
     return _core.BallImages(opacity)

@@ -17,8 +17,8 @@ from flurries._contract import Array
 from flurries._trace import current
 from flurries.effects.bank_density import Density, Rays, Slices
 from flurries.effects.bank_light import lit_by_sun, optics_of, skylit, sunny
-from flurries.effects.lighting import Base, add_light, even_shade
-from flurries.effects.vapor import base_of, moved_with, needs_of_gas
+from flurries.effects.color import Base, base_of, even_shade
+from flurries.effects.vapor import moved_with, needs_of_gas
 from flurries.frame.layer import Layer, Shade
 from flurries.frame.needs import LeftOut, Needs
 from flurries.frame.view import Frame
@@ -112,7 +112,7 @@ class Bank:
                     shade = skylit(density, part.dense[number], base)
                     if lit_by_sun(mist, frame):
                         shade = sunny(density, place, part.lumps[number], base)
-                    add_light(light, taken, shade)
+                    _core.shade_add(light, taken, shade.given())
         if light is not None and frame.lights and parts:
             edges = [*parts[0].edges, *(edge for part in parts[1:] for edge in part.edges[1:])]
             bank = (np.concatenate([part.dense for part in parts]), edges, frame.depth, slopes)

@@ -10,7 +10,7 @@ import numpy as np
 from flurries._contract import Array
 from flurries.effects.bank_density import SIGMAS, Density, Rays
 from flurries.effects.bank_texture import COARSE, MARGIN
-from flurries.effects.lighting import Base
+from flurries.effects.color import Base
 from flurries.frame.layer import Shade
 from flurries.frame.view import Frame
 from flurries.gas.optics import phase

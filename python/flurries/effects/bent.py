@@ -21,10 +21,11 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries._kept import kept
+from flurries.effects.air import amounts_at
 from flurries.effects.clumps import APART, clumps_of, denser, rays_of
 from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
 from flurries.effects.sheets import SHEAR, areas_of, circles_of, key_of, sheets_of
-from flurries.effects.weather import Film, Layer, Weather, amounts_at
+from flurries.effects.weather import Film, Layer, Weather
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys

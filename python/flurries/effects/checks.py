@@ -1,4 +1,4 @@
-"""What the fields of effects may be: checked once, when an effect is made."""
+"""What the fields of effects may be, by their names: checked once, when an effect is made."""
 
 from __future__ import annotations
 
@@ -23,22 +23,18 @@ LOOKS = ("v1",)
 Check = Callable[[str, Any], Any]
 
 DepthMode: TypeAlias = Literal["tile", "pixel"]
-DEPTH_MODES = get_args(DepthMode)
 
 share: Check = partial(as_number, low=0.0, high=1.0)
 positive: Check = partial(as_number, above=0.0)
 length: Check = partial(real, above=0.0)
 part: Check = partial(real, low=0.0, high=1.0)
-gain: Check = partial(real, low=0.0, high=1e4)
-population: Check = partial(integer, low=0, high=100_000_000)
+count: Check = partial(integer, low=0, high=100_000)
+_number: Check = partial(integer, low=0, high=100_000_000)
+_density: Check = partial(real, low=0.0, high=1e6)
 
 
 def one_of(options: tuple[str, ...]) -> Check:
     return lambda name, value: choice(name, value, options)
-
-
-def optional(check: Check) -> Check:
-    return lambda name, value: None if value is None else check(name, value)
 
 
 def sizes(name: str, value: object) -> tuple[float, float]:
@@ -48,40 +44,40 @@ def sizes(name: str, value: object) -> tuple[float, float]:
     return low, high
 
 
-def pair(name: str, value: object) -> tuple[float, float]:
-    first, second = vector(name, value, 2).tolist()
-    return first, second
-
-
-def wavelengths(name: str, value: object) -> tuple[float, float]:
+def _wavelengths(name: str, value: object) -> tuple[float, float]:
     low, high = band_of(value)
     if not 2.0 <= low < high:
         raise ValueError(f"{name} must be 2 <= shortest < longest, got {(low, high)}")
     return low, high
 
 
-def wind(name: str, value: object) -> Any:
+def _wind(name: str, value: object) -> Any:
     return value if isinstance(value, Wind) else as_vector(name, value, 3)
 
 
-# An exposure in frames: an angle of 180 degrees, which is half a frame, is none.
-shutter = partial(as_number, low=0.0, high=16.0)
-
-# What all that falls has.
-FALL: Mapping[str, Check] = {
-    "look": one_of(LOOKS), "amount": share, "haze": share, "fall": as_number, "wind": wind,
-    "color": lambda _, value: as_color(value), "shutter": shutter,
-    "seed": optional(lambda _, value: seed_of(value)),
+# What effects mean by the same names; a field whose default is None may be None.
+CHECKS: dict[str, Check] = {
+    "look": one_of(LOOKS), "amount": share, "haze": share, "fall": as_number, "wind": _wind,
+    "color": lambda _, value: as_color(value), "seed": lambda _, value: seed_of(value),
+    # In frames: an angle of 180 degrees, which is half a frame, is none.
+    "shutter": partial(as_number, low=0.0, high=16.0),
+    "sway": lambda name, value: tuple(vector(name, value, 2).tolist()),
+    "gain": partial(real, low=0.0, high=1e4), "near": length, "radius": length,
+    # Of what is drawn one by one.
+    "flakes": _number, "flake_density": _density, "flake_size": sizes, "flake_opacity": share,
+    "drops": _number, "drop_density": _density, "drop_size": sizes, "drop_depth": length,
+    # Of the tent's texture.
+    "texture": share, "mean": as_number, "spread": positive, "power": positive,
+    "exponent": real, "near_depth": length, "wavelengths": _wavelengths,
+    "tile": partial(integer, low=5, high=2**15), "overlap": partial(integer, low=0, high=2**15),
+    "blend": one_of(BLEND), "alias": one_of(ALIAS), "jitter": flag, "renormalise": flag,
+    "depth_mode": one_of(get_args(DepthMode)),
 }  # fmt: skip
 
-# What the tent's texture has besides.
-TENT: Mapping[str, Check] = {
-    **FALL, "texture": share, "mean": as_number, "spread": positive, "power": positive,
-    "exponent": real, "near_depth": length, "wavelengths": optional(wavelengths),
-    "tile": optional(partial(integer, low=5, high=2**15)),
-    "overlap": optional(partial(integer, low=0, high=2**15)), "blend": one_of(BLEND),
-    "alias": one_of(ALIAS), "depth_mode": one_of(DEPTH_MODES), "jitter": flag,
-}  # fmt: skip
+
+def checks_of(kind: Any) -> Mapping[str, Check]:
+    """Return the checks of a class of effects: those of all, but for its own."""
+    return {**CHECKS, **getattr(kind, "CHECKS", {})}
 
 
 def part_of(kind: type[_Part], effect: Any, **own: Any) -> _Part:
@@ -91,11 +87,13 @@ def part_of(kind: type[_Part], effect: Any, **own: Any) -> _Part:
     return kind(**same, **own)
 
 
-def settle(effect: Any, checks: Mapping[str, Check]) -> None:
-    """Check the fields that an effect has of these, and keep them in one form."""
-    own = {f.name for f in fields(effect)}
-    for name, check in ((name, check) for name, check in checks.items() if name in own):
-        object.__setattr__(effect, name, check(name, getattr(effect, name)))
+def settle(effect: Any) -> None:
+    """Check the fields of an effect, and keep them in one form."""
+    checks = checks_of(type(effect))
+    for field in fields(effect):
+        value = getattr(effect, field.name)
+        if field.name in checks and not (value is None and field.default is None):
+            object.__setattr__(effect, field.name, checks[field.name](field.name, value))
     tile, overlap = getattr(effect, "tile", None), getattr(effect, "overlap", None)
     if tile is not None and overlap is not None and overlap >= tile:
         raise ValueError(f"overlap must be less than the tile ({tile} px), got {overlap}")

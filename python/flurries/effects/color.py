@@ -1,16 +1,25 @@
-"""The color of an effect: display values, plain or keyed, or the background's own light."""
+"""The color of an effect: display values, or the light of the background and of lamps."""
 
 from __future__ import annotations
 
-from typing import Any, Literal, NewType, TypeAlias
+import math
+from typing import Any, Literal, NamedTuple, NewType, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
-from flurries._contract import real, suggestion, vector
+from flurries._contract import Float64, suggestion
+from flurries._kept import kept
+from flurries.frame.layer import Shade
 from flurries.frame.needs import PARTS
 from flurries.frame.view import Frame
 from flurries.io.color import linear_to_srgb, parse_hex, srgb_to_linear
+from flurries.light.lamp import as_light, radiance
+from flurries.light.phase import Optics
+from flurries.light.plate import PlateLight
 from flurries.motion.keys import Keys, value_at
+
+RGB = tuple[float, float, float]
 
 # A color as "#rrggbb". Types know it by this name, so that a mistyped word is no color: any text
 # will do where nobody checks types.
@@ -27,28 +36,27 @@ AMBIENT = "ambient"
 # The same by places: what lies behind and around each flake.
 LOCAL = "local"
 
+# A clear sun by day lights what lies across its rays some two times as much as the sky does.
+SUN = 2.0
+
+# Cells along the longer side of a frame in which the light of lamps on the texture is found.
+CELLS = 48
+
 
 def as_color(value: object, words: tuple[str, ...] = (AMBIENT,)) -> Any:
     """Return one grey or (r, g, b), plain or keyed, in 0 to 1, or a word for the plate's light."""
-    if isinstance(value, Keys):
-        if value.width not in (None, 3):
-            raise ValueError(f"color must be keyed with numbers or (r, g, b), got {value!r}")
-        for _, v in value.keys:
-            as_color(v)
-        return value
-    if isinstance(value, str):
-        if value.startswith("#"):
-            return tuple(part / 255 for part in parse_hex("color", value))
-        if value not in words:
-            raise ValueError(
-                f"color must be a number, (r, g, b), '#rrggbb' or {' or '.join(map(repr, words))}, "
-                f"got {value!r}{suggestion(value, words)}"
-            )
-        return value
-    if isinstance(value, (float, int, np.number, bytes)) or value is None:
-        return real("color", value, low=0.0, high=1.0)
-    parts = vector("color", value, 3).tolist()
-    return tuple(real("color", part, low=0.0, high=1.0) for part in parts)
+    if isinstance(value, Keys) and value.width not in (None, 3):
+        raise ValueError(f"color must be keyed with numbers or (r, g, b), got {value!r}")
+    if not isinstance(value, str):
+        return as_light("color", value, 1.0)
+    if value.startswith("#"):
+        return tuple(part / 255 for part in parse_hex("color", value))
+    if value not in words:
+        raise ValueError(
+            f"color must be a number, (r, g, b), '#rrggbb' or {' or '.join(map(repr, words))}, "
+            f"got {value!r}{suggestion(value, words)}"
+        )
+    return value
 
 
 def is_local(color: object) -> bool:
@@ -63,7 +71,7 @@ def reads_of(color: object) -> frozenset[str]:
     return PARTS if isinstance(color, str) else PARTS - {"ambient"}
 
 
-def color_at(color: Any, frame: Frame) -> tuple[float, float, float]:
+def color_at(color: Any, frame: Frame) -> RGB:
     """Return the display values, (r, g, b), at a frame."""
     if isinstance(color, str):
         return frame.ambient or (1.0, 1.0, 1.0)
@@ -71,9 +79,70 @@ def color_at(color: Any, frame: Frame) -> tuple[float, float, float]:
     return (now,) * 3 if isinstance(now, float) else now
 
 
-def bright(color: tuple[float, float, float], gain: float) -> tuple[float, float, float]:
+def bright(color: RGB, gain: float) -> RGB:
     """Return the display values of a color's light times a gain; they may exceed 1."""
     if gain == 1.0:
         return color
     red, green, blue = linear_to_srgb(gain * srgb_to_linear(np.array(color))).tolist()
     return red, green, blue
+
+
+def shade_of(frame: Frame, colors: Float64, cell: float = 1.0) -> Shade:
+    """Return linear colors of cells (rows, columns, 3) of a frame, as its window has them."""
+    return Shade(colors.astype(np.float32), cell, (frame.window[0], frame.window[2]))
+
+
+def even_shade(frame: Frame, color: RGB) -> Shade:
+    """Return one color, display values, for the whole frame."""
+    return shade_of(frame, srgb_to_linear(np.asarray(color, np.float64)).reshape(1, 1, 3))
+
+
+def local_shade(frame: Frame, optics: Optics | None) -> Shade:
+    """Return the color that the plate's light gives to particles, or to fog, by places."""
+    assert frame.plate is not None
+    return shade_of(frame, _local(frame.plate, frame.camera.focal, optics), frame.plate.cell)
+
+
+@kept(16)
+def _local(plate: PlateLight, focal: float, optics: Optics | None) -> Float64:
+    return plate.veil(focal) if optics is None else plate.local(focal, *optics)
+
+
+class Base(NamedTuple):
+    """The brightness of a gas, linear light."""
+
+    dim: Float64  # (3,): in the light from all sides.
+    sunny: Float64  # (3,): where a white sun lights it in full.
+
+
+def base_of(color: Any, frame: Frame) -> tuple[Base, RGB, bool]:
+    """Return the brightness of a gas, its color in display values, and if that is the plate's."""
+    if not is_local(color):
+        own = color_at(color, frame)
+        light = srgb_to_linear(np.asarray(own, np.float64))
+        return Base(light, light), own, False
+    assert frame.plate is not None
+    # White gas is as bright as the plate's sky, of one color.
+    sky = frame.plate.sky
+    red, green, blue = linear_to_srgb(sky).tolist()
+    return Base(sky, np.full(3, SUN * sky.mean())), (red, green, blue), True
+
+
+def lamp_shade(
+    frame: Frame, depths: npt.ArrayLike, weights: npt.ArrayLike, optics: Optics
+) -> Shade:
+    """Return the light of lamps on flakes at depths, each weighed by what its layer covers."""
+    height, width = frame.shape
+    cell = float(max(math.ceil(max(height, width) / CELLS), 1))
+    rows, columns = math.ceil(height / cell), math.ceil(width / cell)
+    (cx, cy), (fx, fy) = frame.camera.principal(frame.shape), frame.camera.focals
+    x = ((np.arange(columns) + 0.5) * cell - cx) / fx
+    y = ((np.arange(rows) + 0.5) * cell - cy) / fy
+    across, down = np.meshgrid(x, y)
+    ahead = np.stack([across, down, np.ones_like(across)], axis=-1).reshape(-1, 3)
+    eye = np.array(frame.camera.offset)
+    points = np.asarray(depths).reshape(-1, 1, 1) * ahead + eye
+    found = radiance(points.reshape(-1, 3), frame.lamps(), optics, eye).reshape(points.shape)
+    shares = np.asarray(weights) / np.sum(weights)
+    total = (shares[:, None, None] * found).sum(axis=0)
+    return shade_of(frame, total.reshape(rows, columns, 3), cell)

@@ -6,7 +6,7 @@ They cost the same however heavy they are, tilt with the camera's motion and str
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, ClassVar
@@ -14,19 +14,18 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flurries import cone
-from flurries._contract import Array, Float64, flag, integer, real, suggesting
+from flurries._contract import Array, Float64, flag, integer, real
 from flurries._kept import kept
 from flurries.camera.path import CameraPath
 from flurries.cone.sheet import wrapped
 from flurries.effects import checks
-from flurries.effects.air import Flakes
 from flurries.effects.color import Color
-from flurries.effects.knobs import Described, looks
+from flurries.effects.drawn import Flakes
+from flurries.effects.knobs import Described, effect
 from flurries.effects.motion import Motion, air_course
 from flurries.effects.passes import air_motions, rays
-from flurries.effects.precipitation import Precipitation
+from flurries.effects.precipitation import Precipitation, Veil
 from flurries.effects.presets import CONE_RAIN, CONE_SNOW, ConeSnowLook, RainLook
-from flurries.effects.veil import Veil
 from flurries.frame.needs import Needs, Step
 from flurries.frame.view import Frame, Lap
 from flurries.motion.keys import Keys, Number, Vector
@@ -145,17 +144,6 @@ def _beyond(path: cone.Path, fps: float, lap: Lap) -> tuple[float, float]:
     return passed - whole, passed
 
 
-_CHECKS: dict[str, checks.Check] = {
-    **checks.FALL, "gain": checks.gain, "conserve": flag, "damping": checks.part,
-    "radius": checks.length, "repeats": partial(integer, low=1, high=64),
-    "slope": partial(real, low=0.0, high=10.0), "tile": partial(integer, low=16, high=2048),
-    "drops": partial(integer, low=0, high=100_000), "drop_size": checks.length,
-    "drop_length": checks.length, "spread": checks.part,
-    "texture_flakes": partial(integer, low=0, high=100_000), "flakes": checks.population,
-    "flake_size": checks.sizes, "flake_opacity": checks.part, "sway": checks.pair,
-}  # fmt: skip
-
-
 @dataclass(frozen=True, kw_only=True)
 class _Cone(metaclass=Described):
     amount: Number = 1.0
@@ -174,11 +162,16 @@ class _Cone(metaclass=Described):
     look: str = "v1"
     seed: int | None = None
 
+    CHECKS: ClassVar[dict[str, checks.Check]] = {
+        "conserve": flag, "damping": checks.part, "repeats": partial(integer, low=1, high=64),
+        "slope": partial(real, low=0.0, high=10.0), "tile": partial(integer, low=16, high=2048),
+        "drops": checks.count, "drop_size": checks.length, "drop_length": checks.length,
+        "spread": checks.part, "texture_flakes": checks.count, "flake_opacity": checks.part,
+    }  # fmt: skip
     NAME: ClassVar[str]
-    PRESETS: ClassVar[Mapping[str, dict[str, Any]]]
 
     def __post_init__(self, *_: Any) -> None:
-        checks.settle(self, _CHECKS)
+        checks.settle(self)
 
     @property
     def _tile_metres(self) -> float:
@@ -198,8 +191,7 @@ class _Cone(metaclass=Described):
         )  # fmt: skip
 
 
-@looks
-@suggesting
+@effect()
 @dataclass(frozen=True, kw_only=True)
 class ConeRain(_Cone):
     """Rain on a double cone: the cost of a frame does not depend on how heavy it is.
@@ -245,7 +237,7 @@ class ConeRain(_Cone):
     spread: float = 0.7
 
     NAME: ClassVar[str] = "cone_rain"
-    PRESETS: ClassVar[Mapping[str, dict[str, Any]]] = CONE_RAIN
+    PRESETS: ClassVar[dict[str, dict[str, Any]]] = CONE_RAIN
 
     def __post_init__(self, *_: Any) -> None:
         super().__post_init__()
@@ -265,8 +257,7 @@ class ConeRain(_Cone):
         return self._parts(make, self.drop_length, (0.3, 0.55, 0.8, 1.0))
 
 
-@looks
-@suggesting
+@effect()
 @dataclass(frozen=True, kw_only=True)
 class ConeSnow(_Cone):
     """Snow on a double cone, with flakes that sway in front, since those of a texture move alike.
@@ -303,7 +294,7 @@ slope, tile, look, seed
     sway: tuple[float, float] = (0.06, 2.0)
 
     NAME: ClassVar[str] = "cone_snow"
-    PRESETS: ClassVar[Mapping[str, dict[str, Any]]] = CONE_SNOW
+    PRESETS: ClassVar[dict[str, dict[str, Any]]] = CONE_SNOW
 
     @cached_property
     def parts(self) -> Precipitation:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from functools import cached_property, partial
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -12,15 +13,20 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries._core import SortedFlakes
-from flurries.effects.air import Flakes, air_of
+from flurries._kept import kept
+from flurries.camera.path import CameraPath
+from flurries.effects.air import air_of
+from flurries.effects.maps import TUNED
+from flurries.effects.motion import Motion
 from flurries.effects.passes import STEPS
-from flurries.effects.weather import Weather
 from flurries.frame.layer import Shade
 from flurries.frame.needs import Needs, Step, has_keys
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
-from flurries.motion.keys import value_at
+from flurries.motion.keys import Number, value_at
+from flurries.particles.population import FADE, SizeClass
+from flurries.particles.sizes import Sizes
 
 # Frames over which a velocity is a difference of places, which are float64.
 STEP = 1.0 / 1024.0
@@ -36,30 +42,49 @@ FLAKE = np.dtype([
 # `STEPS` frames from this one, (n, 4), NaN behind the eye.
 Rows = tuple[npt.NDArray[np.uint64], Float64, Float64]
 
+# The most opaque ball there is: its middle lets through a ten-millionth.
+_MOST_OPAQUE = 0.99
+
+# Sizes of `Flakes` are six deviations of a Gaussian wide; a ball that covers as much is smaller.
+_BALL = math.sqrt(8.0) / 6.0
+
 
 @dataclass(frozen=True, eq=False)
-class DrawnFlakes:
-    weather: Weather | Flakes
+class Share:
+    """A class of size, and what is drawn of it."""
 
-    def needs(self, frame: Frame, amount: float) -> Needs:
-        weather = self.weather
-        opacity, most = weather.opacity_at(frame.t), 0.0
-        for one in weather.shares(frame):
-            most = max(most, one.size.density * one.reach)
-        if opacity == 0.0 or most == 0.0:
+    size: SizeClass
+    motion: Motion  # With the fall speed of the class.
+    reach: float  # Depth up to which its flakes are drawn, metres.
+    # Depths between which drawn ones fade in, and between which they fade out again, metres.
+    shown: tuple[float, float, float, float]
+
+
+class Drawn:
+    """Flakes that move and look alike but for their sizes, as a part of a layer."""
+
+    def shares(self, frame: Frame) -> tuple[Share, ...]:
+        """Return the flakes that are drawn, by classes of size."""
+        raise NotImplementedError
+
+    def opacity_at(self, t: float) -> float:
+        raise NotImplementedError
+
+    def needs(self: Any, frame: Frame, amount: float) -> Needs:
+        there = any(one.size.density * one.reach > 0.0 for one in self.shares(frame))
+        if self.opacity_at(frame.t) == 0.0 or not there:
             return Needs.none("flakes", "there are none")
-        still = frame.settled and weather.motion.still and 0.0 in weather.sway
+        still = frame.settled and self.motion.still and 0.0 in self.sway
         # Shapes tumble.
-        still = still and weather.shape == "round" and not has_keys(weather)
+        still = still and self.shape == "round" and not has_keys(self)
         # However few there are, one that is there shows whole.
         return Needs((Step("flakes", once=still),), most=1.0)
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         if frame.whole:
             return self.seen(frame, amount)[0]
-        flakes = self._sorted(frame, amount)
         result = plane(frame.size)
-        _core.particle_draw(result, flakes, frame.window, frame.depth, None)
+        _core.particle_draw(result, self._sorted(frame, amount), frame.window, frame.depth, None)
         return result
 
     def lit(
@@ -78,7 +103,7 @@ class DrawnFlakes:
         """Return the flakes, to be drawn in any band of the frame."""
 
         def fall() -> SortedFlakes:
-            return _core.fall(air_of(self.weather, frame, amount, STEPS if frame.whole else ()))
+            return _core.fall(air_of(self, frame, amount, STEPS if frame.whole else ()))
 
         return frame.once(self, "flakes", fall, eye=True)
 
@@ -111,14 +136,69 @@ class DrawnFlakes:
         return list(np.ascontiguousarray(ways)), known[:, 5].astype(np.float32)
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Flakes(Drawn):
+    """The few flakes that textures without a population have near the camera."""
+
+    motion: Motion  # What moves them.
+    number: int  # How many are in view.
+    density: float | None = None  # Per cubic metre, in place of the number in view.
+    reach: float  # Depth up to which there are any, metres.
+    # (smallest, largest): widths, metres, as many of each: six times the deviation of a Gaussian
+    # that covers as much.
+    sizes: tuple[float, float]
+    opacity: Number  # Mean over the disc of a resting one.
+    sway: tuple[float, float] = (0.0, 0.0)  # (amplitude, rate): metres, and radians per second.
+    # (low, high): sigma of images on a picture 1024 px wide between which flakes fade: out-of-
+    # focus puffs look like dirt.
+    largest: tuple[float, float] = (3.5, 6.0)
+    keyed: bool = False  # Whether the amount of flakes changes.
+
+    shape: ClassVar[str] = "round"
+    by_size: ClassVar[bool] = True
+    emission: ClassVar[float] = 1.0
+    clumps: ClassVar[float] = 0.0
+    near: ClassVar[float] = 0.0
+
+    @cached_property
+    def law(self) -> Sizes:
+        small, large = (_BALL * size for size in self.sizes)
+        return Sizes(small, 0.5 * (small + large), large)
+
+    def opacity_at(self, t: float) -> float:
+        return min(float(value_at(self.opacity, t)), _MOST_OPAQUE)
+
+    def shares(self, frame: Frame) -> tuple[Share, ...]:
+        return _shares(self, frame.shape, frame.path, frame.camera.focal)
+
+
+@kept(64)
+def _shares(
+    flakes: Flakes, shape: tuple[int, int], path: CameraPath, focal: float
+) -> tuple[Share, ...]:
+    (height, width), (fx, fy) = shape, path.widest.focals
+    # The view is a pyramid: a third of the prism around it.
+    view = width * height * flakes.reach**3 / (3.0 * fx * fy)
+    density = flakes.number / view if flakes.density is None else flakes.density
+    small, large = flakes.law.smallest, flakes.law.largest
+    fall = float(value_at(flakes.motion.fall, 0.0))
+    one = SizeClass(density, small, large, fall, flakes.law.nodes(small, large))
+    # The largest fade in, and all out again.
+    widest = focal * flakes.sizes[1] / (6.0 * width / TUNED)
+    low, high = (widest / limit for limit in flakes.largest)
+    shown = (high, low, flakes.reach, flakes.reach * (1.0 + FADE))
+    share = Share(one, flakes.motion, flakes.reach, shown)
+    return (share,) if math.isfinite(density) else ()
+
+
 def drawn_of(effect: Any, frame: Frame) -> npt.NDArray[Any] | None:
     """Return the flakes of an effect that are drawn one by one, of `FLAKE`; None if none are."""
     if hasattr(effect, "then"):
         effect, frame = effect.effect, effect.then(frame)
     parts, found = getattr(effect, "parts", None), []
     for part in getattr(parts, "parts", [parts]):
-        flakes = getattr(part, "front", None)
-        if not isinstance(flakes, DrawnFlakes):
+        flakes = getattr(part, "flakes", None)
+        if not isinstance(flakes, Drawn):
             continue
         ids, rows, _ = flakes.rows(frame, float(value_at(part.amount, frame.t)))
         made = np.empty(len(ids), FLAKE)
@@ -126,8 +206,7 @@ def drawn_of(effect: Any, frame: Frame) -> npt.NDArray[Any] | None:
         origin = frame.path.place(frame.t, fps=frame.fps)
         made["place"] = origin + rows[:, :3] @ frame.camera.matrix().T
         made["id"], made["pixel"], made["depth"] = ids, rows[:, 3:5], rows[:, 5]
-        made["diameter"] = rows[:, 6]
-        made["opacity"] = flakes.weather.opacity_at(frame.t) * rows[:, 7]
+        made["diameter"], made["opacity"] = rows[:, 6], flakes.opacity_at(frame.t) * rows[:, 7]
         found.append(made)
     return np.concatenate(found) if found else None
 

@@ -9,10 +9,9 @@ from typing import Any
 
 from flurries._contract import _came, choice
 from flurries.effects.cone import ConeRain, ConeSnow
+from flurries.effects.falling import Rain, Snow
 from flurries.effects.knobs import METHODS
 from flurries.effects.mist import Mist
-from flurries.effects.rain import Rain
-from flurries.effects.snow import Snow
 from flurries.effects.tent import TentRain, TentSnow
 
 # Packages name their effects here: ``[project.entry-points."flurries.effects"]``.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import InitVar, dataclass, field
 from functools import cached_property, partial
 from typing import Any, ClassVar, Literal, TypeAlias, get_args
@@ -10,15 +10,14 @@ from typing import Any, ClassVar, Literal, TypeAlias, get_args
 import numpy as np
 
 from flurries import gas
-from flurries._contract import choice, flag, integer, real, seed_of, vector
+from flurries._contract import choice, flag, integer, real, vector
+from flurries.effects import checks
 from flurries.effects.bank import Bank
 from flurries.effects.bank_light import SCATTER, Law
-from flurries.effects.checks import LOOKS, Check, length, one_of, optional, part, settle, share
 from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color
-from flurries.effects.knobs import Described, knobs, looks
+from flurries.effects.knobs import Described, effect
 from flurries.effects.presets import MIST, PAPER_MIST, MistLook
-from flurries.effects.severity import visibility_of
-from flurries.effects.strength import BACKDROP, Strength, reach
+from flurries.effects.strength import BACKDROP, Strength, knob_of, reach
 from flurries.effects.vapor import MOST, Vapor
 from flurries.gas.splatting import FOOTPRINTS, Footprint
 from flurries.motion.keys import Number, Vector, as_number, as_vector, largest
@@ -34,37 +33,23 @@ VISIBILITY = 200.0
 # What only particles have: the paper's fog, in a box of 5, where nothing is said.
 PARTICLES = {"count": 1200, "radius": None, "density": 0.4}
 
-_CHECKS: dict[str, Check] = {
-    "look": one_of(LOOKS),
-    "amount": share,
-    "method": one_of(get_args(Method)),
-    "density": optional(share),
-    "color": lambda _, value: as_color(value, (AMBIENT, LOCAL)),
-    "wind": lambda name, value: as_vector(name, value, 3),
-    "count": optional(partial(integer, low=0, high=MOST)),
-    "radius": optional(length),
-    "backdrop": length,
-    "center": optional(lambda name, value: tuple(vector(name, value, 3).tolist())),
-    "depths": optional(lambda _, value: _depths(value)),
-    "footprint": one_of(FOOTPRINTS),
-    "near": length,
-    "lit": flag,
-    "forward": part,
-    "scatter": one_of(SCATTER),
-    "asymmetry": partial(real, low=-0.99, high=0.99),
-    "structure": partial(real, low=0.0, high=2.0),
-    "top": optional(real),
-    "falloff": length,
-    "seed": optional(lambda _, value: seed_of(value)),
-}
+
+def _depths(_: str, depths: Any) -> tuple[float, float]:
+    if not isinstance(depths, (tuple, list, np.ndarray)) or len(depths) != 2:
+        raise TypeError(f"depths must be (near, far), got {depths!r}")
+    near = real("depths[0]", depths[0], low=0.0)
+    far = float(depths[1]) if isinstance(depths[1], (int, float, np.number)) else None
+    if far is None or not far > near:
+        raise ValueError(f"depths must be near < far, far may be infinite, got {depths!r}")
+    # The near plane itself is the camera's affair.
+    return (near if near > 0.0 else -np.inf), far
 
 
-def _of_severity(turned: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    return {"visibility": visibility_of({**given, **turned})}
+def _of_severity(kind: Any, turned: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
+    return {"visibility": knob_of("visibility", {**given, **turned})}
 
 
-@looks
-@knobs("severity", law=_of_severity)
+@effect("severity", law=_of_severity)
 @dataclass(frozen=True, kw_only=True)
 class Mist(metaclass=Described):
     """Mist, fog and clouds.
@@ -161,6 +146,16 @@ class Mist(metaclass=Described):
     seed: int | None = None
     severity: InitVar[int | None] = None
 
+    CHECKS: ClassVar[dict[str, checks.Check]] = {
+        "method": checks.one_of(get_args(Method)), "density": checks.share,
+        "color": lambda _, value: as_color(value, (AMBIENT, LOCAL)),
+        "wind": partial(as_vector, length=3), "count": partial(integer, low=0, high=MOST),
+        "backdrop": checks.length, "depths": _depths, "footprint": checks.one_of(FOOTPRINTS),
+        "center": lambda name, value: tuple(vector(name, value, 3).tolist()), "lit": flag,
+        "forward": checks.part, "scatter": checks.one_of(SCATTER), "top": real,
+        "asymmetry": partial(real, low=-0.99, high=0.99), "falloff": checks.length,
+        "structure": partial(real, low=0.0, high=2.0),
+    }  # fmt: skip
     NAME: ClassVar[str] = "mist"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = MIST
 
@@ -184,7 +179,7 @@ class Mist(metaclass=Described):
             visible = VISIBILITY if self.visibility is None else self.visibility
             keep("visibility", as_number("visibility", visible, above=0.0))
             keep("box", self._sides(reach(self.farthest)))
-        settle(self, _CHECKS)
+        checks.settle(self)
 
     @cached_property
     def parts(self) -> Vapor | Bank:
@@ -224,14 +219,3 @@ class Mist(metaclass=Described):
             return Strength(seen)
         *_, way = self._sides(0.0)
         return Strength(seen, 1.0 - float(np.exp(-extinction * min(way, self.backdrop))))
-
-
-def _depths(depths: Any) -> tuple[float, float]:
-    if not isinstance(depths, (tuple, list, np.ndarray)) or len(depths) != 2:
-        raise TypeError(f"depths must be (near, far), got {depths!r}")
-    near = real("depths[0]", depths[0], low=0.0)
-    far = float(depths[1]) if isinstance(depths[1], (int, float, np.number)) else None
-    if far is None or not far > near:
-        raise ValueError(f"depths must be near < far, far may be infinite, got {depths!r}")
-    # The near plane itself is the camera's affair.
-    return (near if near > 0.0 else -np.inf), far

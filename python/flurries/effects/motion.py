@@ -15,6 +15,9 @@ from flurries.frame.view import Frame
 from flurries.motion.keys import Course, Keys, Number, Vector, air_courses, sum_of, value_at
 from flurries.motion.wind import Wind
 
+# Straight pieces between two keys that stand for the product of two keyed numbers.
+_PIECES = 8
+
 # Seconds that a photograph of falling snow is exposed by day, and frames that a film is.
 STILL, HALF_OPEN = 1.0 / 250.0, 0.5
 
@@ -110,6 +113,25 @@ class Motion:
         before = course.line(times, times - 1e-6)[0]
         speeds = np.concatenate([before, course.line(times, times + 1e-6)[0], course.values])
         return float(np.linalg.norm(speeds, axis=1).max())
+
+
+def times(number: Number, factor: float) -> Number:
+    if isinstance(number, Keys):
+        return Keys([(frame, factor * value) for frame, value in number.keys])
+    return factor * number
+
+
+def product(first: Number, second: Number) -> Number:
+    """Return two numbers multiplied; of two keyed ones by straight pieces between their keys."""
+    if not isinstance(first, Keys):
+        return times(second, first)
+    if not isinstance(second, Keys):
+        return times(first, second)
+    frames = sorted({frame for one in (first, second) for frame, _ in one.keys})
+    if len(frames) > 1:
+        at = np.linspace(0.0, len(frames) - 1.0, _PIECES * (len(frames) - 1) + 1)
+        frames = np.interp(at, np.arange(len(frames)), frames).tolist()
+    return Keys([(t, float(value_at(first, t)) * float(value_at(second, t))) for t in frames])
 
 
 def usual(frame: Frame | Any) -> float:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,19 +11,41 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array
 from flurries._trace import current
-from flurries.effects.air import Flakes
-from flurries.effects.color import bright, color_at, is_local, reads_of
-from flurries.effects.drawn import DrawnFlakes
-from flurries.effects.lighting import add_light, even_shade, local_shade, veil_layer
+from flurries.effects.color import bright, color_at, even_shade, is_local, local_shade, reads_of
 from flurries.effects.motion import Motion
 from flurries.effects.passes import passes_of
-from flurries.effects.veil import Veil
-from flurries.frame.layer import Layer, Shade
+from flurries.frame.layer import Layer
 from flurries.frame.needs import LeftOut, Needs, Step
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.light.phase import FLAKES, Optics
 from flurries.motion.keys import Keys, Number, value_at
+
+
+@dataclass(frozen=True, eq=False)
+class Veil:
+    """An even veil of what is too far and too fine for anything else."""
+
+    haze: Number  # Its opacity before the sky, 0 to 1.
+    far: float  # The depth from which on it is whole, metres.
+
+    def needs(self, frame: Frame, amount: float) -> Needs:
+        haze = amount * float(value_at(self.haze, frame.t))
+        if haze == 0.0:
+            return Needs.none("veil", "its opacity is 0")
+        deep = frame.deep or frame.depth is not None
+        return Needs((Step("veil"),) if deep else (), most=haze)
+
+    def alpha(self, frame: Frame, amount: float) -> Array:
+        depth, haze = frame.depth, amount * float(value_at(self.haze, frame.t))
+        assert depth is not None
+
+        def before() -> Array:
+            # Its optical depth grows with the way.
+            way = np.minimum(frame.crop(depth) / np.float32(self.far), np.float32(1.0))
+            return np.asarray(1.0 - (1.0 - haze) ** way, np.float32)
+
+        return frame.standing(self, haze, before)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,96 +67,77 @@ class Precipitation:
     # What its particles do with the light of a place, where the color is "local".
     optics: Optics = FLAKES
 
-    @cached_property
-    def front(self) -> Any:
-        return DrawnFlakes(self.flakes) if isinstance(self.flakes, Flakes) else self.flakes
-
     def air(self, t: float) -> float:
         """Return the extinction of the air at `t`, per metre: that of a population, 0 of others."""
-        weather: Any = getattr(self.front, "weather", None)
-        if not hasattr(weather, "population"):
-            return 0.0
-        return self.shown(t) * float(weather.population.extinction)
+        population = getattr(self.flakes, "population", None)
+        return self.shown(t) * float(population.extinction) if population else 0.0
 
     def shown(self, t: float) -> float:
         """Return the share of a population that is there at `t`."""
-        weather: Any = getattr(self.front, "weather", None)
-        return float(value_at(self.amount, t)) * float(value_at(weather.emission, t))
+        return float(value_at(self.amount, t)) * float(value_at(self.flakes.emission, t))
 
     def needs(self, frame: Frame) -> Needs:
         """Return the needs of a frame: the parts' steps, and "join", which makes them one plane."""
-        parts = [part for part in (self.texture, self.front, self.veil) if part is not None]
+        parts = [part for part in (self.texture, self.flakes, self.veil) if part is not None]
         amount = value_at(self.amount, frame.t)
         if amount == 0.0:
             return Needs.none(self.name, "its amount is 0")
-        asked = [part.needs(frame, amount) for part in parts]
-        clear = float(np.prod([1.0 - needs.most for needs in asked]))
-        if clear == 1.0:
+        needs = _together([part.needs(frame, amount) for part in parts])
+        if needs.most == 0.0:
             return Needs.none(self.name, "nothing of it has any opacity")
         varies = isinstance(self.amount, Keys)
-        steps = [replace(s, once=s.once and not varies) for needs in asked for s in needs.steps]
-        lamps = frame.lights and hasattr(self.front, "lit") and hasattr(self.texture, "lamp_shade")
+        steps = [replace(step, once=step.once and not varies) for step in needs.steps]
+        lamps = frame.lights and hasattr(self.flakes, "lit") and hasattr(self.texture, "lamp_shade")
         if lamps and any(step.name == "texture" for step in steps):
             steps.append(Step("lamps"))
-        steps.append(Step("join"))
-        out = [
-            LeftOut(f"{self.name}: {one.what}", one.why)
-            for needs in asked
-            for one in needs.left_out
-        ]
-        reads = reads_of(self.color)
-        steps += [Step("local light")] if "plate" in reads else []
-        return Needs(
-            tuple(steps),
-            tuple(out),
-            reads,
-            most=1.0 - clear,
-            by_rows=True,
-        )
-
-    @cached_property
-    def _local(self) -> bool:
-        return is_local(self.color)
+        steps += [Step("join")] + [Step("local light")] * is_local(self.color)
+        out = tuple(LeftOut(f"{self.name}: {one.what}", one.why) for one in needs.left_out)
+        return replace(needs, steps=tuple(steps), left_out=out, reads=reads_of(self.color))
 
     def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
         """Return the layer of a frame; of local light the veil is one of its own, behind."""
-        back, front = self.texture, self.front
+        back, front, local = self.texture, self.flakes, is_local(self.color)
         amount = value_at(self.amount, frame.t)
         haze: Any = amount * value_at(self.veil.haze, frame.t)
         brightness = float(value_at(self.brightness, frame.t))
-        behind = near = glow = None
-        if back is not None:
-            behind = frame.run(self, back.name, back.alpha, frame, amount)
+        near = glow = under = None
+        behind = None if back is None else frame.run(self, back.name, back.alpha, frame, amount)
         if frame.lights and hasattr(front, "lit"):
-            under = self._under(frame, behind)
+            if behind is not None and hasattr(back, "lamp_shade"):
+                with current.get().stage("lamps"):
+                    shade = back.lamp_shade(frame, self.optics)
+                under = np.ascontiguousarray(behind), shade
             lit = frame.run(self, "flakes", front.lit, frame, amount, self.optics, under)
             if lit is not None:
                 near, glow = lit
             elif under is not None:
                 glow = np.zeros((*frame.size, 3), np.float32)
-                add_light(glow, *under)
+                _core.shade_add(glow, under[0], under[1].given())
         elif front is not None:
             near = frame.run(self, "flakes", front.alpha, frame, amount)
         planes = [np.ascontiguousarray(one) for one in (behind, near) if one is not None]
-        light = None if self._local else color_at(self.color, frame)
-        color = None if light is None else bright(light, brightness)
+        light = None if local else color_at(self.color, frame)
         if frame.depth is not None:
             haze = frame.run(self, "veil", self.veil.alpha, frame, amount)
         shown = haze is not None and (frame.depth is not None or haze > 0.0)
         far: tuple[Layer, ...] = ()
-        # A veil does not shine as drops do.
-        if shown and (self._local or brightness != 1.0):
-            far, shown = (veil_layer(f"{self.name}.veil", frame, haze, light),), False
+        # A veil does not shine as drops do; its own light is as bright as what it hides.
+        if shown and (local or brightness != 1.0):
+            cover = np.broadcast_to(np.asarray(haze, np.float32), frame.size)
+            veil = Layer(f"{self.name}.veil", np.ascontiguousarray(cover), light or (1.0, 1.0, 1.0))
+            far = (replace(veil, shade=local_shade(frame, None) if local else None),)
+            haze, shown = 0.0, False
         elif shown and frame.depth is not None:
             planes.append(haze)
-        even = haze if shown and frame.depth is None else 0.0
         alpha = plane(frame.size)
         with current.get().stage("join"):
+            even = haze if shown and frame.depth is None else 0.0
             _core.join(alpha, planes or [np.zeros_like(alpha)], even)
-        if color is None:
+        if light is None:
             shade = frame.run(self, "local light", local_shade, frame, self.optics)
             layer = Layer(self.name, alpha, shade=shade, glow=glow)
         else:
+            color = bright(light, brightness)
             shade = None if glow is None else even_shade(frame, color)
             layer = Layer(self.name, alpha, color, shade=shade, glow=glow)
         known = back is None or hasattr(back, "passes")
@@ -142,9 +145,33 @@ class Precipitation:
             layer = replace(layer, **passes_of(back, front, frame, amount, (behind, near), alpha))
         return (*far, layer) if far else layer
 
-    def _under(self, frame: Frame, behind: Array | None) -> tuple[Array, Shade] | None:
-        back = self.texture
-        if behind is None or not hasattr(back, "lamp_shade"):
-            return None
-        with current.get().stage("lamps"):
-            return np.ascontiguousarray(behind), back.lamp_shade(frame, self.optics)
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """Populations that take turns: between two keys one goes as the next comes."""
+
+    parts: Sequence[Precipitation]  # One for each key, with its share in its amount.
+
+    @property
+    def motion(self) -> Any:
+        return self.parts[0].motion
+
+    def _now(self, frame: Frame) -> list[Precipitation]:
+        return [part for part in self.parts if value_at(part.amount, frame.t) > 0.0]
+
+    def needs(self, frame: Frame) -> Needs:
+        return _together([part.needs(frame) for part in self._now(frame) or self.parts[:1]])
+
+    def render(self, frame: Frame) -> tuple[Layer, ...]:
+        made = [part.render(frame) for part in self._now(frame)]
+        return tuple(one for each in made for one in (each if isinstance(each, tuple) else (each,)))
+
+
+def _together(asked: Sequence[Needs]) -> Needs:
+    """Return the needs of parts that lie over each other."""
+    return Needs(
+        tuple(step for needs in asked for step in needs.steps),
+        tuple(one for needs in asked for one in needs.left_out),
+        frozenset[str]().union(*(needs.reads for needs in asked)),
+        most=1.0 - float(np.prod([1.0 - needs.most for needs in asked])), by_rows=True,
+    )  # fmt: skip

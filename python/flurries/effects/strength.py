@@ -3,26 +3,34 @@
 Water that falls is number times the mean of mass and fall speed (`Matter.flux`); the extinction is
 number times opacity times the mean area (`Population.extinction`), and one sees as far as leaves
 5 % of a contrast (`gas.visibility`). Of `rate`, `visibility`, `density`, sizes, `opacity` and
-`fall` any that are given hold, and the others follow.
+`fall` any that are given hold, and the others follow. Here stands the one table of severities.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from flurries import gas
-from flurries._contract import real
-from flurries.effects.checks import optional, positive
-from flurries.effects.severity import HIGHEST, LOWEST, rate_of
-from flurries.effects.weather import times
-from flurries.motion.keys import Keys, largest, value_at
+from flurries._contract import integer, real
+from flurries.effects.checks import checks_of
+from flurries.effects.motion import times
+from flurries.motion.keys import Keys, as_number, largest, value_at
 from flurries.particles.population import Population
 from flurries.particles.sizes import Matter, Sizes
+
+# Of the severities 1 to 5: rates, mm/h, and visibilities, metres.
+RATES = {"snow": (0.5, 1.0, 2.5, 5.0, 10.0), "rain": (2.5, 10.0, 25.0, 50.0, 100.0)}
+VISIBILITIES = (1000.0, 500.0, 200.0, 100.0, 50.0)
+
+SEVERITIES = len(VISIBILITIES)
+
+# Rates that are taken, mm/h.
+LOWEST, HIGHEST = 0.001, {"snow": 50.0, "rain": 500.0}
 
 OPACITY, OPAQUE = 0.9, 0.99  # Mean over a flake's disc where nothing is said, and at most.
 
@@ -72,14 +80,12 @@ def strength_of(effect: Any, t: float = 0.0) -> Strength:
         share `amount` that is shown; `visibility`, metres, in the air of the effect; and `cover`,
         the share of a background without a depth that the flakes and the veil hide, 0 to 1.
     """
-    parts = getattr(effect.parts, "parts", [effect.parts])
     rate = density = extinction = 0.0
-    for part in parts:
-        weather, shown = part.front.weather, part.shown(t)
-        population = weather.population
-        fall = float(value_at(part.motion.fall, t))
-        density += shown * population.density
-        rate += shown * population.density * effect.MATTER.flux(population.sizes, fall)
+    for part in getattr(effect.parts, "parts", [effect.parts]):
+        population, fall = part.flakes.population, float(value_at(part.motion.fall, t))
+        shown = part.shown(t) * population.density
+        density += shown
+        rate += shown * effect.MATTER.flux(population.sizes, fall)
         extinction += part.air(t)
     far = min(effect.far, effect.far if effect.backdrop is None else effect.backdrop)
     # Flakes fade in before the near depth: they begin at its nine tenths.
@@ -89,30 +95,48 @@ def strength_of(effect: Any, t: float = 0.0) -> Strength:
     return Strength(seen, 1.0 - clear, rate, density)
 
 
-def solved(
-    kind: str, matter: Matter, sizes: str, check: Callable[[str, Any], Any],
-    turned: Mapping[str, Any], given: Mapping[str, Any],
-) -> dict[str, Any]:  # fmt: skip
-    """Return the fields that follow from knobs and other fields, or refuse what contradicts."""
-    known = {name: given.get(name) for name in ("density", sizes, "opacity", "fall")}
-    wanted = {"rate": rate_of(turned, kind)}
-    wanted["visibility"] = optional(positive)("visibility", turned.get("visibility"))
+def knob_of(name: str, given: Mapping[str, Any], kind: str = "") -> Any:
+    """Return the `rate` or `visibility` that is given, or that of a `severity`; None without."""
+    value, severity = given.get(name), given.get("severity")
+    table, unit, limits = VISIBILITIES, "m", {"above": 0.0}
+    if name == "rate":
+        table, unit, limits = RATES[kind], "mm/h", {"low": LOWEST, "high": HIGHEST[kind]}
+        limits |= {"low": 0.0} if isinstance(value, Keys) else {}
+    value = None if value is None else as_number(name, value, **limits)
+    if severity is None:
+        return value
+    said = table[integer("severity", severity, low=1, high=SEVERITIES) - 1]
+    if value not in (None, said):
+        raise ValueError(
+            f"severity and {name} contradict: severity {severity} is {said:g} {unit}, "
+            f"{name} is {value}"
+        )
+    return said
+
+
+def solved(effect: Any, turned: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a class of effects that follow from knobs and other fields."""
+    size, kind = effect.SIZES, effect.NAME
+    known = {name: given.get(name) for name in ("density", size, "opacity", "fall")}
+    wanted = {"rate": knob_of("rate", turned, kind)}
+    wanted["visibility"] = knob_of("visibility", {**turned, "severity": None})
     wanted = {name: value for name, value in wanted.items() if value is not None}
     keyed = next((name for name in wanted if isinstance(wanted[name], Keys)), None)
     for name, value in known.items():
         if isinstance(value, Keys):
             raise ValueError(f"{name} must not be keyed beside {' and '.join(wanted)}: key these")
-        if value is not None and name != sizes:
+        if value is not None and name != size:
             most = OPAQUE if name == "opacity" else math.inf
             known[name] = real(name, value, above=0.0, high=most)
-    if known[sizes] is not None:
-        known[sizes] = Sizes.with_mean(*check(sizes, known[sizes]))
+    if known[size] is not None:
+        known[size] = Sizes.with_mean(*checks_of(effect)[size](size, known[size]))
     if keyed and (len(wanted) > 1 or known["density"] is not None):
         raise ValueError(f"{keyed} is keyed: give no density and no other knob, which follow")
-    fields = {name: value for name, value in given.items() if name == "backdrop"}
+    fields: dict[str, Any] = {}
     if "visibility" in wanted and given.get("far") is None:
-        fields = {"backdrop": BACKDROP, **fields, "far": reach(largest(wanted["visibility"]))}
-    numbers = _Numbers(kind, matter, sizes, known)
+        fields = {"far": reach(largest(wanted["visibility"]))}
+        fields |= {} if "backdrop" in given else {"backdrop": BACKDROP}
+    numbers = _Numbers(kind, effect.MATTER, size, known)
     if keyed is None:
         return fields | numbers.solve(wanted)
     keys: Keys = wanted[keyed]
@@ -123,13 +147,15 @@ def solved(
     return fields | {"density": times(keys, fields["density"] / most)}
 
 
+@dataclass
 class _Numbers:
     """The numbers that are known of a population, and those that follow."""
 
-    def __init__(self, kind: str, matter: Matter, sizes: str, known: dict[str, Any]) -> None:
-        self.kind, self.matter, self.sizes, self.known = kind, matter, sizes, known
-        small, large = 1e3 * matter.smallest, 1e3 * matter.largest
-        self.all_sizes = f"{sizes} of {small:g} to {large:g} mm"
+    kind: str
+    matter: Matter
+    size: str  # The name of the field of sizes.
+    known: dict[str, Any]  # By fields; None where it is not known yet.
+    given: set[str] = field(init=False)
 
     def each(self, name: str, sizes: Sizes) -> float:
         """Return the rate, mm/h, or the extinction, 1/m, of one per m3."""
@@ -140,8 +166,8 @@ class _Numbers:
 
     def solve(self, wanted: dict[str, float]) -> dict[str, Any]:
         """Return the fields that were not given."""
-        known, size = self.known, self.sizes
-        given = {name for name, value in known.items() if value is not None}
+        known, size = self.known, self.size
+        self.given = given = {name for name, value in known.items() if value is not None}
         left = {name: v if name == "rate" else gas.visibility(v) for name, v in wanted.items()}
         if not given & {"density", size}:
             known[size] = self._law(left)
@@ -153,14 +179,12 @@ class _Numbers:
             if density is None:
                 known["density"] = value / self.each(name, known[size])
             else:
-                about = f"density {density:g} and {self.all_sizes}"
-                known[size] = self._found(
-                    name, value, about, lambda _, sizes: density * self.each(name, sizes)
-                )
+                law = lambda _, sizes: density * self.each(name, sizes)  # noqa: E731
+                known[size] = self._found(name, value, f"density {density:g}", law)
         for name, value in left.items():
-            self._last(name, value, given)
-        law: Sizes = known[size]
-        found = {**known, size: (law.smallest, law.mean, law.largest)}
+            self._last(name, value)
+        law_: Sizes = known[size]
+        found = {**known, size: (law_.smallest, law_.mean, law_.largest)}
         return {name: v for name, v in found.items() if v is not None and name not in given}
 
     def _law(self, left: dict[str, float]) -> Sizes:
@@ -173,51 +197,57 @@ class _Numbers:
 
         extinction, rate = left["visibility"], left.get("rate")
         if rate is None:
-            low, high = LOWEST, HIGHEST[self.kind]
-            about = f"{self.kind} of {low:g} to {high:g} mm/h without density or {self.sizes}"
-            return self._found("visibility", extinction, about, thick, low, high, self.matter.sizes)
+            ends = LOWEST, HIGHEST[self.kind]
+            return self._found("visibility", extinction, "", thick, ends, self.matter.sizes)
         del left["visibility"]
-        about = f"rate {rate:g} and {self.all_sizes}"
-        return self._found("visibility", extinction, about, lambda _, sizes: thick(rate, sizes))
+        return self._found(
+            "visibility", extinction, f"rate {rate:g}", lambda _, sizes: thick(rate, sizes)
+        )
 
-    def _last(self, name: str, value: float, given: set[str]) -> None:
+    def _last(self, name: str, value: float) -> None:
         """Set the fall or the opacity so that a knob holds, or refuse it."""
         known, free = self.known, "fall" if name == "rate" else "opacity"
-        sizes: Sizes = known[self.sizes]
+        sizes: Sizes = known[self.size]
         own = known["density"] * self.each(name, sizes)
         usual = self.matter.fall(sizes) if free == "fall" else OPACITY
         least, most = (usual / _FASTER, usual * _FASTER) if free == "fall" else (0.0, OPAQUE)
-        if free not in given and least <= usual * value / own <= most:
+        if free not in self.given and least <= usual * value / own <= most:
             known[free] = usual * value / own
-        elif free not in given or abs(own / value - 1.0) > _SAME:
-            others = given - {"opacity" if name == "rate" else "fall"}
-            raise self._refused(name, value, " and ".join(sorted(others)), own)
+        elif free not in self.given or abs(own / value - 1.0) > _SAME:
+            others = self.given - {"opacity" if name == "rate" else "fall"}
+            raise _refused(name, value, " and ".join(sorted(others)), own)
 
     def _found(
-        self, name: str, wanted: float, about: str, law: Callable[[float, Sizes], float],
-        low: float = 1.0, high: float = 1e5, family: Callable[[float], Sizes] | None = None,
+        self, name: str, wanted: float, beside: str, law: Callable[[float, Sizes], float],
+        ends: tuple[float, float] = (1.0, 1e5), family: Callable[[float], Sizes] | None = None,
     ) -> Sizes:  # fmt: skip
         """Return those of a family of sizes for which a law has a value, by halving a ratio."""
         # If not given those of all slopes, 1/m: from all sizes alike to nearly all the smallest.
-        smallest, largest = self.matter.smallest, self.matter.largest
-        sizes = family or (lambda slope: Sizes.with_slope(smallest, slope, largest))
-        ends = law(low, sizes(low)), law(high, sizes(high))
-        if not min(ends) <= wanted <= max(ends):
-            raise self._refused(name, wanted, about, *ends)
+        small, large = self.matter.smallest, self.matter.largest
+        sizes = family or (lambda slope: Sizes.with_slope(small, slope, large))
+        (low, high), about = (
+            ends,
+            f"{beside} and {self.size} of {1e3 * small:g} to {1e3 * large:g} mm",
+        )
+        if family:
+            about = f"{self.kind} of {low:g} to {high:g} mm/h without density or {self.size}"
+        first, last = law(low, sizes(low)), law(high, sizes(high))
+        if not min(first, last) <= wanted <= max(first, last):
+            raise _refused(name, wanted, about, first, last)
         for _ in range(100):
             middle = math.sqrt(low * high)
-            if (law(middle, sizes(middle)) > wanted) == (ends[1] > ends[0]):
+            if (law(middle, sizes(middle)) > wanted) == (last > first):
                 high = middle
             else:
                 low = middle
         return sizes(math.sqrt(low * high))
 
-    @staticmethod
-    def _refused(name: str, wanted: float, about: str, *found: float) -> ValueError:
-        said = sorted(found) if name == "rate" else sorted(map(gas.visibility, found))
-        got, unit = (wanted, "mm/h") if name == "rate" else (gas.visibility(wanted), "m")
-        numbers = " to ".join(f"{one:.4g}" for one in said)
-        return ValueError(f"{name} contradicts {about}: these give {numbers} {unit}, got {got:.4g}")
+
+def _refused(name: str, wanted: float, about: str, *found: float) -> ValueError:
+    said = sorted(found) if name == "rate" else sorted(map(gas.visibility, found))
+    got, unit = (wanted, "mm/h") if name == "rate" else (gas.visibility(wanted), "m")
+    numbers = " to ".join(f"{one:.4g}" for one in said)
+    return ValueError(f"{name} contradicts {about}: these give {numbers} {unit}, got {got:.4g}")
 
 
 def _straight(keys: Keys) -> Keys:

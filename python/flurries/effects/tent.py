@@ -11,30 +11,19 @@ from dataclasses import InitVar, dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
-from flurries._contract import flag, real, suggesting
 from flurries.effects import checks
-from flurries.effects.air import Flakes
 from flurries.effects.color import Color
+from flurries.effects.drawn import Flakes
 from flurries.effects.field import Field
-from flurries.effects.knobs import Described, looks
+from flurries.effects.knobs import Described, effect
 from flurries.effects.motion import Motion
-from flurries.effects.precipitation import Precipitation
+from flurries.effects.precipitation import Precipitation, Veil
 from flurries.effects.presets import TENT_RAIN, TENT_SNOW, RainLook, TentSnowLook
 from flurries.effects.texture import Texture
-from flurries.effects.veil import Veil
 from flurries.motion.keys import Keys, Number, Vector
 from flurries.motion.wind import Wind
 from flurries.spectral.tables import Aliasing
 from flurries.spectral.tiles import Blend
-
-_density: checks.Check = checks.optional(lambda name, value: real(name, value, low=0.0, high=1e6))
-
-_CHECKS = {
-    **checks.TENT, "flakes": checks.population, "flake_density": _density,
-    "flake_size": checks.sizes, "flake_opacity": checks.share, "sway": checks.pair,
-    "drops": checks.population, "drop_density": _density, "drop_size": checks.sizes,
-    "drop_depth": checks.length, "gain": checks.gain, "renormalise": flag,
-}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +53,7 @@ class _Tent(metaclass=Described):
     NAME: ClassVar[str]
 
     def __post_init__(self, *_: Any) -> None:
-        checks.settle(self, _CHECKS)
+        checks.settle(self)
 
     def _parts(self, tuned: tuple[float, float], streaks: bool, **near: Any) -> Precipitation:
         motion = Motion(self.fall, self.wind, self.shutter)
@@ -77,8 +66,7 @@ class _Tent(metaclass=Described):
         )  # fmt: skip
 
 
-@looks
-@suggesting
+@effect()
 @dataclass(frozen=True, kw_only=True)
 class TentSnow(_Tent):
     """Falling snow as Langer's texture.
@@ -161,8 +149,7 @@ class TentSnow(_Tent):
         )  # fmt: skip
 
 
-@looks
-@suggesting
+@effect()
 @dataclass(frozen=True, kw_only=True)
 class TentRain(_Tent):
     """Rain as Langer's texture.

@@ -11,14 +11,12 @@ from flurries import _core, gas
 from flurries._contract import Array, Float64
 from flurries._trace import current
 from flurries.effects.bank_light import brightest, lit_by_sun, optics_of
-from flurries.effects.color import color_at, is_local, reads_of
-from flurries.effects.lighting import Base, even_shade
+from flurries.effects.color import base_of, even_shade, reads_of
 from flurries.effects.passes import NEAREST, STEPS, air_motions
 from flurries.frame.layer import Layer
 from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.gas.splatting import gas_of, sorted_gas
-from flurries.io.color import linear_to_srgb
 from flurries.light.lamp import radiance
 from flurries.motion.keys import Vector, value_at
 
@@ -34,17 +32,6 @@ RANKS, FADE = 211, 0.25
 
 # The most particles in a box.
 MOST = 2_000_000
-
-
-def base_of(color: Any, frame: Frame) -> tuple[Base, tuple[float, float, float], bool]:
-    """Return the brightness of a gas, its color in display values, and if that is the plate's."""
-    if not is_local(color):
-        own = color_at(color, frame)
-        return Base.even(own), own, False
-    assert frame.plate is not None
-    base = Base.airlight(frame.plate)
-    red, green, blue = linear_to_srgb(base.dim).tolist()
-    return base, (red, green, blue), True
 
 
 def needs_of_gas(

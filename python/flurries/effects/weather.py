@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -17,10 +17,12 @@ from flurries._contract import Float64
 from flurries._kept import kept
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
-from flurries.effects.motion import HALF_OPEN, Motion
+from flurries.effects.air import NEAR_FADE
+from flurries.effects.drawn import Drawn, Share
+from flurries.effects.motion import HALF_OPEN, Motion, times
 from flurries.frame.needs import has_keys
 from flurries.frame.view import Frame
-from flurries.motion.keys import Keys, Number, value_at
+from flurries.motion.keys import Number
 from flurries.particles import population as laws
 from flurries.particles.sizes import Sizes
 
@@ -41,22 +43,8 @@ _MOST_FLAKES = 6.0
 # Layers of sheets of each class; large flakes make most of the contrast.
 LAYERS, BENT_LAYERS = (4, 7, 10, 15), 6
 
-# Flakes fade in before the lens from the near depth over this: from it on all are there.
-NEAR_FADE = 1.25
-
 # By so much of the far end, on either side, the last flakes fade, so that none pops.
 FAR_FADE = 0.07
-
-
-@dataclass(frozen=True, eq=False)
-class Share:
-    """A class of size, and what is drawn of it."""
-
-    size: laws.SizeClass
-    motion: Motion  # With the fall speed of the class.
-    reach: float  # Depth up to which its flakes are drawn, metres.
-    # Depths between which drawn ones fade in, and between which they fade out again, metres.
-    shown: tuple[float, float, float, float]
 
 
 class Layer(NamedTuple):
@@ -86,7 +74,7 @@ class Film:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Weather:
+class Weather(Drawn):
     population: laws.Population
     motion: Motion  # Of a flake of the mean size.
     emission: Number  # Share of the flakes that begin to fall, 0 to 1.
@@ -101,6 +89,8 @@ class Weather:
     # Depth up to which they are drawn where sheets lie beyond, metres.
     handover: float | None = None
     backdrop: float | None = None  # Where they end if the scene has no depth, metres.
+
+    by_size: ClassVar[bool] = False
 
     def film(self, frame: Frame) -> Film:
         path = frame.path
@@ -129,20 +119,6 @@ class Weather:
 
     def shares(self, frame: Frame) -> tuple[Share, ...]:
         return self.film(frame).drawn
-
-
-def amounts_at(weather: Weather, frame: Frame, share: Share, heights: Float64) -> Float64:
-    """Return the part of a class's flakes that is there, at heights below the eye, metres."""
-    assert isinstance(weather.emission, Keys)
-    fall = max(float(value_at(share.motion.fall, frame.t)), 1e-3)
-    left = frame.t - frame.fps * np.maximum(weather.cloud + heights, 0.0) / fall
-    return np.array([weather.emission.at(time) for time in left.ravel().tolist()])
-
-
-def times(number: Number, factor: float) -> Number:
-    if isinstance(number, Keys):
-        return Keys([(frame, factor * value) for frame, value in number.keys])
-    return factor * number
 
 
 @kept(64)

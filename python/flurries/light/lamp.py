@@ -119,7 +119,7 @@ class Lamp:
         if self.angle is not None:
             settle(self, "angle", real("angle", self.angle, above=0.0, high=2.0 * math.pi))
         settle(self, "soft", real("soft", self.soft, low=0.0, high=1.0))
-        settle(self, "color", _as_light(self.color))
+        settle(self, "color", as_light("color", self.color))
         settle(self, "power", as_number("power", self.power, low=0.0))
         settle(self, "radius", real("radius", self.radius, above=0.0))
         settle(self, "carried", flag("carried", self.carried))
@@ -152,14 +152,15 @@ def _way(direction: Float64) -> Float64:
     return direction
 
 
-def _as_light(value: Any) -> Any:
+def as_light(name: str, value: Any, high: float = math.inf) -> Any:
+    """Return one grey or (r, g, b), plain or keyed, from 0 on."""
     if isinstance(value, Keys):
         for _, part in value.keys:
-            _as_light(part)
+            as_light(name, part, high)
         return value
-    if np.ndim(value) == 0:
-        return real("color", value, low=0.0)
-    return tuple(real("color", part, low=0.0) for part in vector("color", value, 3).tolist())
+    if not isinstance(value, (list, tuple)) and np.ndim(value) == 0:
+        return real(name, value, low=0.0, high=high)
+    return tuple(real(name, part, low=0.0, high=high) for part in vector(name, value, 3).tolist())
 
 
 def radiance(points: Float64, rows: Float64, optics: Optics, eye: Float64) -> Float64:

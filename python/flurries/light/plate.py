@@ -36,7 +36,7 @@ class PlateLight:
     ground: Float64  # (3,) from below, outside.
     levels: Levels | None = None  # The same by depth, where the plate has one.
 
-    def local(self, focal: float, *, asymmetry: float, albedo: float) -> Float64:
+    def local(self, focal: float, asymmetry: float, albedo: float) -> Float64:
         """Return the radiance of flakes before each cell, (rows, columns, 3) linear light."""
         # The albedo times the light from all sides, weighed by Henyey and Greenstein: what lies
         # behind a flake, around it, and outside the picture, half of it sky, half ground.

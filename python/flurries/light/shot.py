@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import LARGEST, Array, Float64, real, suggesting, vector
+from flurries._contract import Array, Float64, suggesting
+from flurries.light.lamp import as_light
 from flurries.motion.keys import Keys, value_at
 
 __all__ = ["Light"]
@@ -65,7 +66,7 @@ class Light:
         for part in fields(self):
             given = getattr(self, part.name)
             if given is not None or part.name == "snow":
-                object.__setattr__(self, part.name, _checked(part.name, given))
+                object.__setattr__(self, part.name, as_light(part.name, given))
 
     def at(self, t: float) -> tuple[Float64, Float64, Float64]:
         """Return the light of snow, sky and ground at `t`, each (3,) and linear."""
@@ -80,19 +81,6 @@ class Light:
         assert snow is not None
         sky = snow / _SNOW if sky is None else sky
         return snow, sky, _GREY * sky if ground is None else ground
-
-
-def _checked(name: str, value: Any) -> Any:
-    if isinstance(value, tuple) and len(value) == 3:
-        if all(isinstance(part, float) and 0.0 <= part <= LARGEST for part in value):
-            return value
-    elif isinstance(value, Keys):
-        for _, part in value.keys:
-            _checked(name, part)
-        return value
-    if np.ndim(value) == 0:
-        return real(name, value, low=0.0)
-    return tuple(real(name, part, low=0.0) for part in vector(name, value, 3).tolist())
 
 
 def light_of(frames: Mapping[int, Array], *, keyed: bool = False) -> Light:

@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries.effects.drawn import DrawnFlakes
-from flurries.effects.rain import Rain
-from flurries.effects.snow import Snow
+from flurries.effects.falling import Rain, Snow
 from flurries.effects.weather import Weather
 from flurries.frame.needs import renderer_of
 from flurries.frame.plan import Accuracy, Handover
@@ -62,9 +60,9 @@ def accuracy_of(scene: Rendering, number: int) -> Accuracy:
 def _depth(effect: Any, frame: Frame) -> float | None:
     """Return the mean depth up to which flakes are drawn; None where `handover` has no say."""
     flakes = getattr(renderer_of(effect), "flakes", None)
-    if not isinstance(flakes, DrawnFlakes) or not isinstance(flakes.weather, Weather):
+    if not isinstance(flakes, Weather):
         return None
-    film = flakes.weather.film(frame)
+    film = flakes.film(frame)
     return fmean(share.reach for share in film.drawn) if film.layers else None
 
 

@@ -21,10 +21,9 @@ from flurries._contract import Float64
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import quaternions_of, rotation_matrix, rotation_vector
 from flurries.effects.cone import ConeRain, ConeSnow
+from flurries.effects.falling import Rain, Snow
 from flurries.effects.mist import Mist
-from flurries.effects.population import product
-from flurries.effects.rain import Rain
-from flurries.effects.snow import Snow
+from flurries.effects.motion import product
 from flurries.effects.tent import TentRain, TentSnow
 from flurries.frame.layer import Layer
 from flurries.frame.needs import Needs, needs_of, renderer_of
