@@ -6,6 +6,7 @@ all of it. With one it is a bank or a cloud that stands in the world.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeAlias
@@ -15,18 +16,35 @@ import numpy as np
 from flurries import _core, gas
 from flurries._contract import Array
 from flurries._trace import current
-from flurries.effects.bank_density import Density, Rays, Slices
-from flurries.effects.bank_light import lit_by_sun, optics_of, skylit, sunny
+from flurries.effects.bank_density import SIGMAS, Density, Rays, Slices
+from flurries.effects.bank_texture import COARSE, MARGIN
 from flurries.effects.color import Base, base_of, even_shade
-from flurries.effects.vapor import moved_with, needs_of_gas
+from flurries.effects.vapor import lit_by_sun, moved_with, needs_of_gas, optics_of
 from flurries.frame.layer import Layer, Shade
 from flurries.frame.needs import LeftOut, Needs
 from flurries.frame.view import Frame
+from flurries.gas.optics import phase
+from flurries.io.color import srgb_to_linear
 from flurries.motion.keys import value_at
 
 # Of a frame: opacity (H, W), the light (H, W, 3) of sky, sun and lamps multiplied by it, and the
 # mean depth (H, W) of what shows.
 Drawn: TypeAlias = tuple[Array, Array | None, Array | None]
+
+# Pixels of the cells in which light is found.
+CELL = 8
+
+# The sine of the lowest sun: light that comes in flatter takes no longer way through mist.
+LOWEST = 0.1
+
+# Over which length gas shades: of the picture's height under the sky, of a bank's least side or the
+# visibility in the sun; and where on it one looks, by the exponential law.
+SKY, SUN = 1.0 / 16.0, 0.1
+PLACES = (0.13, 0.47, 0.98, 2.08)
+
+# The share of the light that gas takes from what lies deep below it, and how thick it must be for
+# that: both by eye, on dark, bright and busy photographs. With more of either mist is smoke.
+TAKEN, STEEP = 0.45, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +142,76 @@ class Bank:
             light *= (alpha / total)[..., None]
         depth = np.where(alpha > 0.0, far / total, np.float32(np.inf))
         return alpha, light, depth if frame.whole else None
+
+
+def skylit(gas: Density, dense: Array, base: Base) -> Shade:
+    """Return the sky's light on a slice, less below its own gas; `dense` is on the coarse grid."""
+    shape = tuple(-(-side // CELL) for side in gas.frame.shape)
+    above = _before(dense, shape, (0.0, SKY * len(dense))) / max(gas.extinction, 1e-30)
+    colors = (1.0 - TAKEN * -np.expm1(-STEEP * above))[..., None] * base.dim
+    return Shade(colors.astype(np.float32), float(CELL), (0, 0))
+
+
+def sunny(gas: Density, depth: float, lumps: Array | None, base: Base) -> Shade:
+    """Return the sun's light on a slice of opaque gas with a structure on the coarse grid."""
+    frame, mist, rays = gas.frame, gas.mist, Rays(gas.frame, CELL)
+    assert frame.sun is not None
+    sun, x, y = frame.sun, rays.x, rays.y
+    way = frame.to_camera(sun.unit())
+    cosine = -(x * way[0] + y * way[1] + way[2]) / np.sqrt(1.0 + x * x + y * y)
+    thick = gas.extinction * _sunward(gas, rays, depth)
+    if lumps is not None:
+        size = mist.farthest if mist.center is None else min(mist.box)
+        reach = SUN * frame.camera.focal * size / depth / COARSE
+        before = _before(lumps, thick.shape, (reach * way[0], reach * way[1]))
+        # As lumps even out along the way, which is not only in the picture, they shade by half.
+        thick *= 0.5 + 0.5 * before / max(float(before.mean()), 1e-12)
+    reaches = np.exp((mist.forward - 1.0) * thick)
+    if mist.scatter != "even":
+        cosine = np.clip(cosine, -1.0, 1.0)
+        reaches = reaches * phase(cosine, kind=mist.scatter, asymmetry=mist.asymmetry)
+    white = (1.0 - sun.ambient) * srgb_to_linear(np.asarray(sun.color, np.float64))
+    colors = sun.ambient * base.dim + reaches[..., None] * (white * base.sunny)
+    return Shade(colors.astype(np.float32), float(CELL), (0, 0))
+
+
+def _sunward(gas: Density, rays: Rays, depth: float) -> Array:
+    """Return the metres of the sun's light through the mean gas to a depth, (rows, columns)."""
+    assert gas.frame.sun is not None
+    sun, way = gas.frame.sun.unit(), np.zeros((len(rays.y), rays.x.size), np.float32)
+    if gas.mist.center is not None:
+        # Through a Gaussian it is the tail of the normal law over its density (Mills' ratio).
+        slant = -sun * SIGMAS / np.array(gas.mist.box)
+        along = np.linalg.norm(slant)
+        parts = gas.from_middle(rays, depth)
+        place = sum(part * to for part, to in zip(parts, slant / along, strict=True))
+        way += _mills(np.maximum(place, -6.0)) / along
+    elif gas.mist.top is not None:
+        height = gas.height(rays, depth)
+        thick = gas.mist.falloff * np.log1p(np.exp(-height)) * (1.0 + np.exp(height))
+        way += thick / max(sun[1], LOWEST)
+    way *= gas.profile(rays, depth)
+    return way
+
+
+def _before(plane: Array, shape: tuple[int, ...], way: tuple[float, float]) -> Array:
+    """Return the mean of a coarse plane on the way (x, y) of light to each cell."""
+    # Not that of the cell itself: a lump that shaded itself would be a hole.
+    total = np.zeros(shape, np.float32)
+    for part in PLACES:
+        down, across = (
+            np.clip(np.arange(cells) * (CELL // COARSE) + MARGIN - round(part * to), 0, side - 1)
+            for cells, to, side in zip(shape, way[::-1], plane.shape, strict=True)
+        )
+        total += plane[np.ix_(down, across)]
+    return np.asarray(total / np.float32(len(PLACES)))
+
+
+def _mills(a: Any) -> Any:
+    """Return the tail of the normal law from `a` on over its density, to 1 % (Boyd 1959)."""
+    far = np.abs(a)
+    ratio = math.pi / ((math.pi - 1.0) * far + np.sqrt(far * far + math.tau))
+    return np.where(a < 0.0, math.sqrt(math.tau) * np.exp(0.5 * far * far) - ratio, ratio)
 
 
 def _opacity(thick: Array) -> None:

@@ -43,29 +43,24 @@ class Density:
 
     def slices(self) -> Iterator[Slices]:
         """Yield the slices of a frame, near ones first, by groups."""
-        frame = self.frame
         edges, places = self._cut()
         shown, waves = self._shown(edges), self._waves
-        long: list[Any] = [None] * len(places)
-        if waves is not None:
-            long = [waves.long(place, number) for number, place in enumerate(places)]
+        long: list[Any] = [waves.long(at, n) if waves else None for n, at in enumerate(places)]
         mean = np.float32(self.extinction * self._gain(edges, long))
         for group, numbers in enumerate(np.array_split(np.arange(len(places)), GROUPS)):
             seen = [number for number in numbers.tolist() if shown[number + 1] > shown[number]]
             if not seen:
                 continue
-            dense = np.empty((len(seen), *coarse_shape(frame)), np.float32)
+            dense = np.empty((len(seen), *coarse_shape(self.frame)), np.float32)
             for slot, number in enumerate(seen):
                 dense[slot] = mean * self.profile(self.rays, places[number])
-                if long[number] is not None:
+                if waves is not None:
                     dense[slot] *= long[number]
-            detail = None
-            if waves is not None:
-                middle = float(np.mean([places[number] for number in numbers]))
-                detail = waves.short(middle, group)
-            ends = shown[seen[0] : seen[-1] + 2].tolist()
-            lumps = [long[number] for number in seen]
-            yield Slices(ends, [places[number] for number in seen], dense, lumps, detail)
+            middle = float(np.mean([places[number] for number in numbers]))
+            yield Slices(
+                shown[seen[0] : seen[-1] + 2].tolist(), [places[number] for number in seen], dense,
+                [long[number] for number in seen], waves.short(middle, group) if waves else None,
+            )  # fmt: skip
 
     @cached_property
     def rays(self) -> Rays:

@@ -10,6 +10,8 @@ powers sum to that of the spectrum, what the kernel's spline takes of long ones 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,6 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries._kept import kept
-from flurries.camera.lens import Camera
 from flurries.camera.tiles import tile_drift, tile_shift
 from flurries.effects.motion import comes_nearer
 from flurries.frame.view import Frame
@@ -61,73 +62,84 @@ def coarse_shape(frame: Frame) -> tuple[int, int]:
     return height, width
 
 
+@dataclass(frozen=True, eq=False)
 class Waves:
-    """The waves of a gas' slices: `spread` of its log density, and `outer` scale over depth."""
+    """The waves of a gas' slices."""
 
-    def __init__(self, frame: Frame, wind: Vector, spread: float, outer: float) -> None:
-        self._frame, self._wind, self._spread, self._outer = frame, wind, spread, outer
-        path, axis = frame.path, frame.camera.matrix()[:, 2]
-        # Whether the view does not move as one.
-        self._flows = path.turns or path.zooms or comes_nearer(path, axis, 0.0, wind)
-        shape = coarse_shape(frame)
-        self._tile, self._overlap = (APART[0], APART[0]), APART[1]
-        if max(shape) <= (APART[0] if self._flows else TILE):
-            self._tile, self._overlap = (_quick(ROOM * shape[0]), _quick(ROOM * shape[1])), 0
+    frame: Frame
+    wind: Vector
+    spread: float  # Root mean square of the logarithm of the density.
+    scale: float  # The longest waves' length, metres.
+
+    @cached_property
+    def _flows(self) -> bool:
+        """Whether the view does not move as one."""
+        path, axis = self.frame.path, self.frame.camera.matrix()[:, 2]
+        return path.turns or path.zooms or comes_nearer(path, axis, 0.0, self.wind)
+
+    @cached_property
+    def _tiles(self) -> tuple[tuple[int, int], int]:
+        """The tile of the coarse grid and what tiles share, its px."""
+        rows, columns = coarse_shape(self.frame)
+        if max(rows, columns) <= (APART[0] if self._flows else TILE):
+            return (_quick(ROOM * rows), _quick(ROOM * columns)), 0
+        return (APART[0], APART[0]), APART[1]
 
     def long(self, depth: float, number: int) -> Array:
         """Return the density of a slice over its mean in its long waves, coarse, float32."""
-        field = np.empty(coarse_shape(self._frame), np.float32)
-        seed = (self._frame.seed + _STRIDE * number) % 2**62
-        outer = self._outer_px(depth)
-        edges = _rings(self._tile)
+        field, tile = np.empty(coarse_shape(self.frame), np.float32), self._tiles[0]
+        edges, outer = _rings(tile), self._outer(depth)
         gains = _gains(edges, outer)[0] / _spline(edges)
-        self._fill(field, depth, (self._tile, self._overlap), edges / COARSE, gains, seed)
-        variance = self._spread * self._spread * _variances(self._tile, outer)[0]
+        self._fill(field, depth, self._tiles, edges / COARSE, gains, _STRIDE * number)
+        variance = self.spread * self.spread * _variances(tile, outer)[0]
         field *= np.float32(math.sqrt(variance))
         field -= np.float32(0.5 * variance)
         return np.asarray(np.exp(field, out=field))
 
     def short(self, depth: float, half: int) -> tuple[Array, float]:
         """Return short waves of slices about a depth, (H, W) of variance 1, and their size."""
-        seed = (self._frame.seed + _STRIDE * half + _SHORT) % 2**62
-        out = np.empty(self._frame.shape, np.float32)
-        tiles = FINE_APART if self._flows else FINE
-        outer = self._outer_px(depth)
-        self._fill(out, depth, tiles, _FINE_RINGS, _gains(_FINE_RINGS, outer)[1], seed)
-        share = _variances(self._tile, outer)[1]
-        return out, self._spread * math.sqrt(share)
+        out, outer = np.empty(self.frame.shape, np.float32), self._outer(depth)
+        gains, tiles = _gains(_FINE_RINGS, outer)[1], FINE_APART if self._flows else FINE
+        self._fill(out, depth, tiles, _FINE_RINGS, gains, _STRIDE * half + _SHORT)
+        return out, self.spread * math.sqrt(_variances(self._tiles[0], outer)[1])
 
-    def _outer_px(self, depth: float) -> float:
-        return float(self._frame.camera.focal * self._outer / depth)
+    def _outer(self, depth: float) -> float:
+        """Return the outer scale at a depth, px."""
+        return float(self.frame.camera.focal * self.scale / depth)
 
     def _fill(
         self, out: Array, depth: float, tiles: tuple[tuple[int, int], int],
-        edges: Float64, gains: Float64, seed: int,
+        edges: Float64, gains: Float64, stream: int,
     ) -> None:  # fmt: skip
         """Fill a grid with a field of variance 1 that moves as the air does at a depth."""
-        frame = self._frame
-        scale = 1.0 if out.shape == frame.shape else 1.0 / COARSE
+        frame = self.frame
         sizes: dict[str, Any] = {"tile": tiles[0], "overlap": tiles[1]}
+        scale, margin = (1.0, 0) if out.shape == frame.shape else (1.0 / COARSE, MARGIN)
 
         def shift(then: Frame) -> Float64:
-            eye = then.camera
-            camera = eye if scale == 1.0 else _coarse(eye, then.shape, scale)
-            travel = then.travel(wind=self._wind)
+            eye = camera = then.camera
+            if margin:
+                # The eye before the coarse grid.
+                (x, y), (u, v) = eye.principal(then.shape), eye.center_shift
+                center = scale * (x - u) + margin, scale * (y - v) + margin
+                aside = scale * u, scale * v
+                camera = eye.derive(focal=scale * eye.focal, center=center, center_shift=aside)
+            travel = then.travel(wind=self.wind)
             moved = tile_drift(out.shape, travel, camera, near_depth=depth, **sizes)
             if then.path.turns:
                 moved = moved + tile_shift(out.shape, then.rotation(), camera, **sizes)
             return np.asarray(moved + scale * np.array(eye.center_shift))
 
-        band = (float(edges[0]), float(edges[-1]))
         texture = Texture(
-            wavelengths=band, exponent=EXPONENT, ring_edges=edges, ring_gains=gains, **sizes
-        )
+            wavelengths=(float(edges[0]), float(edges[-1])), exponent=EXPONENT, ring_edges=edges,
+            ring_gains=gains, **sizes,
+        )  # fmt: skip
+        seed = (frame.seed + stream) % 2**62
         asked = request(out.shape, texture, shift=shift(frame), seed=seed)
-        lap = frame.lap
-        if lap is not None:
-            begin, end = (shift(frame.later(t - frame.t)) for t in (lap.first, lap.end))
+        if frame.lap is not None:
+            begin, end = (shift(frame.later(t - frame.t)) for t in (frame.lap.first, frame.lap.end))
             whole = np.ascontiguousarray((end - begin)[:, :, None])
-            asked = asked._replace(lap=(np.zeros_like(whole), whole, lap.part(frame.t)))
+            asked = asked._replace(lap=(np.zeros_like(whole), whole, frame.lap.part(frame.t)))
         _core.field(out, asked, None, False)
 
 
@@ -175,13 +187,3 @@ def _quick(length: float) -> int:
     while 60**20 % side:
         side += 2
     return side
-
-
-def _coarse(eye: Camera, shape: tuple[int, int], scale: float) -> Camera:
-    """Return the eye before the coarse grid."""
-    cx, cy = (
-        scale * (at - aside) + MARGIN
-        for at, aside in zip(eye.principal(shape), eye.center_shift, strict=True)
-    )
-    aside = (scale * eye.center_shift[0], scale * eye.center_shift[1])
-    return eye.derive(focal=scale * eye.focal, center=(cx, cy), center_shift=aside)

@@ -13,12 +13,11 @@ from flurries import gas
 from flurries._contract import choice, flag, integer, real, vector
 from flurries.effects import checks
 from flurries.effects.bank import Bank
-from flurries.effects.bank_light import SCATTER, Law
 from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color
 from flurries.effects.knobs import Described, effect
 from flurries.effects.presets import MIST, PAPER_MIST, MistLook
 from flurries.effects.strength import BACKDROP, Strength, knob_of, reach
-from flurries.effects.vapor import MOST, Vapor
+from flurries.effects.vapor import MOST, SCATTER, Law, Vapor
 from flurries.gas.splatting import FOOTPRINTS, Footprint
 from flurries.motion.keys import Number, Vector, as_number, as_vector, largest
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from flurries import _core, gas
 from flurries._contract import Array, Float64
 from flurries._trace import current
-from flurries.effects.bank_light import brightest, lit_by_sun, optics_of
 from flurries.effects.color import base_of, even_shade, reads_of
 from flurries.effects.passes import NEAREST, STEPS, air_motions
 from flurries.frame.layer import Layer
@@ -18,7 +17,11 @@ from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.gas.splatting import gas_of, sorted_gas
 from flurries.light.lamp import radiance
+from flurries.light.phase import DROPS, Optics
 from flurries.motion.keys import Vector, value_at
+
+Law: TypeAlias = Literal["even", "rayleigh", "henyey"]
+SCATTER = get_args(Law)
 
 # How many times as bright as white lamps may make it.
 LAMPS = 100.0
@@ -32,6 +35,23 @@ RANKS, FADE = 211, 0.25
 
 # The most particles in a box.
 MOST = 2_000_000
+
+
+def brightest(mist: Any) -> float:
+    """Return the most that the phase function of a `Mist` brightens white gas by."""
+    if mist.scatter == "henyey":
+        g: float = abs(mist.asymmetry)
+        return (1.0 + g) / (1.0 - g) ** 2
+    return 1.5 if mist.scatter == "rayleigh" else 1.0
+
+
+def optics_of(mist: Any) -> Optics:
+    """Return the optics of the particles, for the light of lamps."""
+    return Optics(mist.asymmetry, 1.0) if mist.scatter == "henyey" else DROPS
+
+
+def lit_by_sun(mist: Any, frame: Frame) -> bool:
+    return bool(mist.lit) and frame.sun is not None
 
 
 def needs_of_gas(
