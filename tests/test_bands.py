@@ -13,6 +13,7 @@ import pytest
 import flurries as fl
 from flurries.effects import ConeRain, ConeSnow, TentRain, TentSnow
 from flurries.frame import bands
+from flurries.frame.needs import Needs, Step
 
 H, W = 300, 260
 RANDOM = np.random.default_rng(1)
@@ -46,7 +47,7 @@ TURNING = fl.CameraPath(
 )
 SUN = fl.scene.Sun((0.2, 1.0, 0.3))
 SCENES: dict[str, dict[str, Any]] = {
-    "bytes": {"background": BYTES},
+    "bytes": {"background": BYTES}, "clear bytes": {"background": FRONT},
     "light": {"background": LIGHT, "sun": SUN},
     "bytes in linear light": {"background": BYTES, "space": "linear", "sun": SUN},
     "light in display values": {"background": LIGHT, "space": "display"},
@@ -123,12 +124,9 @@ class Own:
     """An effect of somebody else's, that may draw rows or not."""
 
     by_rows: bool
-    honest: bool = True
     calls: Any = None
 
-    def needs(self, frame: fl.effects.Frame) -> Any:
-        from flurries.frame.needs import Needs, Step
-
+    def needs(self, frame: fl.effects.Frame) -> Needs:
         return Needs((Step("own"),), by_rows=self.by_rows)
 
     def render(self, frame: fl.effects.Frame) -> fl.effects.Layer:
@@ -136,20 +134,7 @@ class Own:
             self.calls.append(frame.window)
         top, bottom, left, right = frame.window
         rows = np.linspace(0.0, 1.0, frame.shape[0], dtype=np.float32)[top:bottom]
-        if not self.honest:
-            # Of its window, not of the frame.
-            rows = rows / rows.max()
         return fl.effects.Layer("own", np.repeat(rows[:, None], right - left, axis=1))
-
-
-def test_a_window_that_is_not_the_wholes_part_would_be_seen(low: Callable[[], None]):
-    for honest in (True, False):
-        scene = fl.Scene(LIGHT, effects=[Own(by_rows=True, honest=honest)], space="display")
-        whole = scene.render(1)
-        with pytest.MonkeyPatch.context() as patched:
-            patched.setattr(bands, "WHOLE", 100 * W)
-            patched.setattr(bands, "BAND", 64 * W)
-            assert same([scene.render(1)], [whole]) is honest
 
 
 def test_what_may_draw_the_whole_draws_it_once(low: Callable[[], None]):

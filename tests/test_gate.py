@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
@@ -16,8 +15,6 @@ import pytest
 
 import flurries as fl
 from flurries import _core
-
-SNOW = fl.effects.TentSnow("heavy", flakes=300)
 
 
 def launch(code: str, **environment: str) -> subprocess.Popen[str]:
@@ -46,40 +43,20 @@ def test_a_defect_of_ours_is_an_error_of_ours():
         _core.cone_needed(np.zeros((2, 3), np.uint8), np.zeros((1, 1, 2), np.float32), [])
 
 
-def wrong_frames(render: Callable[[int], np.ndarray]) -> int:
-    """Return how many of the frames that sixteen threads ask for at once differ from each alone."""
-    want = [render(t).tobytes() for t in range(4)]
-    ready = threading.Barrier(16)
-
-    def work(number: int) -> int:
-        ready.wait()
-        asked = [(t + number) % 4 for t in range(8)]
-        return sum(render(t).tobytes() != want[t] for t in asked)
-
-    with ThreadPoolExecutor(16) as pool:
-        return sum(pool.map(work, range(16)))
-
-
 def test_many_threads_on_one_scene(threads: Callable[[int], None]):
     threads(2)
-    scene = fl.Scene(
-        "#304050", size=(80, 60), effects=[SNOW, fl.effects.TentSnow(flakes=100, jitter=True)]
-    )
-    assert wrong_frames(scene.render) == 0
+    snow = fl.effects.TentSnow("heavy", flakes=300)
+    effects = [snow, fl.effects.TentSnow(flakes=100, jitter=True)]
+    scene = fl.Scene("#304050", size=(80, 60), effects=effects)
+    want = [scene.render(t).tobytes() for t in range(4)]
+    ready = threading.Barrier(16)
 
+    def work(number: int) -> bool:
+        ready.wait()
+        return all(scene.render(t % 4).tobytes() == want[t % 4] for t in range(number, number + 8))
 
-def test_a_shared_buffer_would_be_seen():
-    """The control: a painter that keeps its picture."""
-    scene = fl.Scene("#304050", size=(80, 60), effects=[SNOW])
-    kept = np.zeros((60, 80, 3))
-
-    def render(t: int) -> np.ndarray:
-        kept[...] = scene.render(t)
-        # Where another thread may come in between.
-        time.sleep(0.001)
-        return kept
-
-    assert wrong_frames(render) > 0
+    with ThreadPoolExecutor(16) as pool:
+        assert all(pool.map(work, range(16)))
 
 
 def test_import_starts_nothing_and_loads_little():
@@ -247,28 +224,19 @@ def resident():
     gc.collect()
     with open("/proc/self/status") as file:
         return next(int(line.split()[1]) for line in file if line.startswith("VmRSS"))
-kept = []
 def run(frames):
     for t in frames:
         scene.render(t)
-        kept.append(bytes(LEAK))
 run(range(300))
 before = resident()
-run(range(300, 300 + FRAMES))
+run(range(300, 600))
 print(resident() - before)
 """
 
 
-def grown(frames: int, leak: int) -> int:
-    """Return by how many KiB a process grows over so many frames."""
-    code = MEMORY.replace("LEAK", str(leak)).replace("FRAMES", str(frames))
-    return int(*python(code, FLURRIES_NUM_THREADS="2"))
-
-
-@pytest.mark.parametrize("leak", [0, 8192])
-def test_memory_stays_flat(leak: int):
-    growth = grown(300, leak)
-    assert (growth <= 1024) is (leak == 0), f"{growth} KiB in 300 frames"
+def test_memory_stays_flat():
+    growth = int(*python(MEMORY, FLURRIES_NUM_THREADS="2"))
+    assert growth <= 1024, f"{growth} KiB in 300 frames"
 
 
 HUGE = {
@@ -276,7 +244,6 @@ HUGE = {
     "flakes": "fl.Scene(size=(64, 64), effects=[fl.effects.TentSnow(flakes=2 * 10**7)]).render(0)",
     "tile of the scene":
         "fl.Scene(size=(64, 64), effects=[fl.effects.TentSnow(tile=2**15, flakes=0)]).render(0)",
-    "nothing huge": "fl.Scene(size=(9, 9), effects=[fl.Snow()]).render(0); raise MemoryError",
 }  # fmt: skip
 
 
@@ -294,12 +261,6 @@ print(fl.Scene(size=(64, 64), effects=[fl.effects.TentSnow(flakes=50)]).render(0
 """
     got = python(code, FLURRIES_NUM_THREADS="2", OPENBLAS_NUM_THREADS="1")
     assert "".join(got) == "refused(64,64,3)"
-
-
-def test_an_exit_that_is_not_clean_would_be_seen():
-    for code in ("import os; os.abort()", "import sys; sys.stderr.write('x')", "1 / 0"):
-        process = launch(code)
-        assert (process.communicate(timeout=100), process.returncode) != (("", ""), 0)
 
 
 @pytest.mark.parametrize("size, count", [(64, 5), (1500, 2)])

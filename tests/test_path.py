@@ -43,19 +43,15 @@ def test_place_is_the_integral_of_rate(name: str, span: tuple[float, float]):
 
 
 def test_outside_it_goes_on_with_the_end_rates():
-    first, last = PLACES[1] - PLACES[0], PLACES[-1] - PLACES[-2]
-    path = PATHS["array"]
-    assert np.allclose(path.place(-10.5, fps=FPS), PLACES[0] - 10.5 * first, rtol=1e-14)
-    assert np.allclose(path.place(8 + 7.25, fps=FPS), PLACES[-1] + 7.25 * last, rtol=1e-14)
-    assert np.array_equal(path.rate(-3, fps=FPS), first)
-    assert np.array_equal(path.rate(8, fps=FPS), last)
-    keyed = PATHS["keys"]
-    assert np.allclose(keyed.place(0, fps=FPS), (-2.0, 1.0, 17 / 3), rtol=1e-14)
-    assert np.allclose(keyed.place(13, fps=FPS), (3.0, -3.0, 32 / 3), rtol=1e-14)
+    for name, t, want in [
+        ("array", -10.5, PLACES[0] - 10.5 * (PLACES[1] - PLACES[0])),
+        ("array", 15.25, PLACES[-1] + 7.25 * (PLACES[-1] - PLACES[-2])),
+        ("keys", 0, (-2.0, 1.0, 17 / 3)), ("keys", 13, (3.0, -3.0, 32 / 3)),
+    ]:  # fmt: skip
+        assert np.allclose(PATHS[name].place(t, fps=FPS), want, rtol=1e-14)
     # A velocity is held instead.
-    held = PATHS["keyed velocity"]
-    assert np.allclose(held.rate(-100, fps=FPS), np.array([0.0, 1.0, 5.0]) / FPS)
-    assert np.allclose(held.rate(100, fps=FPS), np.array([3.0, -2.0, 9.0]) / FPS)
+    for t, want in ((-100, (0.0, 1.0, 5.0)), (100, (3.0, -2.0, 9.0))):
+        assert np.allclose(PATHS["keyed velocity"].rate(t, fps=FPS), np.array(want) / FPS)
 
 
 @every(("arguments", "forward"), [

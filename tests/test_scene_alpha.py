@@ -1,4 +1,4 @@
-"""Backgrounds with alpha: weather over them is premultiplied, and alpha is kept, both ways."""
+"""Files with alpha, and float pictures that are no light."""
 
 from pathlib import Path
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.io import linear_to_srgb, read_picture, read_video, srgb_to_linear, write_picture
+from flurries.io import read_picture, read_video, write_picture
 
 EFFECTS = [fl.Mist(count=60, density=0.6), fl.effects.TentSnow("heavy", flakes=150)]
 
@@ -23,57 +23,6 @@ def plate(dtype: Any, opaque: bool = False) -> np.ndarray:
         return np.rint(light * np.iinfo(dtype).max).astype(dtype)
     light[..., :3] *= light[..., 3:]
     return light.astype(dtype)
-
-
-def twin(background: np.ndarray, scene: fl.Scene, t: float) -> np.ndarray:
-    """The frame in float64 from its layers: premultiplied over, then back."""
-    layers = scene.layers(t).layers
-    colors, alpha = background[..., :3].astype(float), background[..., 3:].astype(float)
-    whole = background.dtype.kind == "u"
-    if whole:
-        top = np.iinfo(background.dtype).max
-        colors, alpha = colors / top, alpha / top
-        colors = (srgb_to_linear(colors) if scene._linear else colors) * alpha
-    elif not scene._linear:
-        straight = np.divide(colors, alpha, out=np.zeros_like(colors), where=alpha > 0)
-        colors = linear_to_srgb(straight) * alpha
-    under = np.concatenate([colors, alpha], axis=2)
-    for layer in (one.rgba for one in layers.values()):
-        under = layer.astype(float) + (1.0 - layer[..., 3:].astype(float)) * under
-    colors, alpha = under[..., :3], under[..., 3:]
-    straight = np.divide(colors, alpha, out=np.zeros_like(colors), where=alpha > 0)
-    if whole:
-        straight = linear_to_srgb(straight) if scene._linear else straight
-        return np.concatenate([straight, alpha], axis=2).clip(0, 1) * top
-    if not scene._linear:
-        return np.concatenate([srgb_to_linear(straight) * alpha, alpha], axis=2)
-    return under
-
-
-@pytest.mark.parametrize("space", ["display", "linear"])
-@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32"])
-def test_16_7_weather_over_alpha_is_premultiplied(dtype: str, space: str):
-    background = plate(dtype)
-    scene = fl.Scene(background, effects=EFFECTS, space=space)
-    frame = scene.render(3)
-    assert frame.shape == (48, 64, 4) and frame.dtype == background.dtype
-    wanted = twin(background, scene, 3)
-    # The color of what is nearly nothing is one of large errors: it counts as far as it shows.
-    cover = wanted[..., 3:] / (np.iinfo(dtype).max if frame.dtype.kind == "u" else 1)
-    difference = np.abs(frame.astype(float) - wanted)
-    if frame.dtype.kind == "u":
-        difference[..., :3] *= cover
-        assert difference.max() <= (0.51 if dtype == "uint8" else 0.6)
-        assert (np.abs(frame[..., 3].astype(float) - wanted[..., 3]) <= 0.51).all()
-    else:
-        assert difference.max() <= 3e-6
-    # Snow falls where there was nothing, too.
-    empty = background[..., 3] == 0
-    assert (frame[empty][:, 3] > 0).any()
-    # The control: colors that are mixed as if they were opaque are others.
-    bare = fl.Scene(background[..., :3], effects=EFFECTS, space=space).render(3)
-    alike = (dtype, space) == ("float32", "linear")  # Multiplied before and after.
-    assert alike or np.abs(bare.astype(float) - frame[..., :3]).max() > 0.05 * wanted.max()
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.exr", "a.tif"])

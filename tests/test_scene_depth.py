@@ -119,9 +119,8 @@ def test_refusals(folder: Path):
 
 def test_the_sun():
     for scale in (1e-90, 1.0, 1e90):
-        assert fl.scene.Sun((0, 3 * scale, -4 * scale)).unit() == pytest.approx(
-            [0, 0.6, -0.8], abs=1e-15
-        )
+        unit = fl.scene.Sun((0, 3 * scale, -4 * scale)).unit()
+        assert unit == pytest.approx([0, 0.6, -0.8], abs=1e-15)
     with pytest.raises(TypeError, match=r"sun must be a flurries.Sun"):
         fl.Scene(size=(W, H), sun=(0, 1, 0))  # type: ignore[arg-type]
 

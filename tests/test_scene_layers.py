@@ -51,35 +51,52 @@ def encode(light: np.ndarray) -> np.ndarray:
     return np.where(light <= 0.0031308, 12.92 * light, 1.055 * np.abs(light) ** (1 / 2.4) - 0.055)
 
 
-def over(behind: np.ndarray, straight: np.ndarray, alpha: np.ndarray) -> np.ndarray:
-    cover = alpha[..., None].astype(np.float64)
-    return straight * cover + (1.0 - cover) * behind
+def same(light: np.ndarray) -> np.ndarray:
+    return light
+
+
+def straight_of(colors: np.ndarray, cover: np.ndarray) -> np.ndarray:
+    return np.divide(colors, cover, out=np.zeros_like(colors), where=cover > 0.0)
 
 
 @pytest.mark.parametrize("space", ["display", "linear"])
-@pytest.mark.parametrize("kind", ["bytes", "light"])
+@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32"])
+@pytest.mark.parametrize("clear", [False, True], ids=["opaque", "16_7 alpha"])
 @pytest.mark.parametrize("matte", [None, MATTE], ids=["open", "matte"])
-def test_color_by_pixel_is_mixed_in_either_light(space: str, kind: str, matte: Any):
-    picture = BYTES if kind == "bytes" else LIGHT
-    scene = fl.Scene(picture, effects=[Given((ONE, MANY))], space=space, foreground=matte)
-    got = scene.render(0)
-    alpha = ALPHA.astype(np.float64) * (1.0 if matte is None else 1.0 - matte)
-    if space == "linear":
-        behind = decode(BYTES / 255.0) if kind == "bytes" else LIGHT.astype(np.float64)
-        first, second = decode(np.array(ONE.color)), STRAIGHT.astype(np.float64)
-    else:
-        behind = BYTES / 255.0 if kind == "bytes" else encode(LIGHT.astype(np.float64))
-        first, second = np.array(ONE.color), encode(STRAIGHT.astype(np.float64))
-    want = over(over(behind, first, alpha), second, alpha)
-    if kind == "bytes":
+def test_layers_are_mixed_in_either_light(space: str, dtype: str, clear: bool, matte: Any):
+    """The twin: float64, straight colors over each other, and back; integers are not multiplied."""
+    linear, whole = space == "linear", dtype != "float32"
+    top = float(np.iinfo(dtype).max) if whole else 1.0
+    plate = np.rint(BYTES / 255.0 * top).astype(dtype) if whole else LIGHT
+    cover = np.linspace(-0.2, 1.2, W).clip(0.0, 1.0) * np.ones((H, 1))
+    if clear:
+        cover = np.rint(top * cover) / top if whole else cover.astype(dtype)
+        colors = plate if whole else plate * cover[..., None]
+        plate = np.dstack([colors, top * cover]).astype(dtype)
+    cover = (cover if clear else np.ones((H, W))).astype(np.float64)[..., None]
+    # Display values of integers, light of floats: turned into the light of the mix, and back.
+    into, back = (decode, encode) if linear and whole else (same, same)
+    into, back = (encode, decode) if not linear and not whole else (into, back)
+    colors = plate[..., :3] / top
+    under = into(colors if whole or not clear else straight_of(colors, cover)) * cover
+    first = np.array(ONE.color)
+    for color in (decode(first) if linear else first, STRAIGHT if linear else encode(STRAIGHT)):
+        alpha = ALPHA.astype(np.float64)[..., None]
+        alpha = alpha if matte is None else alpha * (1.0 - matte[..., None])
+        under, cover = color * alpha + (1.0 - alpha) * under, alpha + (1.0 - alpha) * cover
+    want = straight_of(under, cover)
+    if whole and linear:
         # Light that is brighter than white turns white, as far as it is brighter.
         scale = 1.0 / np.maximum(want.max(axis=2, keepdims=True), 1.0)
-        white = encode(scale * want + (1.0 - scale) * (1.0 - scale * want))
-        want = 255.0 * np.clip(want if space == "display" else white, 0.0, 1.0)
-        assert np.abs(got - want).max() <= 1.01  # rounded after each layer
-    else:
-        want = want if space == "linear" else decode(want)
-        assert np.abs(got / want - 1.0).max() <= 1e-5
+        want = scale * want + (1.0 - scale) * (1.0 - scale * want)
+    want = top * np.clip(back(want), 0.0, 1.0) if whole else back(want) * cover
+    got = fl.Scene(plate, effects=[Given((ONE, MANY))], space=space, foreground=matte).render(0)
+    assert got.dtype == plate.dtype and got.shape == plate.shape
+    # The color of what is nearly nothing is one of large errors: it counts as far as it shows.
+    wrong = np.abs(got[..., :3] - want) * (cover if whole else 1.0 / np.maximum(want, 0.1))
+    assert wrong.max() <= (1.01 if whole else 1e-5)  # Bytes are rounded after each layer.
+    if clear:
+        assert np.abs(got[..., 3:] - top * cover).max() <= (0.51 if whole else 1e-6)
 
 
 def test_names_are_unique_and_none_is_taken():
