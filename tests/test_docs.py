@@ -1,5 +1,6 @@
-"""The examples in docstrings and in the README run."""
+"""Pages keep their word: examples run, and links, files and tests that they name are there."""
 
+import ast
 import doctest
 import importlib
 import importlib.util
@@ -83,21 +84,54 @@ def test_there_is_something_to_run_in_order():
 PAGES = [*README.parent.glob("*.md"), *sorted((README.parent / "docs").rglob("*.md"))]
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 FILE = re.compile(r"`((?:python|flurries|src|docs|tests|benches)/[\w./-]+\.\w+)`")
+# "::test" belongs to the file before it.
+TEST = re.compile(r"`([\w/]+\.py)?::(test_\w+)`")
 # Where files that a page names may stand; "flurries/" is short for "python/flurries/".
 ROOTS = (README.parent, README.parent / "python")
 
 
+def named_tests(text: str) -> set[str]:
+    """Return the tests that a page names, `file::name`."""
+    found, file = set(), ""
+    for match in TEST.finditer(text):
+        file = match[1] or file
+        found.add(f"{file}::{match[2]}")
+    return found
+
+
+def declared(file: str) -> set[str]:
+    tree = ast.parse((README.parent / "tests" / file).read_text("utf-8"))
+    return {f"{file}::{node.name}" for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+
+
 def missing(page: Path, text: str) -> list[str]:
-    """Return the links of a page that lead nowhere, and the files named that are not there."""
+    """Return what a page names or links to that is not there."""
     links = [link for link in LINK.findall(text) if "://" not in link]
     lost = [link for link in links if not (page.parent / link).exists()]
     named = FILE.findall(text)
-    return lost + [file for file in named if not any((root / file).exists() for root in ROOTS)]
+    lost += [file for file in named if not any((root / file).exists() for root in ROOTS)]
+    tests = named_tests(text)
+    there = {name for file in {test.split("::")[0] for test in tests} for name in declared(file)}
+    return lost + sorted(tests - there)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(README.parent)))
-def test_links_and_files_of_a_page_are_there(page: Path):
+def test_links_files_and_tests_of_a_page_are_there(page: Path):
     assert missing(page, page.read_text(encoding="utf-8")) == []
+
+
+def test_every_erratum_and_every_soak_test_has_its_line():
+    internals = README.parent / "docs" / "internals"
+    table = (internals / "deviations.md").read_text("utf-8").split("## Errata of Langer 2004")[1]
+    rows = re.findall(r"^\| ([\d, ]+) \|(.*)", table.split("\n## ")[0], re.M)
+    assert all(named_tests(row) for _, row in rows)
+    assert sorted(int(n) for numbers, _ in rows for n in numbers.split(",")) == list(range(1, 21))
+    promised = named_tests((internals / "reliability.md").read_text("utf-8"))
+    soak = {
+        name for path in (README.parent / "tests" / "soak").glob("test_*.py")
+        for name in declared(f"soak/{path.name}") if "::test_" in name
+    }  # fmt: skip
+    assert len(promised) > 50 and soak and soak <= promised
 
 
 def test_the_readmes_film_is_what_the_commands_below_it_make(tmp_path: Path):
@@ -117,11 +151,13 @@ def test_the_readmes_film_is_what_the_commands_below_it_make(tmp_path: Path):
         assert 2.0 * off < np.abs(np.asarray(film.convert("RGB")) - made).mean()
 
 
-def test_a_lost_link_and_a_lost_file_would_be_seen():
+def test_what_is_lost_would_be_seen():
     text = (
         "[a](docs/README.md) [b](docs/none.md#x) `src/lib.rs` `flurries/none.rs` [c](https://c.d/e)"
+        " `test_docs.py::test_nobody`, `::test_docstring_examples`"
     )
-    assert missing(README, text) == ["docs/none.md", "flurries/none.rs"]
+    lost = ["docs/none.md", "flurries/none.rs", "test_docs.py::test_nobody"]
+    assert missing(README, text) == lost
 
 
 def test_the_index_of_internals_answers_ten_questions_by_two_files_at_most():

@@ -56,12 +56,6 @@ def test_fft_is_the_cosine_sum(shape: twin.Shape):
     assert np.abs(error).max() <= 1e-15 * np.abs(amplitude).sum()
 
 
-def test_direct_field_is_the_fft_field():
-    case = {"drift": (3.0, -1.0), "seed": 5, "tile": 16, "overlap": 6, "wavelengths": (2.5, 16.0)}
-    error = twin.field((24, 21), **case, direct=True) - twin.field((24, 21), **case)
-    assert np.abs(error).max() < 1e-13
-
-
 @pytest.mark.parametrize(
     ("spread", "mean", "std"),
     [(2.0, 0.3075, 0.2497), (2.5, 0.2891, 0.2044), (3.0, 0.2776, 0.1706), (4.0, 0.2656, 0.1269)],

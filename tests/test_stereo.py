@@ -1,4 +1,4 @@
-"""Two eyes: every band of the texture at the depth that it stands for, flakes at their own."""
+"""Two eyes: disparities of what is rendered, anaglyphs, packings, files."""
 
 from __future__ import annotations
 
@@ -6,11 +6,15 @@ import warnings
 from typing import Any
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 import flurries as fl
 import measure
+from every import every
+from flurries import io, stereo
 from measure import FOCAL, LONGEST, NEAR, TEXTURE, TORUS, scene
+from stills import header_of
 
 Camera, Snow, Scene = fl.Camera, fl.effects.TentSnow, fl.Scene
 BANDS = (30.0, 24.0, 20.0, 16.0, 12.0, 10.0, 8.0, 6.0, 5.0)
@@ -98,3 +102,118 @@ def test_both_eyes_at_once_have_the_bits_of_each_alone(name: str, effects: list[
             np.testing.assert_array_equal(got, want)
         if not about:
             assert not np.array_equal(*pair)
+
+
+# In linear light.
+CASES = {
+    "red pair": ((1, 0, 0), (1, 0, 0), (0.41263, 0.33839, 0)),
+    "blue pair": ((0, 0, 1), (0, 0, 1), (0.17483, 0, 1)),
+    "white and black": ((1, 1, 1), (0, 0, 0), (1, 0, 0)),
+    "black and white": ((0, 0, 0), (1, 1, 1), (0, 1, 1)),
+}
+
+
+@every("dtype", [np.float32, np.float64])
+@every("case", CASES)
+def test_anaglyph_cases(case, dtype):
+    left, right, want = (np.array(c, dtype).reshape(1, 1, 3) for c in CASES[case])
+    got = stereo.anaglyph(left, right)
+    assert got.dtype == dtype
+    np.testing.assert_allclose(got, want, atol=5e-6 if case.endswith("pair") else 2e-3)
+
+
+@every("matrix", ["lsq2001", "lcd2009"])
+def test_grey_pairs_stay_grey(matrix):
+    # The matrices' rows sum to 1 within .001; clipped at white.
+    levels = np.repeat(np.arange(256, dtype=np.uint8)[None, :, None], 3, axis=2)
+    got = stereo.anaglyph(levels / 255.0, levels / 255.0, matrix=matrix)
+    assert np.abs(got - levels / 255.0).max() < 1.2e-3
+    got = stereo.anaglyph(levels, levels, matrix=matrix).astype(int)
+    assert np.abs(got - levels).max() <= 1 and np.ptp(got, axis=2).max() <= 1
+
+
+def test_integers_go_through_linear_light():
+    rng = np.random.default_rng(1)
+    for dtype, limit in ((np.uint8, 0), (np.uint16, 1)):
+        left, right = rng.integers(0, np.iinfo(dtype).max + 1, (2, 70, 90, 3)).astype(dtype)
+        light = [io.srgb_to_linear(p / np.iinfo(dtype).max) for p in (left, right)]
+        a, b = (np.array(m) for m in stereo.MATRICES["lsq2001"])
+        mixed = np.clip(light[0] @ a.T + light[1] @ b.T, 0, 1)
+        want = np.rint(io.linear_to_srgb(mixed) * np.iinfo(dtype).max)
+        got = stereo.anaglyph(left, right)
+        assert got.dtype == dtype
+        off = np.abs(got - want)
+        # float32 light, where a value lies on the border of two levels.
+        assert off.max() <= 1 and (off > limit).mean() < 2e-3
+        # On display values it would be far off: the negative control.
+        shown = np.clip(left / np.iinfo(dtype).max @ a.T + right / np.iinfo(dtype).max @ b.T, 0, 1)
+        assert np.abs(shown - io.linear_to_srgb(mixed)).max() > 0.2
+
+
+@every("dtype", [np.uint8, np.uint16, np.float32])
+@every("shape", [(4, 6, 3), (4, 6, 4), (4, 6)])
+def test_packings(shape, dtype):
+    left, right = np.random.default_rng(3).integers(0, 200, (2, *shape)).astype(dtype)
+    wide, tall = stereo.side_by_side(left, right), stereo.over_under(left, right)
+    assert wide.dtype == dtype
+    np.testing.assert_array_equal(wide, np.concatenate([left, right], axis=1))
+    np.testing.assert_array_equal(tall, np.concatenate([left, right], axis=0))
+    crossed = stereo.side_by_side(left, right, cross=True)
+    np.testing.assert_array_equal(crossed, stereo.side_by_side(right, left))
+    packed = stereo.side_by_side(left, right, squeeze=True)
+    assert packed.shape == left.shape == stereo.over_under(left, right, squeeze=True).shape
+    want = (left[:, ::2].astype(float) + left[:, 1::2]) / 2
+    assert np.abs(packed[:, :3] - want).max() <= 0.5
+
+
+def pair(left, right):
+    return {"left": {"rgba": left}, "right": {"rgba": right}}
+
+
+@pytest.mark.parametrize(("half", "channels"), [(True, 3), (False, 4)])
+def test_stereo_exr(half, channels, tmp_path):
+    left, right = np.random.default_rng(4).random((2, 70, 33, channels), np.float32) * 2
+    path, again = tmp_path / "pair.exr", tmp_path / "again.exr"
+    for file in (path, again):
+        io.write_layer_views(file, pair(left, right), half=half, metadata={"frame": 7})
+    got = io.read_views(path)
+    for eye, want in zip(got, (left, right), strict=True):
+        stored = want.astype(np.float16).astype(np.float32) if half else want
+        np.testing.assert_array_equal(eye, stored)
+    # Other readers see the left eye, and the note.
+    np.testing.assert_array_equal(io.read_picture(path).pixels, got[0][..., :3])
+    assert header_of(path)["frame"] == "7"
+    assert again.read_bytes() == path.read_bytes()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["again.exr", "pair.exr"]
+
+
+def test_stereo_exr_is_what_others_write_and_read(tmp_path):
+    left, right = np.random.default_rng(4).random((2, 4, 5, 3), np.float32)
+    io.write_layer_views(tmp_path / "a.exr", pair(left, right))
+    reader = oiio.ImageInput.open(str(tmp_path / "a.exr"))
+    parts = [reader.spec(part) for part in (0, 1)]
+    assert [p.get_string_attribute("view") for p in parts] == ["left", "right"]
+    assert [p.channelnames for p in parts] == [("R", "G", "B")] * 2
+    # The other layout: one part, the names of the right eye's channels marked.
+    spec = oiio.ImageSpec(5, 4, 6, "float")
+    spec.channelnames = ("R", "G", "B", "right.R", "right.G", "right.B")
+    spec.attribute("multiView", oiio.TypeDesc("string[2]"), ("left", "right"))
+    output = oiio.ImageOutput.create("b.exr")
+    assert output.open(str(tmp_path / "b.exr"), spec)
+    assert output.write_image(np.concatenate([left, right], axis=2)) and output.close()
+    for eye, want in zip(io.read_views(tmp_path / "b.exr"), (left, right), strict=True):
+        np.testing.assert_array_equal(eye, want)
+    io.write_picture(tmp_path / "c.exr", left)
+    with pytest.raises(ValueError, match="left and a right view"):
+        io.read_views(tmp_path / "c.exr")
+
+
+def test_packing_refusals():
+    good, odd = np.zeros((4, 6, 3), np.float32), np.zeros((5, 7, 3))
+    for word, call in {
+        "even width": lambda: stereo.side_by_side(odd, odd, squeeze=True),
+        "even height": lambda: stereo.over_under(odd, odd, squeeze=True),
+        "right must": lambda: stereo.over_under(good, good[:3]),
+    }.items():
+        with pytest.raises(ValueError, match=word):
+            call()

@@ -319,9 +319,9 @@ def field(
     exponent: float = 1.0, velocity: ArrayLike | None = None, shift_rate: ArrayLike | None = None,
     alias: str = "keep", soft_from: float = 0.4, shutter: float = 0.0, jitter: bool = False,
     shortest: ArrayLike | None = None, blend: str = "power", ring_edges: ArrayLike | None = None,
-    ring_gains: ArrayLike | None = None, direct: bool = False,
+    ring_gains: ArrayLike | None = None,
 ) -> Floats:  # fmt: skip
-    """One frame, tile by tile; `direct` takes the cosine sum instead of the FFT."""
+    """One frame, tile by tile."""
     size = (tile, tile) if isinstance(tile, int) else tile
     rows = len(tile_starts(shape[0], tile=size[0], overlap=overlap))
     cols = len(tile_starts(shape[1], tile=size[1], overlap=overlap))
@@ -331,7 +331,6 @@ def field(
     if ring_gains is not None:
         base = base * np.asarray(ring_gains, dtype=np.float64)[rings]
         base = base / np.sqrt(np.sum(base**2))
-    transform = direct_sum if direct else inverse_transform
     tiles = np.zeros((rows, cols, *size))
     for row, col in np.ndindex(rows, cols):
         where = directions(size)
@@ -349,5 +348,5 @@ def field(
                 rate = rate + plane_rate(size, of_tile(shift_rate, row, col, None))
             amplitude = without_aliases(amplitude, rate, alias, soft_from)
             amplitude = amplitude * np.sinc(rate * shutter)
-        tiles[row, col] = transform(amplitude, phase)
+        tiles[row, col] = inverse_transform(amplitude, phase)
     return blend_tiles(tiles, shape, overlap=overlap, blend=blend)

@@ -229,7 +229,7 @@ CALLS: dict[str, Call] = {
         within=1e-3, refused={"eye_distance": (0.0,), "radius": (0.0, [1.0, 2.0])},
     ),
     "gas.extinction": Call({"count": 300.0, "volume": 300.0, "radius": 0.5, "density": 0.3}),
-    "gas.visibility": Call({"beta": 0.3}),
+    "gas.visibility": Call({"beta": 0.3}, refused={"contrast": (0.0, 1.0, -1.0)}),
     "cone.rain_tile": Call(
         {"size": 16, "seed": 1},
         refused={"spread": (-1.0,), "size": (3,), "drops": (-1,), "length": (0.6,)},

@@ -7,7 +7,6 @@ import dataclasses
 import math
 import re
 import resource
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -19,8 +18,8 @@ from public.values import LAYOUTS, backwards, misaligned, read_only, strided
 
 REFUSALS = (TypeError, ValueError)
 
-# Seconds of a core that a refusal may take, and bytes that a call may take from the system.
-PROMPT, MORE = 0.05, 64 << 20
+# Bytes that a call may take from the system.
+MORE = 64 << 20
 
 
 def numbers(answer: Any) -> list[np.ndarray]:
@@ -300,31 +299,23 @@ def of_arguments(call: Call, tried: Values = values_for) -> Iterator[str]:
 
 def _of_value(call: Call, argument: str, value: Any, must: bool) -> str:
     """Return what is wrong with how a value is taken or refused."""
-    # Again if late: the first call imports, a busy machine may have taken the time.
-    for _ in range(3):
-        began = time.thread_time()
-        try:
-            call(**{argument: value})
-        except REFUSALS as error:
-            late = time.thread_time() - began > PROMPT
-            # `os.fspath` says it as well as we could.
-            named = names(error, "PathLike", *((argument,) if must else call.parameters))
-            if not named and (must or call.strict):
-                return f"not named: {str(error)[:120]}"
-            if len(str(error)) > 2000 and call.strict:
-                return f"{len(str(error))} letters of message"
-            if not late:
-                return ""
-        except (OSError, MemoryError) as error:
-            # Found out by trying.
-            return type(error).__name__ if must else ""
-        except Exception as error:
-            return f"{type(error).__name__}: {str(error)[:120]}"
-        except SystemExit:
-            return "leaves Python"
-        else:
-            return "is taken" if must else ""
-    return "refused late"
+    try:
+        call(**{argument: value})
+    except REFUSALS as error:
+        # `os.fspath` says it as well as we could.
+        named = names(error, "PathLike", *((argument,) if must else call.parameters))
+        if not named and (must or call.strict):
+            return f"not named: {str(error)[:120]}"
+        long = len(str(error)) > 2000 and call.strict
+        return f"{len(str(error))} letters of message" if long else ""
+    except (OSError, MemoryError) as error:
+        # Found out by trying.
+        return type(error).__name__ if must else ""
+    except Exception as error:
+        return f"{type(error).__name__}: {str(error)[:120]}"
+    except SystemExit:
+        return "leaves Python"
+    return "is taken" if must else ""
 
 
 # They order work, or more threads; what they make is as small as ever.

@@ -1,0 +1,233 @@
+"""The double cone: rays, one texture, four layers at once and the chart that is kept."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+import twin_cone as twin
+from every import every
+from flurries import cone
+from flurries.camera import Camera, image_velocity
+from twin import hashed, unit
+
+WIDE = (90, 120)
+EYE = Camera(100.0, rotation=(0.2, -0.4, 0.1))
+AXES = [(0, 1, 0), (0, -1, 0), (1, 0, 0), (0, 0, 1), (0.3, 0.9, -0.4), (-0.5, 0.2, 0.8)]
+
+
+@every("axis", AXES)
+@every("slope", [0.0, 0.2])
+def test_rays_are_the_twins(axis, slope):
+    seen = cone.rays(WIDE, EYE, axis=axis, slope=slope)
+    points = twin.centres(WIDE)
+    rays = twin.directions(points, EYE, WIDE)
+    azimuth, height = twin.hit(rays, axis, slope)
+    off = seen.azimuth.ravel() - azimuth
+    # Near the axis a rounding of the ray is a large turn: 1e-15 over the distance from it.
+    across = np.sqrt(1 - np.minimum((rays @ twin.basis(axis)[0]) ** 2, 1.0))
+    assert (np.abs(off - np.round(off)) <= 1e-15 / np.maximum(across, 1e-8)).all()
+    # The same where it is seen, in heights: d w is d e / c^2.
+    assert (np.abs(seen.height.ravel() - height) * across**2 <= 3e-15).all()
+    np.testing.assert_allclose(seen.fade.ravel(), twin.fade(rays, axis), atol=1e-12)
+    around, up = twin.steps(points, EYE, WIDE, axis, slope)
+    away = across > 0.05
+    np.testing.assert_allclose(seen.azimuth_step.ravel()[away], around[away], rtol=1e-5)
+    np.testing.assert_allclose(seen.height_step.ravel()[away], up[away], rtol=1e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize("travel", [(0.5, 2, 8), (-3, 1, 2), (0.1, 4, -6), (0.3, 1.0, 1e-3)])
+def test_the_apex_is_the_focus_of_expansion(travel):
+    # The one position from which nothing seems to move, found from Eq. 8 alone.
+    camera, shape = Camera(500.0, rotation=(0.1, 0.2, -0.3)), (480, 640)
+    points = [(0.0, 0.0), (100.0, 0.0), (0.0, 100.0)]
+    # The velocity is camera minus drop.
+    flow = image_velocity(points, np.ones(3), -np.array(travel, float), camera, shape)
+    focus = np.linalg.solve((flow[1:] - flow[0]).T / 100.0, -flow[0])
+    # The apex: where the ray is the axis itself.
+    axis = cone.path([0.0], travel).axis[0]
+    local = axis @ camera.matrix()
+    apex = np.array(camera.principal(shape)) + camera.focal * local[:2] / local[2]
+    assert np.abs(apex - focus).max() <= 1e-9 * max(1.0, np.abs(apex).max())
+    # And the rays there agree: nothing is shown, nothing lies across.
+    seen = cone.rays(shape, camera, axis=axis, points_px=[apex])
+    assert seen.fade[0] == 0.0 and abs(seen.height[0]) > 1e5
+
+
+def test_two_eyes_see_the_cone_at_its_distance():
+    # A point of the cylinder straight ahead: its disparity is f b / R.
+    shape, radius, apart = (64, 128), 2.0, 0.064
+    eyes = [Camera(200.0, offset=(side * apart / 2, 0, 0)) for side in (-1, 1)]
+    x = 64.0 + np.linspace(-3, 3, 7)
+    look = {"axis": (0, 1, 0), "points_px": np.stack([x, np.full(7, 32.0)], axis=1)}
+    left, right = (cone.rays(shape, eye, radius=radius, **look).azimuth for eye in eyes)
+    # The right eye sees a point farther left.
+    disparity = np.mean(left - right) / np.polyfit(x, left, 1)[0]
+    assert abs(disparity - (-200.0 * apart / radius)) < 0.02
+    # Without a distance the eyes see the same.
+    np.testing.assert_array_equal(*[cone.rays(shape, eye, **look).azimuth for eye in eyes])
+
+
+def test_azimuths_stay_in_one_turn_and_a_pixel_on_the_axis_is_finite():
+    # Rays that turn back from the seam by 1e-32 to 1e-14 among them: a wrap may round up to 1.
+    across = np.concatenate([np.logspace(-30, -12, 200), -np.logspace(-30, -12, 200)])
+    places = np.column_stack([np.full(400, 20.0), across])
+    for seen in (
+        cone.rays(WIDE, Camera(30.0), axis=(0.0, 1e-30, 1.0), slope=0.0),
+        cone.rays((16, 16), Camera(30.0, center=(8.0, 0.0)), axis=(0, 0, 1), points_px=places),
+        cone.rays((60, 80), Camera(100.0, center=(40.5, 30.5)), axis=(0.0, -0.0, -1.0), slope=0.2),
+    ):
+        assert (seen.azimuth >= 0.0).all() and (seen.azimuth < 1.0).all()
+        numbers = seen.azimuth, seen.height, seen.azimuth_step, seen.height_step, seen.fade
+        assert all(np.isfinite(part).all() for part in numbers)
+
+
+SHAPE = (30, 40)
+CAMERA = Camera(30.0, rotation=(0.2, -0.4, 0.1))
+
+
+@pytest.mark.parametrize("given", [
+    {"axis": (0, 1, 0), "phase": 0.0},
+    {"axis": (0.3, 0.9, -0.4), "phase": 0.7, "stretch": 2.5, "repeats": 3, "slope": 0.2},
+    {"axis": (0.1, 0.3, 1.0), "phase": -8.25, "offset": (0.3, -0.7), "gain": 0.5},
+    {"axis": (-1, 0.02, 0), "phase": 1e6 + 0.125, "repeats": 1},
+    {"axis": (0, -1, 0), "phase": 0.3, "repeats": 32},
+])  # fmt: skip
+@pytest.mark.parametrize("size", [8, 33])
+def test_a_layer_is_the_twins(given, size):
+    tile = np.random.default_rng(0).random((size, size))
+    got = cone.layer(SHAPE, CAMERA, tile, **given, dtype=np.float64)
+    want = twin.layer(SHAPE, CAMERA, tile, **given)
+    # The twin's footprints come from differences, right to 1e-7.
+    np.testing.assert_allclose(got, want, atol=2e-6)
+    single = cone.layer(SHAPE, CAMERA, tile, **given)
+    np.testing.assert_allclose(single, got, atol=6e-8)
+
+
+@every("axis", [(0.3, 1, 0.2), (0.1, 0.4, 1.0)])
+@every("repeats", [8, 16, 24])
+def test_against_ten_by_ten_samples(axis, repeats):
+    # Strong reduction of a dense tile: 256 texels to a tile that is some pixels wide.
+    shape, camera = (90, 120), Camera(75.0)
+    tile = cone.snow_tile(256, seed=1, flakes=1500, width=0.009, opacity=1.0, dtype=np.float64)
+    given = {"axis": axis, "phase": 0.37, "repeats": repeats, "slope": 0.2}
+    want = twin.supersampled(shape, camera, tile, **given)
+    got = cone.layer(shape, camera, tile, **given, dtype=np.float64)
+    assert abs(got - want).mean() <= 0.012
+    # Without the box, by the nearest texel: what a filter is for.
+    points = twin.centres(shape)
+    bare = twin.point_alpha(points, shape, camera, tile, **given).reshape(shape)
+    assert abs(bare - want).mean() > 0.05
+
+
+def test_longer_streaks_keep_the_light():
+    given = {"axis": (0, 1, 0), "phase": 0.0, "stretch": 8.0, "dtype": np.float64}
+    tile = cone.rain_tile(128, seed=1, opacity=0.3)
+    bright, dim = (cone.layer(SHAPE, CAMERA, tile, **given, conserve=c) for c in (False, True))
+    np.testing.assert_allclose(bright, 8.0 * dim, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("length", "spread"), [(0.2, 0.6), (None, 0.0)], ids=["rain", "snow"])
+def test_tiles_are_the_twins(length, spread):
+    size, count, width, opacity = 48, 9, 0.05, 0.7
+    about = {"seed": -11, "width": width, "spread": spread, "opacity": opacity, "dtype": np.float64}
+    if length is None:
+        got = cone.snow_tile(size, flakes=count, **about)
+    else:
+        got = cone.rain_tile(size, drops=count, length=length, **about)
+    u, v, s, o = (unit(hashed(-11, stream, np.arange(count))) for stream in (311, 312, 313, 314))
+    factor, peaks = 1 + spread * (s - 0.5), opacity * (1 - spread * o / 2)
+    sizes = [size * width / 2 * factor, size * (length or 0.0) / 2 * factor]
+    # The kernel ends a Gaussian where it is 8e-7.
+    want = twin.drops(size, np.stack([size * u, size * v, *sizes, peaks], axis=1))
+    np.testing.assert_allclose(got, want, atol=9 * 8e-7)
+
+
+SNOW = cone.snow_tile(128, seed=3)
+RAIN = cone.rain_tile(256, seed=3)
+OFFSETS = ((0, 0), (0.37, 0.61), (0.71, 0.23), (0.13, 0.83))
+WAYS = [(0, 1, 0), (0.3, 0.9, -0.4), (0.05, 0.1, 1.0), (1, 0.05, 0.0), (0, -1, 0)]
+
+
+@every("axis", WAYS)
+def test_float64_is_the_composition_of_the_twins_layers(axis):
+    shape, camera = (24, 32), Camera(25.0, rotation=(0.1, 0.2, 0.0))
+    given = {"axis": axis, "phase": 0.7, "stretch": 1.5, "slope": 0.1}
+    got = cone.layers(shape, camera, SNOW, **given, dtype=np.float64)
+    clear = np.ones(shape)
+    for factor, offset in zip((1, 2, 4, 8), OFFSETS, strict=True):
+        clear *= 1 - twin.layer(shape, camera, SNOW, **given, repeats=4 * factor, offset=offset)
+    np.testing.assert_allclose(got, 1 - clear, atol=4e-6)
+
+
+@pytest.mark.parametrize("axis", WAYS)
+@pytest.mark.parametrize("tile, focal", [(SNOW, 120.0), (RAIN, 600.0)], ids=["snow", "rain"])
+def test_float32_is_close_to_float64(axis, tile, focal):
+    shape, camera = (150, 200), Camera(focal, rotation=(0.1, 0.2, 0.0))
+    given = {"axis": axis, "phase": 0.7, "slope": 0.1}
+    fast = cone.layers(shape, camera, tile, **given)
+    exact = cone.layers(shape, camera, tile, **given, dtype=np.float64)
+    # Footprints in steps of the square root of two, 8 bits: as sharp in the mean, as bright.
+    assert abs(fast - exact).mean() < 0.011
+    assert abs(fast.mean() / exact.mean() - 1.0) < 0.005
+    assert abs(fast.std() / exact.std() - 1.0) < 0.02
+    # What another phase would do: the limit can fail.
+    other = cone.layers(shape, camera, tile, **{**given, "phase": 0.75}, dtype=np.float64)
+    assert abs(other - exact).mean() > 0.02
+
+
+@every("axis", WAYS)
+def test_a_chart_that_is_kept_changes_no_bit(axis):
+    texture, phases = cone.Texture(SNOW), (0.0, 0.33, -7.5)
+    draw = partial(cone.layers, (70, 101), Camera(80.0), texture, axis=axis, stretch=1.3, slope=0.2)
+
+    def first(phase):
+        for focal in (1.0, 2.0, 3.0, 4.0):
+            # Four other eyes push what is kept out.
+            cone.layers((8, 8), Camera(focal), texture, axis=axis, phase=0.0)
+        return draw(phase=phase)
+
+    alone = [first(phase).tobytes() for phase in phases]
+    first(0.5)
+    assert [draw(phase=phase).tobytes() for phase in phases] == alone
+
+
+@every("rows", [(0, 16), (5, 37), (33, 34), (64, 70)])
+@every("offset", [(0, 0, 0), (0.03, 0, 0)])
+@every("depth", [None, np.linspace(0.5, 20.0, 70 * 101).reshape(70, 101)])
+def test_a_part_has_the_bits_of_the_whole(rows, offset, depth):
+    shape, camera = (70, 101), Camera(80.0, offset=offset)
+    look = {"axis": (0.2, 1, 0.4), "radius": 2.0, "phase": 0.2, "depth": depth}
+    for dtype, tile in ((np.float32, cone.Texture(SNOW)), (np.float64, SNOW)):
+        whole = cone.layers(shape, camera, tile, **look, dtype=dtype)
+        out = np.full((rows[1] - rows[0], 101), np.nan, dtype)
+        assert cone.layers(shape, camera, tile, **look, dtype=dtype, rows=rows, out=out) is out
+        assert out.tobytes() == whole[rows[0] : rows[1]].tobytes()
+
+
+def test_what_stands_in_the_picture_hides_the_layers_behind_it():
+    shape, camera, axis = (48, 64), Camera(60.0), (0, 1, 0)
+    depth = np.full(shape, np.inf, np.float32)
+    depth[:, 20:40] = 5.0
+    depth[:, 40:50] = 0.1
+    depth[:, 50:] = np.nan
+    texture = cone.Texture(SNOW)
+    alpha, exact = (
+        cone.layers(shape, camera, SNOW, axis=axis, phase=0.3, radius=2.0, depth=depth, dtype=dtype)
+        for dtype in (np.float32, np.float64)
+    )
+    assert abs(alpha - exact).mean() < 0.011
+    free = cone.layers(shape, camera, texture, axis=axis, phase=0.3)
+    # On the cylinder straight ahead the radii are the depths: 2 and 4 m stand before 5 m.
+    near = cone.layers(shape, camera, texture, axis=axis, phase=0.3, gains=(1, 1, 0, 0))
+    np.testing.assert_array_equal(alpha[:, :20], free[:, :20])
+    np.testing.assert_array_equal(alpha[:, 50:], free[:, 50:])
+    np.testing.assert_array_equal(alpha[:, 40:50], 0.0)
+    np.testing.assert_allclose(alpha[:, 24:40], near[:, 24:40], atol=2e-7)
+
+
+def test_an_empty_texture_and_one_texel():
+    for tile in (np.zeros((16, 16)), np.ones((1, 1)), np.ones((5, 5))):
+        alpha = cone.layers((20, 20), Camera(20.0), tile, axis=(0, 1, 0), phase=0.1, gains=0.5)
+        wanted = 0.0 if tile.max() == 0 else 1 - 0.5**4
+        np.testing.assert_allclose(alpha, wanted, atol=1e-6)
