@@ -94,13 +94,14 @@ def named_tests(text: str) -> set[str]:
     """Return the tests that a page names, `file::name`."""
     found, file = set(), ""
     for match in TEST.finditer(text):
-        file = match[1] or file
+        file = (match[1] or file).removeprefix("tests/")
         found.add(f"{file}::{match[2]}")
     return found
 
 
 def declared(file: str) -> set[str]:
-    tree = ast.parse((README.parent / "tests" / file).read_text("utf-8"))
+    path = README.parent / "tests" / file
+    tree = ast.parse(path.read_text("utf-8") if path.exists() else "")
     return {f"{file}::{node.name}" for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
 
 
