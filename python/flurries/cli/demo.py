@@ -26,12 +26,10 @@ FLIGHT = (0.0, -0.3, 5.0)
 
 
 @command("flurries demo", "flurries demo --size 512 --frames 30 -o small")
-@option("-o", "--output", default="demo", metavar="FOLDER", type=FILE, example="small",
-        help="where the files go; those of an earlier demo are replaced")  # fmt: skip
-@option("--size", type=click.IntRange(64, 8192), default=1024, metavar="PX", example="512",
-        help="side of a frame")  # fmt: skip
-@option("--frames", type=click.IntRange(1, 100_000), default=60, metavar="N", example="30",
-        help="length of the films")  # fmt: skip
+@option("-o --output", FILE, "FOLDER", "small", None,
+        "where the files go; those of an earlier demo are replaced", default="demo")  # fmt: skip
+@option("--size", click.IntRange(64, 8192), "PX", "512", None, "side of a frame", default=1024)
+@option("--frames", click.IntRange(1, 100_000), "N", "30", None, "length of the films", default=60)
 @THREADS
 @voice
 def demo(words: Words, output: str, size: int, frames: int) -> None:
@@ -40,14 +38,11 @@ def demo(words: Words, output: str, size: int, frames: int) -> None:
     target.mkdir(parents=True, exist_ok=True)
     picture = io.photograph("rocket", size=(size, size))
     flying, layers = flight(picture), target / "flight.exr"
-    files = [
-        *_film(target / "three.mp4", three(picture), frames, words),
-        *_film(target / "flight.mp4", [flying], frames, words),
-        layers,
-    ]
+    made = _film(target / "three.mp4", three(picture), frames, words)
+    made += _film(target / "flight.mp4", [flying], frames, words)
     middle = (frames + 1) // 2
     flying.replace(space="linear").write(layers, [middle], layers=True, overwrite=True)
-    for file in files:
+    for file in (*made, layers):
         print(file)
 
 

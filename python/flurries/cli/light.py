@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from flurries.cli.options import FILE, OVERWRITE, command, option, voice
+from flurries.cli.options import FILE, OVERWRITE, command, option, switch, voice
 from flurries.cli.words import Words
 from flurries.scene.scene import find_light, open_scene
 from flurries.scene.toml.writer import describe
@@ -18,9 +18,9 @@ from flurries.scene.toml.writer import describe
     "flurries light plate.%04d.exr --keys",
 )
 @click.argument("source", metavar="SCENE|PICTURE", type=FILE)
-@option("-o", "--output", metavar="SCENE", type=FILE, example="scene.toml", unset="only printed",
-        help="scene file that gets it; the SCENE itself is written anew")  # fmt: skip
-@option("--keys", is_flag=True, help="a key for each of the frames: a sky that changes itself")
+@option("-o --output", FILE, "SCENE", "scene.toml", "only printed",
+        "scene file that gets it; the SCENE itself is written anew")  # fmt: skip
+@switch("--keys", "a key for each of the frames: a sky that changes itself")
 @OVERWRITE
 @voice
 def light(words: Words, source: str, output: str | None, keys: bool, overwrite: bool) -> None:

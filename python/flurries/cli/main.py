@@ -19,7 +19,7 @@ from flurries.cli.words import plain_warnings, say
 
 __all__ = ["main"]
 
-DEFECT, MISTAKE, INTERRUPTED, CLOSED_PIPE, TERMINATED = 1, 2, 130, 141, 143
+DEFECT, MISTAKE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
 
 # Each command is a file with a function of its name, imported when it is asked for.
 COMMANDS = {
@@ -85,11 +85,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line, of some words in place of sys.argv[1:], and return its exit code."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if arguments is None:
-        # As Ctrl-C does: what is half done is removed.
-        signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
-        hangup = getattr(signal, "SIGHUP", signal.SIGTERM)
-        if signal.getsignal(hangup) == signal.SIG_DFL:  # Not under nohup.
-            signal.signal(hangup, lambda number, _: sys.exit(128 + number))
+        # As Ctrl-C does: what is half done is removed. Under nohup a hangup is no end.
+        for number in {signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:
+            if signal.getsignal(number) == signal.SIG_DFL:
+                signal.signal(number, lambda number, _: sys.exit(128 + number))
     try:
         if arguments is None and COMPLETE in os.environ:
             return shell_complete(commands, {}, "flurries", COMPLETE, os.environ[COMPLETE])
@@ -112,22 +111,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         if {"-v", "--verbose"} & set(given):
             traceback.print_exc()
-        sentence, code = explain(error)
-        say(sentence)
-        return code
+        return explain(error)
 
 
-def explain(error: Exception) -> tuple[str, int]:
-    """Return an error as one sentence, and the exit code."""
+def explain(error: Exception) -> int:
+    """Say an error in one sentence, and return the exit code."""
+    # The library's own refusals are sentences that name the argument or the file.
+    words, name, code = str(error), type(error).__name__, MISTAKE
     if isinstance(error, click.UsageError):
         context = error.ctx.command_path if error.ctx else "flurries"
-        return f"{error.format_message().rstrip('.')} (see {context} --help)", MISTAKE
-    if isinstance(error, OSError) and error.filename is not None and error.strerror:
-        return f"{error.filename}: {error.strerror}", MISTAKE
-    if isinstance(error, (ValueError, TypeError, OSError, MemoryError, ImportError)):
-        # The library's own refusals are sentences that name the argument or the file.
-        return str(error) or type(error).__name__, MISTAKE
-    return f"{type(error).__name__}: {error} (a defect of flurries; --verbose says where)", DEFECT
+        words = f"{error.format_message().rstrip('.')} (see {context} --help)"
+    elif isinstance(error, OSError) and error.filename is not None and error.strerror:
+        words = f"{error.filename}: {error.strerror}"
+    elif not isinstance(error, (ValueError, TypeError, OSError, MemoryError, ImportError)):
+        words, code = f"{name}: {error} (a defect of flurries; --verbose says where)", DEFECT
+    say(words or name)
+    return code
 
 
 if __name__ == "__main__":

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import click
+from click.shell_completion import CompletionItem
 
 from flurries._contract import suggestion
 from flurries._threads import settings
@@ -63,11 +65,9 @@ class Command(click.Command):
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write what most people use first, and the rest by what it is about."""
         rows = {one.opts[-1]: one.get_help_record(ctx) for one in self.get_params(ctx)}
-        first = (
-            set(rows) if len(rows) < _FEW else set(rows) - {n for g in GROUPS.values() for n in g}
-        )
-        groups = {"Options": first, **({} if len(rows) < _FEW else GROUPS)}
-        for title, names in groups.items():
+        groups = {} if len(rows) < _FEW else GROUPS
+        first = set(rows).difference(*groups.values())
+        for title, names in {"Options": first, **groups}.items():
             if said := [row for name, row in rows.items() if row and name in names]:
                 with formatter.section(title):
                     formatter.write_dl(said)
@@ -84,39 +84,12 @@ def command(*examples: str) -> Callable[[Callable[..., Any]], Command]:
     return click.command(cls=Command, examples=examples, context_settings=settings)
 
 
-def option(
-    *names: str, help: str, example: str | None = None, unset: str | None = None, **more: Any
-) -> Callable[[Function], Function]:
-    notes = []
-    usual = unset if unset is not None else more.get("default")
-    if usual is not None:
-        notes.append(f"default: {usual}")
-    if example is not None:
-        notes.append(f"such as {names[0]} {shlex.quote(example)}")
-    return click.option(*names, help=f"{help} [{'; '.join(notes)}]" if notes else help, **more)
-
-
-def offer(words: Iterable[str]) -> Callable[[Any, Any, str], list[str]]:
-    """Return a function that completes the start of one of some words in a shell."""
-    return lambda context, option, start: [word for word in words if word.startswith(start)]
-
-
-class Bare(click.Option):
-    """An option that may stand without its value; a word that is not like one belongs to others."""
-
-    def __init__(
-        self, *args: Any, pattern: str, words: Sequence[str] = (), metavar: str, **more: Any
-    ) -> None:
-        super().__init__(*args, metavar=f"[{metavar}]", shell_complete=offer(words), **more)
-        self.pattern = re.compile(pattern)
-
-
 def numbers(length: int) -> Callable[[str], tuple[float, ...]]:
     """Return a reader of several numbers with commas: "1,0,0"."""
 
     def read(text: str) -> tuple[float, ...]:
         try:
-            found = tuple(float(part) for part in text.split(","))
+            found = tuple(map(float, text.split(",")))
         except ValueError:
             found = ()
         if len(found) != length:
@@ -127,17 +100,39 @@ def numbers(length: int) -> Callable[[str], tuple[float, ...]]:
     return read
 
 
+def option(
+    names: str, kind: Any, metavar: str | None, example: str | None, unset: str | None, help: str,
+    **more: Any,
+) -> Callable[[Function], Function]:  # fmt: skip
+    """Return an option whose help says default and example."""
+    # Of a type, one of a tuple of words, or so many numbers.
+    usual = unset or more.get("default")
+    notes = [] if usual is None else [f"default: {usual}"]
+    notes += [] if example is None else [f"such as {names.split()[0]} {shlex.quote(example)}"]
+    words = f"{help} [{'; '.join(notes)}]" if notes else help
+    if isinstance(kind, (tuple, int)):
+        kind = OneOf(kind) if isinstance(kind, tuple) else numbers(kind)
+    return click.option(*names.split(), type=kind, metavar=metavar, help=words, **more)
+
+
+def switch(names: str, help: str, **more: Any) -> Callable[[Function], Function]:
+    return click.option(*names.split(), is_flag=True, help=help, **more)
+
+
+class Bare(click.Option):
+    """An option that may stand without its value; a word that is not like one belongs to others."""
+
+    def __init__(
+        self, *args: Any, pattern: str, words: Sequence[str] = (), metavar: str, **more: Any
+    ) -> None:
+        super().__init__(*args, metavar=f"[{metavar}]", **more)
+        self.pattern, self.words = re.compile(pattern), words
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        return [CompletionItem(word) for word in self.words if word.startswith(incomplete)]
+
+
 FILE = click.Path()
-
-
-def weather_options(presets: Mapping[str, Sequence[str]]) -> Iterator[Callable[[Any], Any]]:
-    """Yield an option for each kind of weather."""
-    for name, known in presets.items():
-        yield option(
-            f"--{name}", cls=Bare, pattern=r"\w[\w -]*", words=known, metavar="PRESET",
-            unset="none", example=known[-1], help=f"{name}: {', '.join(known)}; "
-            "alone the usual look, or that of --severity or --rate",
-        )  # fmt: skip
 
 
 def join(*options: Callable[[Any], Any]) -> Callable[[Function], Function]:
@@ -152,60 +147,51 @@ def join(*options: Callable[[Any], Any]) -> Callable[[Function], Function]:
 
 
 FRAMES = option(
-    "--frames", metavar="RANGE", example="1-100x2",
-    help="numbers of the frames to make",
-    unset="all of a film or sequence; else 3 s, which is 1-90 at 30 a second; of a still the first",
+    "--frames", str, "RANGE", "1-100x2", "all of a film or sequence; else 3 s, which is 1-90 at "
+    "30 a second; of a still the first", "numbers of the frames to make",
 )  # fmt: skip
 
-OVERWRITE = option(
-    "--overwrite", is_flag=True,
-    help="replace files that are there; without it what is there and is the same stays, and "
-    "another file is never replaced",
-)  # fmt: skip
+OVERWRITE = switch(
+    "--overwrite",
+    "replace files that are there; without it what is the same stays, and another file is never "
+    "replaced",
+)
 
 
 def dask(unset: str) -> Callable[[Function], Function]:
-    return option(
-        "--dask", cls=Bare, pattern=r"\w+://.*|[\w.-]+:\d+", metavar="ADDRESS", unset=unset,
-        help="work on a Dask cluster: the scheduler at an address, or without one a cluster made "
-        "on this machine", example="tcp://host:8786",
-    )  # fmt: skip
+    return option("--dask", str, "ADDRESS", "tcp://host:8786", unset, "work on a Dask cluster: the "
+                  "scheduler at an address, or without one a cluster made on this machine",
+                  cls=Bare, pattern=r"\w+://.*|[\w.-]+:\d+")  # fmt: skip
 
 
-def _apply(ctx: click.Context, param: click.Parameter, value: Any) -> None:
-    """Set what holds for all work, and for the workers that it may start."""
-    if param.name == "threads" and value is not None:
+def _set_threads(_: click.Context, __: click.Parameter, value: int | None) -> None:
+    if value is not None:
         settings(threads=value)
-    elif param.name == "reproducible" and value:
+
+
+def _set_mode(_: click.Context, __: click.Parameter, value: bool) -> None:
+    if value:
+        # Also of the workers that it may start.
         os.environ["FLURRIES_REPRODUCIBLE"] = "1"
         settings(reproducible=True)
 
 
-THREADS = option(
-    "--threads", type=int, metavar="N", expose_value=False, callback=_apply,
-    unset="all cores, or FLURRIES_NUM_THREADS", example="2", help="threads of a frame; the same "
-    "pixels come out whatever their number",
-)  # fmt: skip
+THREADS = option("--threads", int, "N", "2", "all cores, or FLURRIES_NUM_THREADS",
+                 "threads of a frame; the same pixels come out whatever their number",
+                 expose_value=False, callback=_set_threads)  # fmt: skip
 
-REPRODUCIBLE = option(
-    "--reproducible", is_flag=True, expose_value=False, callback=_apply,
-    help="the same bits on every processor, at some cost of time",
-)  # fmt: skip
-
-
-WORK = join(THREADS, REPRODUCIBLE)
+WORK = join(THREADS, switch("--reproducible", "the same bits on every processor, at some cost of "
+                            "time", expose_value=False, callback=_set_mode))  # fmt: skip
 
 
 def voice(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add --quiet and --verbose, and give the function `words`."""
 
+    @functools.wraps(function)
     def run(*, quiet: bool, verbose: bool, **given: Any) -> Any:
         return function(words=Words(quiet, verbose), **given)
 
-    run.__doc__, run.__name__ = function.__doc__, function.__name__
-    run.__dict__.update(function.__dict__)
     return join(
-        option("-q", "--quiet", is_flag=True, help="no progress, only warnings and errors"),
-        option("-v", "--verbose", is_flag=True,
-               help="also what a frame costs, and where in the code an error is"),
-    )(run)  # fmt: skip
+        switch("-q --quiet", "no progress, only warnings and errors"),
+        switch("-v --verbose", "also what a frame costs, and where in the code an error is"),
+    )(run)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flurries.cli.options import FRAMES, WORK, command, option, voice
+from flurries.cli.options import FRAMES, WORK, command, switch, voice
 from flurries.cli.weather import scene_of, scene_options
 from flurries.cli.words import Words
 
@@ -16,9 +16,9 @@ from flurries.cli.words import Words
 )
 @FRAMES
 @scene_options
-@option("--json", "as_json", is_flag=True, help="JSON in place of a table")
-@option("--no-probe", is_flag=True, help="render nothing: the steps, without times and memory")
-@option("--accuracy", is_flag=True, help="also what more and fewer drawn flakes take and look like")
+@switch("--json as_json", "JSON in place of a table")
+@switch("--no-probe", "render nothing: the steps, without times and memory")
+@switch("--accuracy", "also what more and fewer drawn flakes take and look like")
 @WORK
 @voice
 def plan(

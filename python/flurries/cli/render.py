@@ -9,18 +9,7 @@ import click
 
 from flurries import stereo
 from flurries._trace import tracing
-from flurries.cli.options import (
-    FILE,
-    FRAMES,
-    OVERWRITE,
-    WORK,
-    OneOf,
-    command,
-    dask,
-    numbers,
-    option,
-    voice,
-)
+from flurries.cli.options import FILE, FRAMES, OVERWRITE, WORK, command, dask, option, switch, voice
 from flurries.cli.weather import scene_of, scene_options
 from flurries.cli.words import Words, count, say, stages
 from flurries.io.films.codecs import CODECS, QUALITIES
@@ -43,47 +32,37 @@ NAMED = 10
     "flurries render scene.toml --frames 1-600 -o frames/%04d.png",
     "flurries render plate.####.exr --camera shot.usda --snow heavy -o flakes.usdc",
 )
-@option("-o", "--output", required=True, metavar="PATTERN|VIDEO", type=FILE,
-        help="one file a frame (also #### or $F4; .exr, .png, .tif, .dpx, .jpg), a video (.mp4, "
-        ".mov, .webm, .mkv), a still, or flakes as points (.usdc)",
-        example="frames/%04d.png")  # fmt: skip
+@option("-o --output", FILE, "PATTERN|VIDEO", "frames/%04d.png", None,
+        "one file a frame (also #### or $F4; .exr, .png, .tif, .dpx, .jpg), a video (.mp4, .mov, "
+        ".webm, .mkv), a still, or flakes as points (.usdc)", required=True)  # fmt: skip
 @FRAMES
 @scene_options
 @OVERWRITE
-@option("--bits", type=OneOf([*map(str, BITS)]), example="float",
-        unset="the scene's, else half in EXR, else the picture's",
-        help="of a color: half or float in EXR, 8 or 16 in PNG "
-        "and TIFF, 8, 10 or 16 in DPX and in a video, as its codec has them")  # fmt: skip
-@option("--compression", unset="the scene's, else zip", example="dwaa",
-        type=OneOf(tuple(COMPRESSIONS)),
-        help="how EXR packs pixels; dwaa and dwab lose what is hard to see")  # fmt: skip
-@option("--output-colorspace", metavar="NAME", example="sRGB - Display",
-        unset="the scene's, else --colorspace", help="color space of what is written")  # fmt: skip
-@option("--codec", type=OneOf(tuple(CODECS)), example="prores-hq",
-        unset="the scene's, else that of the video's name",
-        help="of a video; prores-4444 has alpha for --alone")  # fmt: skip
-@option("--motion", type=OneOf(tuple(MOTION)), example="y-up",
-        unset="the scene's, else y-down",
-        help="which way motion vectors of --layers count")  # fmt: skip
-@option("--layers", is_flag=True, default=None, unset="the scene's, else without",
-        help="EXR with the weather, depth and motion as layers")  # fmt: skip
-@option("--alone", is_flag=True, default=None, unset="the scene's, else with the picture",
-        help="only the weather, as RGBA; .exr, .png, .tif, or "
-        "a .mov of --codec prores-4444")  # fmt: skip
-@option("--deep", is_flag=True, default=None, unset="the scene's, else with the picture",
-        help="only the weather, as deep samples of an EXR")  # fmt: skip
-@option("--quality", type=OneOf(QUALITIES), unset="the scene's, else high",
-        help="of a video", example="draft")  # fmt: skip
-@option("--damaged", type=OneOf(DAMAGED), unset="the scene's, else stop", example="hold",
-        help="where the background's frame is missing or damaged: stop, leave the frame out and "
-        "exit with 3, or hold the last good one")  # fmt: skip
-@option("--no-sound", is_flag=True, help="a video without the film's sound")
-@option("--eyes", type=numbers(2), metavar="METRES,METRES", example="0.064,20", unset="one eye",
-        help="distance of two eyes, and how far away both see the same; %V in names of files is "
-        "left and right")  # fmt: skip
+@option("--bits", tuple(map(str, BITS)), None, "float",
+        "the scene's, else half in EXR, else the picture's", "of a color: half or float in EXR, 8 "
+        "or 16 in PNG and TIFF, 8, 10 or 16 in DPX, what a video's codec has")  # fmt: skip
+@option("--compression", tuple(COMPRESSIONS), None, "dwaa", "the scene's, else zip",
+        "how EXR packs pixels; dwaa and dwab lose what is hard to see")  # fmt: skip
+@option("--output-colorspace", str, "NAME", "sRGB - Display", "the scene's, else --colorspace",
+        "color space of what is written")  # fmt: skip
+@option("--codec", tuple(CODECS), None, "prores-hq", "the scene's, else that of the video's name",
+        "of a video; prores-4444 has alpha for --alone")  # fmt: skip
+@option("--motion", tuple(MOTION), None, "y-up", "the scene's, else y-down",
+        "which way motion vectors of --layers count")  # fmt: skip
+@switch("--layers", "EXR with the weather, depth and motion as layers", default=None)
+@switch("--alone", "only the weather, as RGBA; .exr, .png, .tif, or a .mov of --codec prores-4444",
+        default=None)  # fmt: skip
+@switch("--deep", "only the weather, as deep samples of an EXR", default=None)
+@option("--quality", QUALITIES, None, "draft", "the scene's, else high", "of a video")
+@option("--damaged", DAMAGED, None, "hold", "the scene's, else stop",
+        "where the background's frame is missing or damaged: stop, skip it and exit with 3, or "
+        "hold the last good one")  # fmt: skip
+@switch("--no-sound", "a video without the film's sound")
+@option("--eyes", 2, "METRES,METRES", "0.064,20", "one eye", "distance of two eyes, and "
+        "how far away both see the same; %V in names of files is left and right")  # fmt: skip
 @dask("the threads of this machine")
-@option("--dask-patience", type=float, default=60.0, metavar="SECONDS", example="600",
-        help="how long to wait while the cluster has no worker")  # fmt: skip
+@option("--dask-patience", float, "SECONDS", "600", None,
+        "how long to wait while the cluster has no worker", default=60.0)  # fmt: skip
 @WORK
 @voice
 def render(words: Words, output: str, eyes: tuple[float, float] | None, **given: Any) -> int:

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from flurries.cli.options import FILE, WORK, command, option, voice
+from flurries.cli.options import FILE, WORK, command, option, switch, voice
 from flurries.cli.weather import scene_of, scene_options
 from flurries.cli.words import Words
 from flurries.viewer.server import Server, open_page, serve
@@ -17,13 +17,12 @@ from flurries.viewer.server import Server, open_page, serve
     "flurries view photo.jpg --snow heavy", "flurries view scene.toml --port 8080 --no-browser"
 )
 @scene_options
-@option("--save", metavar="FILE", type=FILE, example="tuned.toml", unset="NAME-tuned.toml beside "
-        "the input", help="where the button writes the scene")  # fmt: skip
-@option("--pixels", type=int, default=512, metavar="N", help="longer side of the picture",
-        example="800")  # fmt: skip
-@option("--port", type=click.IntRange(0, 65535), default=0, metavar="N",
-        help="port of the page; 0 takes any that is free", example="8080")  # fmt: skip
-@option("--no-browser", is_flag=True, help="only print the address")
+@option("--save", FILE, "FILE", "tuned.toml", "NAME-tuned.toml beside the input",
+        "where the button writes the scene")  # fmt: skip
+@option("--pixels", int, "N", "800", None, "longer side of the picture", default=512)
+@option("--port", click.IntRange(0, 65535), "N", "8080", "0",
+        "port of the page; 0 takes any that is free", default=0)  # fmt: skip
+@switch("--no-browser", "only print the address")
 @WORK
 @voice
 def view(

@@ -14,7 +14,7 @@ from flurries.camera import importers
 from flurries.camera.importers.usd import SUFFIXES as USD
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
-from flurries.cli.options import FILE, OneOf, join, numbers, option, weather_options
+from flurries.cli.options import FILE, Bare, join, numbers, option, switch
 from flurries.effects import Mist, Rain, Snow
 from flurries.io import open_background
 from flurries.io.files import file_of
@@ -28,13 +28,12 @@ KINDS: dict[str, Any] = {"mist": Mist, "snow": Snow, "rain": Rain}
 # In the order of the help: what most users want comes first.
 PRESETS = {kind: tuple(KINDS[kind].PRESETS) for kind in ("snow", "rain", "mist")}
 
-# Options that are an effect's arguments of these names.
+# Options that are an effect's arguments of these names: its strength, by kind, what all kinds have,
+# and what those have that fall.
 KNOBS = ("severity", "rate", "visibility")
+TAKERS = {name: (*kind.KNOBS, "visibility") for name, kind in KINDS.items()}
 FIELDS = ("amount", "wind", "color")
-# And those of what falls.
 FALLING = ("density", "shutter", "near", "method")
-
-METHODS = ("flakes", "tent", "cone", "simulated")
 
 MISSING = (
     "a picture needs weather: add --snow PRESET, such as --snow heavy, --rain PRESET or "
@@ -58,77 +57,76 @@ def _shutter(text: str) -> float:
         raise click.BadParameter(f"wants frames or an angle like 180deg, got {text!r}") from None
 
 
+PRESET = "the preset's"
+
 scene_options: Callable[[Any], Any] = join(
     click.argument("source", metavar="SCENE|PICTURE", type=FILE),
-    *weather_options(PRESETS),
-    option("--severity", type=int, metavar="1-5", example="3", unset="the preset's",
-           help="how bad the weather is, in place of a preset; of snow, rain or mist"),
-    option("--rate", type=float, metavar="MM_H", example="2.5", unset="the preset's",
-           help="millimetres of water an hour, in place of a preset; of snow or rain"),
-    option("--visibility", type=float, metavar="METRES", example="40", unset="the preset's",
-           help="how far one sees: in the mist where there is some, else in snow or rain"),
-    option("--amount", type=float, metavar="A", example="0.5", unset="1",
-           help="how much of the weather is there, 0 to 1"),
-    option("--wind", type=numbers(3), metavar="X,Y,Z", example="-2,0,0", unset="the preset's",
-           help="wind in metres per second: right, down, away"),
-    option("--density", type=float, metavar="N", example="200", unset="the preset's",
-           help="flakes or drops in a cubic metre"),
-    option("--color", type=_color, metavar="#RRGGBB|local", example="#dfe8ff", unset="the preset's",
-           help="color of the weather; local: that of the picture's own light"),
-    option("--shutter", type=_shutter, metavar="S", example="180deg", unset="the preset's",
-           help="how long a flake or drop is exposed, frames or an angle: its streak"),
-    option("--near", type=float, metavar="METRES", example="0.5", unset="the preset's",
-           help="how near flakes and drops come"),
-    option("--method", type=OneOf(METHODS), example="tent", unset="flakes",
-           help="how snow and rain are made: flakes near and far; tent, Langer's texture; cone, "
-           "drawn on a cone; simulated, every flake drawn"),
-    option("--lens", type=_lens, metavar="METRES,F_STOP", example="4,2", unset="a photograph's "
-           "for a still", help="focus and opening of the lens; none: all is sharp"),
-    option("--fly", type=numbers(3), metavar="X,Y,Z", example="0,-0.3,5", unset="it stands",
-           help="velocity of the camera in metres per second: right, down, forward"),
-    option("--camera", type=FILE, metavar="FILE", example="shot.chan", unset="it stands",
-           help="path of the camera: .csv with x,y,z and rx,ry,rz a frame, Nuke's .chan, a USD "
-           "stage, KITTI's poses .txt, or a folder of COLMAP's text"),
-    option("--camera-scale", type=float, metavar="METRES", example="0.01", unset="1",
-           help="metres in a unit of the camera's file; USD says its own"),
-    option("--center", type=numbers(2), metavar="X,Y", example="980,560", unset="the middle",
-           help="the camera's principal point, pixels: the shift of the lens, which .chan, .csv "
-           "and .txt do not say"),
-    option("--down", type=numbers(3), metavar="X,Y,Z", example="0,1,0.2",
-           unset="the mean of the cameras'",
-           help="where things fall in the axes of COLMAP's world"),
-    option("--depth", type=FILE, metavar="FILE|METRES", example="depth.exr", unset="far away",
-           help="what hides weather behind it: an EXR with Z, or the distance of a wall"),
-    option("--foreground", "--matte", "foreground", type=FILE, metavar="FILE[:NAMES][@METRES]",
-           example="roto.%04d.exr", unset="none", multiple=True,
-           help="mask or picture in front of the weather, a sequence or a film; or what an EXR's "
-           "Cryptomatte has by the names after a colon; at its distance where @METRES is given; "
-           "may be repeated"),
-    option("--extend", type=OneOf(EXTEND), example="hold", unset="the scene's, else stop",
-           help="frame numbers that the picture's files, depth, foreground or camera lack: stop, "
-           "hold the first or last, or loop"),
-    option("--start", type=int, metavar="N", example="1001", unset="that of the files, else 0",
-           help="number of the first frame of films, which have no numbers of their own"),
-    option("--loop", type=int, metavar="N", example="96", unset="the scene's, else never",
-           help="after so many frames the film begins again, without a jump; the "
-           "command says what it changes for that"),
-    option("--seed", type=int, metavar="N", example="7", unset="the scene's, else 0",
-           help="which of all snowfalls of this kind"),
-    option("--size", metavar="WxH", example="1920x1080", unset="the picture's",
-           help="size of the frame in pixels"),
-    option("--fps", type=float, metavar="F", example="25", unset="the film's or scene's, else 30",
-           help="frames a second"),
-    option("--colorspace", metavar="NAME", example="ACEScg", unset="the scene's, else Rec. 709",
-           help="color space of the picture, and of what is written unless --output-colorspace "
-           "says another; a name of $OCIO or of the built-in configuration"),
-    option("--linear", is_flag=True, help="mix in linear light, as for EXR, and not in display "
-           "values"),
+    *(option(f"--{name}", str, "PRESET", known[-1], "none", f"{name}: {', '.join(known)}; alone "
+             "the usual look, or that of --severity or --rate", cls=Bare, pattern=r"\w[\w -]*",
+             words=known) for name, known in PRESETS.items()),
+    option("--severity", int, "1-5", "3", PRESET,
+           "how bad the weather is, in place of a preset; of snow, rain or mist"),
+    option("--rate", float, "MM_H", "2.5", PRESET,
+           "millimetres of water an hour, in place of a preset; of snow or rain"),
+    option("--visibility", float, "METRES", "40", PRESET,
+           "how far one sees: in the mist where there is some, else in snow or rain"),
+    option("--amount", float, "A", "0.5", "1", "how much of the weather is there, 0 to 1"),
+    option("--wind", 3, "X,Y,Z", "-2,0,0", PRESET,
+           "wind in metres per second: right, down, away"),
+    option("--density", float, "N", "200", PRESET, "flakes or drops in a cubic metre"),
+    option("--color", _color, "#RRGGBB|local", "#dfe8ff", PRESET,
+           "color of the weather; local: that of the picture's own light"),
+    option("--shutter", _shutter, "S", "180deg", PRESET,
+           "how long a flake or drop is exposed, frames or an angle: its streak"),
+    option("--near", float, "METRES", "0.5", PRESET, "how near flakes and drops come"),
+    option("--method", ("flakes", "tent", "cone", "simulated"), None, "tent", "flakes",
+           "how snow and rain are made: flakes near and far; tent, Langer's texture; cone, drawn "
+           "on a cone; simulated, every flake drawn"),
+    option("--lens", _lens, "METRES,F_STOP", "4,2", "a photograph's for a still",
+           "focus and opening of the lens; none: all is sharp"),
+    option("--fly", 3, "X,Y,Z", "0,-0.3,5", "it stands",
+           "velocity of the camera in metres per second: right, down, forward"),
+    option("--camera", FILE, "FILE", "shot.chan", "it stands",
+           "path of the camera: .csv with x,y,z and rx,ry,rz a frame, Nuke's .chan, a USD stage, "
+           "KITTI's poses .txt, or a folder of COLMAP's text"),
+    option("--camera-scale", float, "METRES", "0.01", "1",
+           "metres in a unit of the camera's file; USD says its own"),
+    option("--center", 2, "X,Y", "980,560", "the middle",
+           "the camera's principal point in pixels, which .chan, .csv and .txt do not say"),
+    option("--down", 3, "X,Y,Z", "0,1,0.2", "the mean of the cameras'",
+           "where things fall in the axes of COLMAP's world"),
+    option("--depth", FILE, "FILE|METRES", "depth.exr", "far away",
+           "what hides weather behind it: an EXR with Z, or the distance of a wall"),
+    option("--foreground --matte foreground", FILE, "FILE[:NAMES][@METRES]", "roto.%04d.exr",
+           "none", "mask, picture, sequence or film in front of the weather, or what an EXR's "
+           "Cryptomatte has by the names after a colon; at its distance; may be repeated",
+           multiple=True),
+    option("--extend", EXTEND, None, "hold", "the scene's, else stop",
+           "frame numbers that files of picture, depth, foreground or camera lack: stop, hold the "
+           "first or last, or loop"),
+    option("--start", int, "N", "1001", "that of the files, else 0",
+           "number of the first frame of films, which have no numbers of their own"),
+    option("--loop", int, "N", "96", "the scene's, else never",
+           "after so many frames the film begins again, without a jump; what is changed is said"),
+    option("--seed", int, "N", "7", "the scene's, else 0", "which of all snowfalls of this kind"),
+    option("--size", str, "WxH", "1920x1080", "the picture's", "size of the frame in pixels"),
+    option("--fps", float, "F", "25", "the film's or scene's, else 30", "frames a second"),
+    option("--colorspace", str, "NAME", "ACEScg", "the scene's, else Rec. 709",
+           "color space of the picture and, without --output-colorspace, of what is written; a "
+           "name of $OCIO or of the built-in configuration"),
+    switch("--linear", "mix in linear light, as for EXR, not display values"),
 )  # fmt: skip
 
 
 def scene_of(source: str, **options: Any) -> Scene:
     """Return the scene that `scene_options` describe."""
-    changes = _given(options, ("seed", "size", "fps", "extend", "start", "colorspace"))
+    for name in ("down", "camera_scale"):
+        if options[name] is not None and options["camera"] is None:
+            option = name.replace("_", "-")
+            raise click.UsageError(f"--{option} needs --camera with a file or folder")
+    if options["fly"] is not None and options["camera"] is not None:
+        raise click.UsageError("--camera and --fly must not both be given")
+    changes = _given(options, ("seed", "fps", "extend", "start", "colorspace"))
     if options["lens"] is not None:
         changes["lens"] = options["lens"] or None
     if options["foreground"]:
@@ -137,38 +135,17 @@ def scene_of(source: str, **options: Any) -> Scene:
         changes["space"] = "linear"
     if options["depth"] is not None:
         changes["depth"] = _depth(options["depth"])
-    if options["fly"] is not None and options["camera"] is not None:
-        raise click.UsageError("--camera and --fly must not both be given")
-    # What a camera says in pixels is of the picture's own size: smaller or larger comes after it.
-    late = None
-    if (options["camera"] or options["center"]) and not source.startswith("#"):
-        late = changes.pop("size", None)
+    size = options["size"]
     if Path(source).suffix.lower() == ".toml":
         scene = _changed(open_scene(source), changes, options)
     else:
+        # What a camera says in pixels is of the picture's own size: another one comes after it.
+        if source.startswith("#") or not (options["camera"] or options["center"]):
+            changes["size"], size = size, None
         scene = _new(source, changes, options)
-    for name in ("down", "camera_scale"):
-        if options[name] is not None and options["camera"] is None:
-            option = name.replace("_", "-")
-            raise click.UsageError(f"--{option} needs --camera with a file or folder")
-    lens = scene.camera.camera
-    if options["center"] is not None:
-        lens = replace(lens, center=options["center"])
-        scene = scene.replace(camera=replace(scene.camera, camera=lens))
-    if options["fly"] is not None:
-        scene = scene.replace(camera=CameraPath(lens, velocity=options["fly"]))
-    elif options["camera"] is not None:
-        file = Path(options["camera"])
-        if options["center"] is not None and (file.is_dir() or file.suffix.lower() in USD):
-            raise click.UsageError(f"--center is for a camera that does not say it: {file} does")
-        with file_of("camera"):
-            shape = scene._display[3], scene._display[2]
-            way = importers.load(
-                file, shape, camera=lens, down=options["down"], scale=options["camera_scale"] or 1.0
-            )
-        scene = scene.replace(camera=way)
-    if late is not None:
-        scene = _resized(scene, late)
+    scene = _seen(scene, options)
+    if size is not None:
+        scene = _resized(scene, size)
     return scene if options["loop"] is None else scene.replace(loop=options["loop"])
 
 
@@ -182,7 +159,7 @@ def _new(source: str, changes: dict[str, Any], options: dict[str, Any]) -> Scene
     background: Any = source
     if not source.startswith("#"):
         background = open_background(source, overscan=options["size"] is None)
-    return Scene(background, size=changes.pop("size", None), effects=effects, **changes)
+    return Scene(background, effects=effects, **changes)
 
 
 def _changed(scene: Scene, changes: dict[str, Any], options: dict[str, Any]) -> Scene:
@@ -197,9 +174,26 @@ def _changed(scene: Scene, changes: dict[str, Any], options: dict[str, Any]) -> 
             replace(effect, **{name: common[name] for name in common.keys() & names})
             for effect, names in zip(scene.effects, known, strict=True)
         ]
-    size = changes.pop("size", None)
-    scene = scene.replace(**changes)
-    return scene if size is None else _resized(scene, size)
+    return scene.replace(**changes)
+
+
+def _seen(scene: Scene, options: dict[str, Any]) -> Scene:
+    """Return the scene as the camera of the options sees it."""
+    lens, center = scene.camera.camera, options["center"]
+    if center is not None:
+        lens = replace(lens, center=center)
+        scene = scene.replace(camera=replace(scene.camera, camera=lens))
+    if options["fly"] is not None:
+        return scene.replace(camera=CameraPath(lens, velocity=options["fly"]))
+    if options["camera"] is None:
+        return scene
+    file, (_, _, width, height) = Path(options["camera"]), scene._display
+    if center is not None and (file.is_dir() or file.suffix.lower() in USD):
+        raise click.UsageError(f"--center is for a camera that does not say it: {file} does")
+    axes = {"down": options["down"], "scale": options["camera_scale"] or 1.0}
+    with file_of("camera"):
+        way = importers.load(file, (height, width), camera=lens, **axes)
+    return scene.replace(camera=way)
 
 
 def _resized(scene: Scene, text: str) -> Scene:
@@ -216,26 +210,24 @@ def _resized(scene: Scene, text: str) -> Scene:
 
 def _effects(options: dict[str, Any]) -> list[Any]:
     """Return the weather of the options, back to front."""
-    knobs = _given(options, KNOBS)
-    common = _given(options, FIELDS)
+    knobs, common = _given(options, KNOBS), _given(options, FIELDS)
+    falling = _given(options, FALLING)
     effects, used = [], set()
     for name, kind in KINDS.items():
-        look = options[name]
-        if look is not None:
-            own = {knob: v for knob, v in knobs.items() if knob in (*kind.KNOBS, "visibility")}
-            # How far one sees belongs to the mist.
-            if options["mist"] is not None and kind is not Mist:
-                own.pop("visibility", None)
-            used |= set(own)
-            given = {**own, **common, **({} if kind is Mist else _given(options, FALLING))}
-            effects.append(kind(look, **given) if look else kind(**given))
-    lost = _given(options, FALLING)
-    if effects and lost and options["snow"] is options["rain"] is None:
-        raise click.UsageError(f"--{next(iter(lost))} needs --snow or --rain")
-    for knob in knobs:
-        if knob not in used:
-            takers = [f"--{one}" for one in KINDS if knob in (*KINDS[one].KNOBS, "visibility")]
-            raise click.UsageError(f"--{knob} needs one of {', '.join(takers)}")
+        if options[name] is None:
+            continue
+        own = {knob: v for knob, v in knobs.items() if knob in TAKERS[name]}
+        # How far one sees belongs to the mist.
+        if options["mist"] is not None and kind is not Mist:
+            own.pop("visibility", None)
+        used |= set(own)
+        given = {**own, **common, **({} if kind is Mist else falling)}
+        effects.append(kind(*filter(None, [options[name]]), **given))
+    if effects and falling and options["snow"] is options["rain"] is None:
+        raise click.UsageError(f"--{next(iter(falling))} needs --snow or --rain")
+    for knob in knobs.keys() - used:
+        takers = [f"--{name}" for name, taken in TAKERS.items() if knob in taken]
+        raise click.UsageError(f"--{knob} needs one of {', '.join(takers)}")
     return effects
 
 
