@@ -122,7 +122,7 @@ def test_a_ground_comes_from_files():
         assert weather.ground == Ground(**ground)
         record = json.loads(json.dumps(weather.record(index=2)))
         assert fl.augment.replay(record).record(index=2) == weather.record(index=2)
-    with pytest.raises(TypeError, match="ground must be a Ground, a dict of far, height, horizon"):
+    with pytest.raises(TypeError, match="no 'horizont'; did you mean 'horizon'"):
         Snowfall(ground={"horizont": 0.3})
 
 

@@ -7,10 +7,9 @@ from types import ModuleType
 
 from flurries.augment.calibration import contrast_loss
 from flurries.augment.distance import Ground
-from flurries.augment.fog import Fog
 from flurries.augment.labels import Weathered, occlusion
-from flurries.augment.precipitation import Rainfall, Snowfall
 from flurries.augment.weather import replay
+from flurries.augment.weathers import Fog, Rainfall, Snowfall
 
 __all__ = [
     "Fog", "Ground", "Rainfall", "Snowfall", "Weathered", "contrast_loss", "occlusion", "replay",

@@ -6,7 +6,7 @@ import math
 import threading
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,15 +15,13 @@ from flurries._contract import Array, Float64
 from flurries.augment import calibration
 from flurries.augment.calibration import GAINS, Kind, Profile
 from flurries.augment.distance import Distances
+from flurries.augment.patches import Patches
 from flurries.augment.sheets import Falling, Sheets, sheets_of
 from flurries.effects.air import NEAREST, Class, Eye, images_of
 from flurries.effects.air import Air as Request
 from flurries.effects.strength import OPACITY, reach
 from flurries.gas.optics import visibility
 from flurries.particles.population import FADE
-
-if TYPE_CHECKING:
-    from flurries.augment.fog import Patches
 
 FPS = 30.0
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import albumentations as _host
 import numpy as np
@@ -16,10 +16,7 @@ from albumentations.core import transforms_interface as _interface
 from flurries import augment
 from flurries._contract import rate_of
 from flurries.augment.pictures import mixed
-from flurries.augment.pipelines import Fields, thicker, transforms
-
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
+from flurries.augment.pipelines import thicker, transforms
 
 __all__ = ["Fog", "Rainfall", "Snowfall"]
 
@@ -34,7 +31,7 @@ class _Transform(_host.ImageOnlyTransform):  # type: ignore[misc]
 
     def __init__(
         self, p: float = 0.5, fps: float = 30.0, depth_key: str | None = None,
-        alpha_key: str | None = None, record_key: str | None = None, **weather: Unpack[Fields],
+        alpha_key: str | None = None, record_key: str | None = None, **weather: Any,
     ) -> None:  # fmt: skip
         super().__init__(p=p)
         self.fps = rate_of(fps)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -18,7 +19,7 @@ from flurries._contract import choice, flag, integer, rate_of, real, seed_of
 from flurries.augment.calibration import PROFILES, Profile
 from flurries.augment.card import write_card
 from flurries.augment.layouts import LAYOUTS, READ, SUFFIXES, files_of, layout_of, members_of
-from flurries.augment.sets import COPY, TRUTH, WEATHERS, Members, Part, Pictures, strength_of
+from flurries.augment.sets import COPY, TRUTH, WEATHERS, Part, Pictures, strength_of
 from flurries.output.cluster import cluster
 from flurries.output.crew import Crew, make
 from flurries.output.journal import NAME
@@ -36,18 +37,13 @@ class Corrupted:
 
     Attributes
     ----------
-    written, kept : list of Path
-        Pictures, and planes of truth, made now; and there already.
-    copied : list of Path
-        Copies of the set's other files, made now or there already.
+    written, kept, copied : list of Path
+        Pictures and planes of truth made now; those that were there already; copies of others.
     failed : dict of str to str
         Files that could not be read or written, and why.
-    skipped : dict of str to int
-        How many files were left out, and why.
+    skipped, found : dict of str to int
+        How many files were left out, or get weather or are copied, and why.
     layout : str
-        The layout of the set.
-    found : dict of str to int
-        How many files get weather or are copied, and why.
     journal : Path
         ``flurries.jsonl``: of each file its source, weather, severity, strength, record and hash.
     strengths : dict of str to str
@@ -98,30 +94,15 @@ def corrupt(
     profile : {"natural", "hard"}
         See :class:`flurries.augment.Snowfall`.
     seed : int
-    layout : {"cityscapes", "coco", "kitti", "nuscenes", "voc", "yolo", "plain"}, optional
-        Where the set has its pictures, films and pairs; told by its folders if not given.
-    include, exclude : str or several
-        Patterns of paths in `folder`, such as ``"val/*"``: of files that are taken alone, or left
-        out. A ``*`` also stands for slashes.
-    films : bool, optional
-        Whether pictures whose names differ in a running number are frames of a film; if not given
-        the layout says so, and in a plain folder the name ``frame_0001``.
-    pairs : bool, optional
-        False takes left and right for two pictures.
-    fps, focal, distance : float, optional
-        Frames per second, focal length in widths of the picture, and metres between the eyes; the
-        layout's if not given.
+    layout, include, exclude, films, pairs, fps, focal, distance, depth_unit, workers
+        As ``flurries corrupt -h`` has them; None is what the layout says.
     depths : (str, str), optional
         A text in the path of a picture, and what stands there in the path of its depth, such as
-        ``("rgb", "depth")``; any of .exr, .tif, .png and .npy.
-    depth_unit : float
-        Metres of one step of the depths; 0 and NaN are unknown.
+        ``("rgb", "depth")``; any of .exr, .tif, .png and .npy. 0 and NaN are unknown.
     truth : str or several of {"alpha", "depth", "disparity", "motion"}
         Planes of :class:`flurries.augment.Weathered` to be written in ``out/snow/3-alpha/...``:
         opacity as PNG of 16 bits; `weather_disparity`, the weather's `motion`, and the `depth` that
         was given with the weather's as EXR.
-    workers : int, optional
-        Processes; as many as there are cores if not given. 1 works in this one.
     dask : str, optional
         Address of a Dask scheduler in place of own processes; "" starts a cluster here.
     overwrite : bool
@@ -155,15 +136,12 @@ def corrupt(
     told = layout_of(files) if layout is None else choice("layout", layout, tuple(LAYOUTS))
     by = LAYOUTS[told]
     rate = by.fps if fps is None else rate_of(fps)
+    lens = by.lens[0] if focal is None else real("focal", focal, low=0.05, high=1e3)
+    apart = by.lens[1] if distance is None else real("distance", distance, low=0.0, high=1e3)
+    swap, unit = _swap(depths), real("depth_unit", depth_unit, above=0.0)
     pictures, others = members_of(source, files, by, fps=rate, films=films, pairs=pairs)
     if not pictures:
         raise ValueError(f"{source}: no pictures ({', '.join(SUFFIXES + READ)})")
-    members = Members(
-        source.absolute(), {one.name: one for one in pictures}, rate,
-        by.lens[0] if focal is None else real("focal", focal, low=0.05, high=1e3),
-        by.lens[1] if distance is None else real("distance", distance, low=0.0, high=1e3),
-        _swap(depths), real("depth_unit", depth_unit, above=0.0),
-    )  # fmt: skip
     found = Counter(one.words for one in pictures)
     found.update(f"{why}: copied" for why in others.values())
     made = Corrupted([], [], [], {}, dict(sorted(skipped.items())), told, dict(found),
@@ -184,8 +162,12 @@ def corrupt(
         for part in copies if name in empty else ():
             _make_empty(target / part.path)
         parts += [] if name in empty else copies
-    motion = not {"disparity", "motion"}.isdisjoint(planes)
-    job = Pictures(target.absolute(), members, parts, start, profile, again, motion)
+    job = Pictures(
+        folder=target.absolute(), source=source.absolute(),
+        known={one.name: one for one in pictures}, parts=parts, seed=start, profile=profile,
+        overwrite=again, motion=not {"disparity", "motion"}.isdisjoint(planes), fps=rate,
+        focal=lens, distance=apart, swap=swap, unit=unit,
+    )  # fmt: skip
     # All of them now: a worker may have a folder to itself no more than another.
     target.mkdir(exist_ok=True)
     for part in parts:
@@ -215,21 +197,19 @@ def corrupt(
 
 
 def _levels(severity: int | str | Sequence[int]) -> tuple[int, ...]:
+    several: Any = severity
     if isinstance(severity, str):
-        several: Sequence[int] = [level for part in severity.split(",") for level in _range(part)]
-    else:
-        several = severity if isinstance(severity, (list, tuple, range)) else [severity]  # type: ignore[list-item]
+        several = []
+        for part in severity.split(","):
+            if (ends := re.fullmatch(r"\s*(\d+)(?:-(\d+))?\s*", part)) is None:
+                raise ValueError(f"severity must be such as 3, '1-5' or '2,4', got {part!r}")
+            several += range(int(ends[1]), int(ends[2] or ends[1]) + 1)
+    elif not isinstance(severity, (list, tuple, range)):
+        several = [severity]
     levels = tuple(dict.fromkeys(integer("severity", s, low=1, high=5) for s in several))
     if not levels:
         raise ValueError(f"severity must name at least one level, got {severity!r}")
     return levels
-
-
-def _range(part: str) -> range:
-    first, _, last = part.strip().partition("-")
-    if not first.isdigit() or not (last or first).isdigit():
-        raise ValueError(f"severity must be such as 3, '1-5' or '2,4', got {part!r}")
-    return range(int(first), int(last or first) + 1)
 
 
 def _make_empty(path: Path) -> None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, Float64, depths, real, rectangular
+from flurries._contract import Array, Float64, depths, real, rectangular, suggesting
 from flurries._kept import kept
 from flurries._warnings import warn_of_units
 from flurries.effects.strength import BACKDROP
@@ -29,6 +29,7 @@ _FARTHEST = np.float32(1e9)
 _BEND = 0.1
 
 
+@suggesting
 @dataclass(frozen=True, kw_only=True)
 class Ground:
     """A plane with a horizon: a depth for pictures whose depth is unknown.
@@ -128,11 +129,8 @@ def ground_of(value: Any) -> Ground | None:
     """Return a ground, also from its fields as JSON and YAML have them."""
     if value is None or isinstance(value, Ground):
         return value
-    known = {field.name for field in fields(Ground)}
-    if not isinstance(value, Mapping) or not set(value) <= known:
-        raise TypeError(
-            f"ground must be a Ground, a dict of {', '.join(sorted(known))}, or None, got {value!r}"
-        )
+    if not isinstance(value, Mapping):
+        raise TypeError(f"ground must be a Ground, a dict of its fields, or None, got {value!r}")
     return Ground(**value)
 
 

@@ -6,7 +6,7 @@ Draws come from torch's random numbers. Gradients go through to what is seen of 
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -14,10 +14,7 @@ from kornia.augmentation import IntensityAugmentationBase2D
 
 from flurries import augment
 from flurries._contract import Array, flag, integer, rate_of
-from flurries.augment.pipelines import Fields, painted, transforms
-
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
+from flurries.augment.pipelines import painted, transforms
 
 __all__ = ["Fog", "Rainfall", "Snowfall"]
 
@@ -30,7 +27,7 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
     def __init__(
         self, *, p: float = 0.5, same_on_batch: bool = False, keepdim: bool = False,
         depth_channel: int | None = None, alpha_channel: int | None = None, fps: float = 30.0,
-        same: bool = False, **weather: Unpack[Fields],
+        same: bool = False, **weather: Any,
     ) -> None:  # fmt: skip
         super().__init__(p=p, same_on_batch=same_on_batch, keepdim=keepdim)
         self.depth_channel, self.alpha_channel = depth_channel, alpha_channel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -13,19 +13,13 @@ import numpy.typing as npt
 from flurries._contract import Array, Float64, pixels, rectangular, shares, table
 from flurries.augment.pictures import layer_of
 
-# Labels that are made when they are first read.
-_LATER = (
-    "flow", "depth", "soft_flow", "soft_depth", "disparity", "weather_disparity", "motion",
-    "falling",
-)  # fmt: skip
-
 # From this opacity on a flake, not what is behind it, is what is seen at a pixel.
 SEEN = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Weathered:
-    """A picture with weather, and its labels.
+    """A picture with weather, and its labels; what was not asked for is None.
 
     Attributes
     ----------
@@ -38,31 +32,28 @@ class Weathered:
     record : dict
         Plain numbers and words from which :func:`flurries.augment.replay` makes the same weather.
     boxes, masks : as they came
-        The boxes and masks given: weather moves nothing in the picture.
-    occlusion : (n,) float64 or None
-        The mean opacity over each box, 0 to 1.
-    coverage : (n,) float64 or None
-        The mean opacity of flakes or drops over each box, without a veil.
-    visibility : (n,) float64 or None
-        The share of each box in which more than half of the light is the picture's own.
-    instances : (m,) or None
+        Weather moves nothing in the picture.
+    occlusion, coverage, visibility : (n,) float64
+        Of each box the mean opacity, 0 to 1; that without a veil; and the share in which more than
+        half of the light is the picture's own.
+    instances : (m,)
         The numbers in a mask (H, W) of integers, but 0; or 0 to m - 1 of masks (m, H, W) of bool.
-    instance_occlusion, instance_visibility : (m,) float64 or None
+    instance_occlusion, instance_visibility : (m,) float64
         As `occlusion` and `visibility`, over the pixels of each instance.
-    flow : (H, W, 2) float32 or None
+    flow : (H, W, 2) float32
         The flow given, px per frame, with the weather's own where it hides more than half.
-    depth : (H, W) float32 or None
-        The depth given, with the weather's own where they hide more than half, metres. A veil has
-        neither depth nor motion. Holes, NaN or 0, stay holes.
-    soft_flow, soft_depth : like `flow` and `depth`, or None
+    depth : (H, W) float32
+        The depth given, metres, with that of flakes that hide more than half. A veil has neither
+        depth nor motion. Holes, NaN or 0, stay holes.
+    soft_flow, soft_depth : like `flow` and `depth`
         Means of picture and weather by what is seen of each; of the depth the harmonic mean.
-    disparity : (H, W) float32 or None
+    disparity : (H, W) float32
         Of `depth`, px: how much farther left it is for the right eye. NaN in holes.
-    weather_disparity : (H, W) float32 or None
+    weather_disparity : (H, W) float32
         Of the densest flake at each pixel; 0 where there is none.
-    motion : (H, W, 2) float32 or None
-        Motion of the weather, pixels (x, y) per frame: at each pixel of what is densest there.
-    falling : (H, W, 4) float32 or None
+    motion : (H, W, 2) float32
+        Of the weather, pixels (x, y) per frame: at each pixel of what is densest there.
+    falling : (H, W, 4) float32
         Flakes or drops as a layer of their own, without a veil: motion (x, y) in pixels per frame,
         nearness (one over the depth, 1/m), opacity; the first three premultiplied with the fourth.
     """
@@ -90,11 +81,12 @@ class Weathered:
     _mixture: Callable[[], dict[str, Any]] | None = field(default=None, repr=False)
 
     def __getattr__(self, name: str) -> Any:
-        if name not in _LATER:
+        later = [one.name for one in fields(self) if not one.init]
+        if name not in later:
             raise AttributeError(f"a Weathered has no attribute {name!r}")
         # All of them, when the first is asked for: they cost several times what the picture does.
         made = vars(self).pop("_mixture", None)
-        vars(self).update(dict.fromkeys(_LATER) | (made() if made else {}), _mixture=None)
+        vars(self).update(dict.fromkeys(later) | (made() if made else {}), _mixture=None)
         return vars(self)[name]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -156,25 +148,22 @@ def _means(plane: Array, corners: Float64, *laws: Callable[[Array], Array]) -> t
     """Return the mean of a plane, and of what laws make of it, over each box."""
     found = np.full((1 + len(laws), len(corners)), np.nan)
     for number, (x0, y0, x1, y1) in enumerate(corners.tolist()):
-        top, down, tall = _covered(y0, y1, plane.shape[0])
-        left, across, wide = _covered(x0, x1, plane.shape[1])
-        area = tall * wide
+        rows, tall = _covered(y0, y1, plane.shape[0])
+        columns, wide = _covered(x0, x1, plane.shape[1])
+        area = tall.sum() * wide.sum()
         if area > 0.0:
-            part = plane[top : top + len(down), left : left + len(across)]
+            part = plane[rows, columns]
             for row, one in enumerate((part, *(law(part) for law in laws))):
-                found[row, number] = float(down @ (one @ across)) / area
+                found[row, number] = float(tall @ (one @ wide)) / area
     return tuple(np.clip(found, 0.0, 1.0))
 
 
-def _covered(first: float, last: float, length: int) -> tuple[int, Float64, float]:
-    """Return the first pixel of an interval, how much it covers of each, and of all of them."""
+def _covered(first: float, last: float, length: int) -> tuple[slice, Float64]:
+    """Return the pixels that an interval covers, and how much it covers of each."""
     low, high = min(max(first, 0.0), length), min(max(last, 0.0), length)
     start, end = int(low), math.ceil(high)
-    covered = np.ones(max(end - start, 0))
-    if len(covered):
-        covered[0] -= low - start
-        covered[-1] -= end - high
-    return start, covered, max(high - low, 0.0)
+    at = np.arange(start, end)
+    return slice(start, end), np.minimum(at + 1.0, high) - np.maximum(at, low)
 
 
 def boxes_of(boxes: npt.ArrayLike) -> Float64:
@@ -186,10 +175,10 @@ def boxes_of(boxes: npt.ArrayLike) -> Float64:
         raise ValueError(f"boxes must have shape (n, 4), got {corners.shape}")
     turned = (corners[:, :2] > corners[:, 2:]).any(axis=1)
     if turned.any():
-        first = int(turned.argmax())
+        at = int(turned.argmax())
         raise ValueError(
             "boxes must be (x0, y0, x1, y1) with x0 <= x1 and y0 <= y1, "
-            f"got {tuple(corners[first].tolist())} at [{first}]"
+            f"got {tuple(corners[at].tolist())} at [{at}]"
         )
     return corners
 

@@ -6,39 +6,17 @@ import functools
 import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from flurries._contract import Array, rectangular, suggesting
-from flurries.augment.calibration import Profile
-from flurries.augment.distance import Ground
-from flurries.augment.record import Range
 from flurries.augment.weather import Weather
 
 if TYPE_CHECKING:
     import torch
 
 _Kind = TypeVar("_Kind", bound=type)
-
-
-class Fields(TypedDict, total=False):
-    """Arguments of all weathers, for checkers of types: but `seed`, which the pipeline has."""
-
-    amount: Range | None
-    severity: int | tuple[int, int] | None
-    profile: Profile
-    color: Range | tuple[float, float, float]
-    ground: Ground | None
-    focal: float
-    white: float
-    weather_seed: int | None
-    wind: Range
-    veil: float
-    fall: Range
-    exposure: Range
-    visibility: Range | None
-    patches: Range
 
 
 def transforms(host: _Kind, *weathers: type) -> Iterator[_Kind]:

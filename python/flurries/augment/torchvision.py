@@ -5,7 +5,7 @@ Draws come from torch's random numbers, which a DataLoader seeds for each of its
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -14,11 +14,8 @@ from torchvision.transforms import v2
 
 from flurries import augment
 from flurries._contract import rate_of, real
-from flurries.augment.pipelines import Fields, painted, thicker, transforms
+from flurries.augment.pipelines import painted, thicker, transforms
 from flurries.augment.weather import Weather
-
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
 
 __all__ = ["Alpha", "Depth", "Fog", "Rainfall", "Records", "Snowfall"]
 
@@ -60,7 +57,7 @@ class _Transform(v2.Transform):  # type: ignore[misc]
     KIND: ClassVar[Any]
     _transformed_types = (*v2.Transform._transformed_types, Records)
 
-    def __init__(self, *, p: float = 1.0, fps: float = 30.0, **weather: Unpack[Fields]) -> None:
+    def __init__(self, *, p: float = 1.0, fps: float = 30.0, **weather: Any) -> None:
         super().__init__()
         self.p = real("p", p, low=0.0, high=1.0)
         self.fps = rate_of(fps)

@@ -59,17 +59,16 @@ class Weather(Recorded):
             which is quicker: its far flakes would not go on from frame to frame.
         depth : float, (H, W) float or DepthMap, optional
             How far away what is seen is: metres, infinity where nothing stands, 0 or NaN where it
-            is not known and the row's nearest pixel that has one is taken; relative depths through
-            :class:`flurries.scene.DepthMap`. Without it `ground`'s, else that of the sky.
+            is not known; relative depths through :class:`flurries.scene.DepthMap`. Without it
+            `ground`'s, else that of the sky.
         return_layer : bool
-            Also return the weather alone.
+            Also return the weather alone, (H, W, 4) float32, premultiplied.
         out : like `image`, optional
             Array to write into and return; not the picture itself.
 
         Returns
         -------
         array of the shape and dtype of `image`
-            Or with `return_layer` that and the layer, (H, W, 4) float32, premultiplied.
         """
         given = picture_of("image", image)
         rate = None if time is None else FPS
@@ -86,14 +85,11 @@ class Weather(Recorded):
         self, frames: npt.ArrayLike, *, index: int | None = None, fps: float = 30.0,
         time: float = 0.0, depth: Depth = None, return_layer: bool = False,
     ) -> Any:  # fmt: skip
-        """Return the frames of one film in one weather that moves.
+        """Return the frames of one film in one weather that moves; arguments as of a call.
 
         Parameters
         ----------
         frames : (T, H, W) or (T, H, W, 1 or 3)
-            As `image` of a call.
-        index, return_layer
-            As for a call.
         fps : float
             Frames per second.
         time : float
@@ -104,7 +100,7 @@ class Weather(Recorded):
         Returns
         -------
         array of the shape and dtype of `frames`
-            Or with `return_layer` that and the layers, (T, H, W, 4) float32.
+            And with `return_layer` the layers, (T, H, W, 4) float32.
         """
         given, rate = stack_of("frames", frames), rate_of(fps)
         records = [self._drawn(given[0], index)] * len(given)
@@ -115,21 +111,19 @@ class Weather(Recorded):
         self, images: npt.ArrayLike, *, index: int | Sequence[int] | None = None,
         depth: Depth = None, return_layer: bool = False,
     ) -> Any:  # fmt: skip
-        """Return pictures, each in a weather of its own.
+        """Return pictures, each in a weather of its own; arguments as of a call.
 
         Parameters
         ----------
         images : (N, H, W) or (N, H, W, 1 or 3)
-            As `image` of a call.
         index : int or N ints, optional
             Of the first picture, whose followers count up; or of each.
         depth : as for a call, or (N, H, W), optional
-        return_layer : bool
 
         Returns
         -------
         array of the shape and dtype of `images`
-            Each as a call with its index gives it; with `return_layer` also (N, H, W, 4) float32.
+            And with `return_layer` the layers, (N, H, W, 4) float32.
         """
         given = stack_of("images", images)
         count = len(given)
@@ -148,27 +142,21 @@ class Weather(Recorded):
         self, left: npt.ArrayLike, right: npt.ArrayLike, *, index: int | None = None,
         time: float = 0.0, depth: Depth = None, distance: float = 0.12, return_layer: bool = False,
     ) -> Any:  # fmt: skip
-        """Return both pictures of a rectified stereo pair in one weather.
+        """Return both pictures of a rectified stereo pair in one weather; arguments as of a call.
 
         Parameters
         ----------
         left, right : (H, W) or (H, W, 1 or 3)
-            As `image` of a call; of one shape.
-        index, time, return_layer
-            As for a call.
+            Of one height and width.
         depth : as for a call, or (left, right), optional
-            One for both, or a tuple of two.
         distance : float
-            Of the two cameras, metres. Set `focal` to the camera's.
+            Of the two cameras, metres: what is z metres away has the disparity
+            ``focal * distance / z``. Set `focal` to the camera's.
 
         Returns
         -------
         left, right
-            Or with `return_layer` (left, right, left layer, right layer).
-
-        Notes
-        -----
-        A flake or a layer of sheets at depth z has the disparity ``focal * distance / z``.
+            And with `return_layer` the left layer and the right layer.
         """
         pictures = _pair(left, right)
         records = [self._drawn(pictures[0], index)] * 2
@@ -188,10 +176,8 @@ class Weather(Recorded):
         ----------
         image : array, or (left, right)
             A picture as for a call, a film (T, H, W, 1 or 3), or the two of a rectified pair.
-        index, time, depth
-            As for a call, `clip` and `pair`.
-        fps : float
-            Frames per second of the film, or of that which a picture is of.
+        index, time, depth, fps, distance
+            As for a call, `clip` and `pair`; `fps` also of the film that a picture is of.
         boxes : (n, 4), optional
             (x0, y0, x1, y1) in pixels; the result says how much of each is hidden.
         masks : optional
@@ -203,8 +189,6 @@ class Weather(Recorded):
             Also return how the weather moves and how far away it is.
         eye : {"left", "right"}, optional
             Which of a pair the picture is, where the other is not at hand.
-        distance : float
-            Between the two cameras, metres.
 
         Returns
         -------
@@ -247,7 +231,8 @@ class Weather(Recorded):
 
     def _airs(
         self, pictures: Iterable[Array], records: list[dict[str, Any]], depth: Depth,
-        times: list[float], rate: float | None, apart: float = 0.0, sides: tuple[int, ...] = (),
+        times: list[float], rate: float | None = None, apart: float = 0.0,
+        sides: tuple[int, ...] = (),
     ) -> Iterator[Here]:  # fmt: skip
         """Yield the air before each picture: before both eyes one, by what the left one sees."""
         half = 0.5 * real("distance", apart, low=0.0, high=1e3)
@@ -273,7 +258,7 @@ class Weather(Recorded):
     ) -> Iterator[tuple[Array, Array | None]]:  # fmt: skip
         """Yield each picture in its weather, and the layer where it is asked for."""
         whole = flag("return_layer", layers)
-        airs = self._airs(pictures, records, depth, times, *(how or (None,)))
+        airs = self._airs(pictures, records, depth, times, *how)
         for picture, record, here in zip(pictures, records, airs, strict=True):
             alpha, _ = here.alpha(passing=True)
             seen = mixed(picture, alpha, record["color"], self.white)
@@ -284,8 +269,7 @@ class Weather(Recorded):
         layers: bool, *how: Any,
     ) -> Any:  # fmt: skip
         result = np.empty(given.shape, given.dtype.newbyteorder("="))
-        shape = (*given.shape[:3], 4)
-        whole = np.empty(shape, np.float32) if flag("return_layer", layers) else None
+        whole = np.empty((*given.shape[:3], 4), np.float32) if layers else None
         for k, made in enumerate(self._made(given, records, depth, times, layers, *how)):
             result[k] = made[0]
             if whole is not None:
