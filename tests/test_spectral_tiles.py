@@ -1,4 +1,4 @@
-"""Tiles: where they start, how they blend, and that nobody sees the seams."""
+"""Tiles: that nobody sees their seams, and that those of a larger picture are the same."""
 
 from __future__ import annotations
 
@@ -10,37 +10,6 @@ import textured
 import twin
 from every import every
 from flurries.spectral.tiles import power_shares
-
-LENGTHS = [1, 2, 63, 64, 65, 117, 118, 119, 130, 200]
-OVERLAPS = [0, 1, 10, 32, 48, 63]
-
-
-@every("overlap", OVERLAPS)
-@every("length", LENGTHS)
-def test_tile_starts(length: int, overlap: int):
-    got = fl.spectral.tile_starts(length, tile=64, overlap=overlap)
-    assert got.ndim == 1 and got.dtype.kind == "i"
-    assert np.array_equal(got, twin.tile_starts(length, tile=64, overlap=overlap))
-    # One fewer would leave pixels bare.
-    assert got[-1] + 64 >= length
-    assert len(got) == 1 or got[-2] + 64 < length
-
-
-@every(("dtype", "limit"), [(np.float64, 1e-14), (np.float32, 2e-6)])
-@every("blend", ["power", "linear"])
-@every(
-    ("shape", "size", "overlap"),
-    [((130, 70), (64, 64), 10), ((40, 50), (17, 17), 0), ((50, 41), (16, 24), 7),
-     ((19, 18), (16, 16), 15), ((20, 20), (31, 31), 10), ((40, 33), (12, 12), 8)],
-)  # fmt: skip
-def test_blend_is_the_twins(shape, size, overlap: int, blend: str, dtype: type, limit: float):
-    rows = len(twin.tile_starts(shape[0], tile=size[0], overlap=overlap))
-    cols = len(twin.tile_starts(shape[1], tile=size[1], overlap=overlap))
-    tiles = np.random.default_rng(0).standard_normal((rows, cols, *size)).astype(dtype)
-    got = fl.spectral.blend_tiles(tiles, shape, overlap=overlap, blend=blend)
-    assert got.dtype == dtype and got.shape == shape
-    assert np.abs(got - twin.blend_tiles(tiles, shape, overlap=overlap, blend=blend)).max() < limit
-
 
 # 5 x 5 tiles give 16 corners and 40 edges: with 400 seeds, 6400 nearly independent values at the
 # corners, standard error of their variance 1.8 %; whole 10 x 10 patches and the edges do better.

@@ -14,15 +14,7 @@ MOST_THREADS = 256
 
 
 def set_threads(n: int) -> None:
-    """Set the number of threads that the kernels use.
-
-    The default is ``FLURRIES_NUM_THREADS``, or all cores. Results do not depend on it, bit for bit.
-
-    Parameters
-    ----------
-    n : int
-        1 to 256.
-    """
+    """Set the number of threads that the kernels use, 1 to 256; see :func:`settings`."""
     _core.set_threads(integer("n", n, low=1, high=MOST_THREADS))
 
 

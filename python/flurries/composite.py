@@ -95,20 +95,15 @@ def _intensity(intensity: Any, channels: int) -> list[float]:
 
 
 def over(background: npt.ArrayLike, layer: npt.ArrayLike, *, out: Array | None = None) -> Array:
-    """Premultiplied RGBA layer over a picture.
+    """Premultiplied RGBA layer over a picture: ``layer + (1 - layer alpha) * background``.
 
     Parameters
     ----------
     background : (H, W, 3) or (H, W, 4)
-        uint8 or uint16 of full scale 1, or floats; four channels are premultiplied. Never written
-        to.
+        uint8 or uint16 of full scale 1, or floats, which the result is, too; four channels are
+        premultiplied. Never written to.
     layer : (H, W, 4)
         Premultiplied RGBA, float, full scale 1, in the light of the background.
-
-    Returns
-    -------
-    array of the shape and dtype of `background`
-        ``layer + (1 - layer alpha) * background``, integers rounded.
     """
     planes, given = _background(background, (3, 4))
     front, _ = check.pixels("layer", layer, ndim=3)
@@ -126,19 +121,16 @@ def join(
 ) -> Array:  # fmt: skip
     """Opacity of layers of one color together, behind a matte.
 
+    It is ``(1 - (1 - haze) prod (1 - alpha_i)) (1 - matte)``, in the dtype of the layers.
+
     Parameters
     ----------
     layers : sequence of (H, W)
-        Opacities, at least one; all of one dtype, float32 or float64.
+        Opacities, at least one, in any order; all of one dtype, float32 or float64.
     haze : float
         An even veil, 0 to 1.
     matte : (H, W), optional
         What stands in front of them all: 1 hides them.
-
-    Returns
-    -------
-    (H, W), dtype of the layers
-        ``(1 - (1 - haze) prod (1 - alpha_i)) (1 - matte)``; the layers' order does not matter.
     """
     single = isinstance(layers, np.ndarray) and layers.ndim == 0
     if single or not isinstance(layers, (list, tuple, np.ndarray)):

@@ -118,7 +118,7 @@ def side_by_side(
     left: npt.ArrayLike, right: npt.ArrayLike, *, cross: bool = False, squeeze: bool = False,
     out: Array | None = None,
 ) -> Array:  # fmt: skip
-    """Return both pictures next to each other.
+    """Return both pictures next to each other, (H, 2 W, ...), in their dtype.
 
     Parameters
     ----------
@@ -128,11 +128,6 @@ def side_by_side(
         Whether the right eye's picture comes first, for crossed eyes.
     squeeze : bool
         Halve both widths, as frame-packed video wants it, by means of pairs; W must be even.
-
-    Returns
-    -------
-    (H, 2 W, ...) array, or (H, W, ...)
-        Both pictures, in the dtype of the inputs.
     """
     return _packed(left, right, 1, flag("cross", cross), flag("squeeze", squeeze), out)
 
@@ -140,17 +135,9 @@ def side_by_side(
 def over_under(
     left: npt.ArrayLike, right: npt.ArrayLike, *, squeeze: bool = False, out: Array | None = None
 ) -> Array:
-    """Return both pictures on top of each other, the left eye's above.
+    """Return both pictures on top of each other, the left eye's above, (2 H, W, ...).
 
-    Parameters
-    ----------
-    left, right, squeeze, out
-        As in :func:`side_by_side`; `squeeze` halves the heights.
-
-    Returns
-    -------
-    (2 H, W, ...) array, or (H, W, ...)
-        Both pictures, in the dtype of the inputs.
+    Arguments are those of :func:`side_by_side`; `squeeze` halves the heights.
     """
     return _packed(left, right, 0, False, flag("squeeze", squeeze), out)
 

@@ -38,7 +38,7 @@ class State:
     stretch : float
         Length of a streak over the length of its drop.
     speed : float
-        Speed along the axis, metres per second; negative where the drops go against it.
+        Along the axis, metres per second; negative where the drops go against it.
     """
 
     axis: tuple[float, float, float]
@@ -49,14 +49,9 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """The cone over time; made by :func:`path`.
+    """The cone over `times` (n,), seconds that do not decrease; made by :func:`path`.
 
-    Attributes
-    ----------
-    times : (n,) float64
-        Seconds, not decreasing.
-    axis, phase, stretch, speed : (n, 3) or (n,) float64
-        As in :class:`State`.
+    `axis`, `phase`, `stretch` and `speed`, (n, 3) or (n,), are those of :class:`State`.
     """
 
     times: Float64
@@ -120,18 +115,12 @@ def path(
         How much of the camera's motion counts, 0 to 1; with 1 the apex is the focus of expansion.
     exposure : float or (n,)
         Seconds, 0 or more, at each time, linear between them.
-    length : float
-        Length of a drop, metres, more than 0.
-    radius : float
-        Radius of the first layer's cone, metres.
+    length, radius : float
+        Of a drop, and of the first layer's cone, metres, more than 0.
     repeats : int
         Number of tiles around the first layer.
     still : float
         Metres per second, more than 0: what is slower has no direction.
-
-    Returns
-    -------
-    Path
 
     Examples
     --------

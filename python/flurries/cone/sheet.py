@@ -28,17 +28,16 @@ FARTHEST_EYE = 0.5
 
 @dataclass(frozen=True)
 class Rays:
-    """The point of the cone that every pixel sees.
+    """The point of the cone that every pixel sees: planes (H, W) or rows (n,) of float64.
 
     Attributes
     ----------
-    azimuth : (H, W) float64
-        Turns around the axis, in [0, 1).
-    height : (H, W) float64
-        Along the axis over the cone's radius: ``s / (c + slope |s|)``, s along and c across it.
-    azimuth_step, height_step : (H, W) float64
+    azimuth, height
+        Turns around the axis, in [0, 1), and the place along it over the cone's radius,
+        ``s / (c + slope |s|)`` of a ray with s along and c across it.
+    azimuth_step, height_step
         How much each changes from pixel to pixel: the lengths of their gradients in the picture.
-    fade : (H, W) float64
+    fade
         How much is shown, 1 up to 82 degrees from the equator, 0 from 89.4 degrees on.
     """
 
@@ -53,19 +52,9 @@ def rays(
     shape: tuple[int, int], camera: Camera, *, axis: npt.ArrayLike, slope: float = 0.0,
     radius: float = math.inf, points_px: npt.ArrayLike | None = None,
 ) -> Rays:  # fmt: skip
-    """Return the places on a double cone that the pixels see.
+    """Return the places on a double cone that the pixels see; arguments as of :func:`layer`.
 
-    Parameters
-    ----------
-    shape, camera, axis, slope, radius
-        See :func:`layer`.
-    points_px : (n, 2), optional
-        Positions (x, y) in the picture, in place of every pixel's centre.
-
-    Returns
-    -------
-    Rays
-        Planes (H, W), or rows (n,) for `points_px`.
+    `points_px` (n, 2) are positions (x, y) in the picture, in place of every pixel's centre.
     """
     size = check.shape_of("shape", shape)
     given = pose(size, camera, axis, slope, radius)
@@ -125,10 +114,9 @@ def layer(
         Its lens, rotation and offset.
     tile : (n, n)
         Toroidal opacities, 0 to 1; rows run along the axis. See :func:`rain_tile`.
-    axis : (3,)
-        Direction in which the drops go, seen from the camera, house axes; from :func:`path`.
-    phase : float
-        Distance that the texture has moved along the axis, tiles; from :func:`path`.
+    axis, phase : (3,) and float
+        From :func:`path`: where the drops go, seen from the camera, house axes, and how far the
+        texture has moved along it, tiles.
     stretch : float
         How many times as long a drop is along the axis as in the tile, more than 0.
     slope : float
@@ -139,9 +127,8 @@ def layer(
     offset : (x, y)
         Shift of the texture in tiles, so that layers of one texture differ.
     gain : float
-        Factor of the opacity, 0 or more.
-    conserve : bool
-        Divide the opacity by `stretch`, so that the light of a drop stays the same.
+        Factor of the opacity, 0 or more; `conserve` also divides it by `stretch`, so that the light
+        of a drop stays the same.
     radius : float
         Of the cone, world units; it matters for a camera with an `offset` only.
 

@@ -48,17 +48,16 @@ def layers(
     """Return the joint alpha of four layers of one texture, each smaller and farther away.
 
     They repeat 1, 2, 4 and 8 times `repeats` times around, and stand for cones as many times as
-    large: each shows smaller drops that move slower. All share axis and phase.
+    large: each shows smaller drops that move slower. Other arguments are those of :func:`layer`;
+    while all but the phase stays the same, the rays are looked up.
 
     Parameters
     ----------
-    camera, axis, phase, stretch, slope, repeats, conserve, radius
-        See :func:`layer`. While all but the phase stays the same, the rays are looked up.
     tile : Texture or (n, n)
         Give a :class:`Texture` for many frames: from an array a new one is made at each call.
     gains : float or (4,)
         Factors of the opacity, 0 or more.
-    depth : (H, W) array, optional
+    depth : (H, W), optional
         Planar depth of what stands in the picture, world units, before layers of a `radius`.
     rows : (start, stop), optional
         Only these rows of the picture, with the bits of the whole.
@@ -66,12 +65,9 @@ def layers(
     Returns
     -------
     (H, W) array
-        ``1 - prod(1 - alpha_i)``, 0 to 1; of the wanted rows only.
-
-    Notes
-    -----
-    float32 looks into tables of 8 bits, filtered beforehand. float64 is the composition of
-    :func:`layer`. The two differ by less than 0.011 in the mean.
+        ``1 - prod(1 - alpha_i)``, 0 to 1; of the wanted rows only. float32 looks into tables of 8
+        bits, filtered beforehand; float64 is the composition of :func:`layer`. The two differ by
+        less than 0.011 in the mean.
     """
     size = check.shape_of("shape", shape)
     kind = check.float_dtype(dtype)

@@ -23,7 +23,7 @@ def rain_tile(
     spread: float = 0.5, opacity: float = 0.8, dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:  # fmt: skip
-    """Return a toroidal texture of raindrops.
+    """Return a toroidal texture of raindrops, (n, n): ``1 - prod(1 - alpha_i)``, without an edge.
 
     Parameters
     ----------
@@ -31,19 +31,13 @@ def rain_tile(
         n, texels to a side, 4 to 4096.
     drops : int
         How many.
-    width : float
-        Width of a drop, two sigma of a Gaussian, tiles; below a texel it is wider and fainter.
-    length : float
-        Length of a drop along the axis, tiles, 0 to 0.5; the cone's `stretch` makes it longer.
+    width, length : float
+        Of a drop, in tiles: two sigma of a Gaussian, below a texel wider and fainter; and along the
+        axis, 0 to 0.5, which the cone's `stretch` makes longer.
     spread : float
         Spread of sizes, 0 to 1: drops are ``1 - spread / 2`` to ``1 + spread / 2`` times as large.
     opacity : float
         Opacity in the middle of a drop, 0 to 1, with the same spread.
-
-    Returns
-    -------
-    (n, n) array
-        Opacities, 0 to 1: ``1 - prod(1 - alpha_i)``, without an edge.
     """
     rows = _sprites(size, "drops", drops, seed, width, spread, opacity)
     rows[:, 3] = 0.5 * size * real("length", length, low=0.0, high=0.5)
@@ -57,7 +51,7 @@ def snow_tile(
 ) -> Array:  # fmt: skip
     """Return a toroidal texture of snowflakes: Gaussian discs.
 
-    Parameters and result are those of :func:`rain_tile`; `width` is two sigma of a flake, tiles.
+    Arguments are those of :func:`rain_tile`; `width` is two sigma of a flake, tiles.
     """
     rows = _sprites(size, "flakes", flakes, seed, width, spread, opacity)
     return _drawn(size, rows, dtype, out)
@@ -97,13 +91,7 @@ MOST_WORDS = 1 << 26
 
 
 class Texture:
-    """A toroidal texture and its filtered copies, for use in many frames.
-
-    Parameters
-    ----------
-    tile : (n, n)
-        Opacities, 0 to 1; copied.
-    """
+    """A toroidal texture (n, n) of opacities, copied, and its filtered copies for many frames."""
 
     def __init__(self, tile: npt.ArrayLike) -> None:
         self.tile = texture_of(tile).copy()

@@ -26,12 +26,10 @@ def projection_error(
 
     Parameters
     ----------
-    centers : (n, 3)
-        Middles in camera axes, world units.
-    radius : float or (n,)
-        Half the width of the billboards, world units.
+    centers, radius : (n, 3), and float or (n,)
+        Middles in camera axes, and half the width of the billboards.
     near : float
-        N, the distance of the viewplane, world units. Give the focal length for pixels.
+        N, the distance of the viewplane. Give the focal length for pixels.
     form : {"exact", "printed"}
         "printed" evaluates the paper's Eqs 11 and 12 as they stand.
 
@@ -70,20 +68,11 @@ def parallax_error(
     centers: npt.ArrayLike, radius: npt.ArrayLike, *, near: float = 1.0, eye_distance: float,
     form: Form = "exact", out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
-    """Return the error of the parallax of a billboard's right edge (section 3.3).
+    """Return the error of the parallax of a billboard's right edge (section 3.3), (n, 2) float64.
 
-    Parameters
-    ----------
-    centers, radius, near, form
-        As in :func:`projection_error`; `centers` from the middle between the eyes.
-    eye_distance : float
-        I, world units, positive.
-
-    Returns
-    -------
-    (n, 2) float64
-        The right eye's :func:`projection_error` minus the left eye's, NaN where either is. The
-        exact form has all its digits for eyes however close, which a subtraction has not.
+    It is the right eye's :func:`projection_error` minus the left eye's, NaN where either is, of
+    `centers` from the middle between eyes that are `eye_distance` apart, more than 0. The exact
+    form has all its digits for eyes however close, which a subtraction has not.
     """
     x, y, depth, r = _each(centers, radius)
     distance = real("near", near, above=0.0)

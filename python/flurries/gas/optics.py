@@ -63,7 +63,7 @@ def extinction(
     count, volume : float
         Particles, and what they fill evenly, world units cubed.
     radius, density : float
-        Of a particle, as in :func:`splat`.
+        Of a particle.
     edge : {"taper", "square", "disc"}
         How footprints end: "disc" for `edge` "square" of the models "viewpoint" and "volume".
 
@@ -84,17 +84,9 @@ def extinction(
 def visibility(beta: float, *, contrast: float = 0.05) -> float:
     """Return the distance at which a black object keeps a given contrast to fog.
 
-    Parameters
-    ----------
-    beta : float
-        :func:`extinction`, per world unit, positive.
-    contrast : float
-        0.05 as the weather services have it, or 0.02 (Koschmieder); below 1.
-
-    Returns
-    -------
-    float
-        -log(contrast) / beta, world units. As well the extinction that gives a visibility `beta`.
+    It is -log(contrast) / beta, world units, of an :func:`extinction` `beta`, more than 0; as well
+    the extinction that gives a visibility `beta`. `contrast` is 0.05 as the weather services have
+    it, or 0.02 (Koschmieder); above 0 and below 1.
     """
     share = check.real("contrast", contrast, above=0.0)
     if share >= 1.0:
@@ -148,11 +140,6 @@ def phase(cosine: npt.ArrayLike, *, kind: str = "rayleigh", asymmetry: float = 0
         ``3/4 (1 + c^2)``, or Henyey and Greenstein's function, which is the one for droplets.
     asymmetry : float
         Of the latter, -0.99 to 0.99; 0 scatters evenly, 0.85 is a cloud.
-
-    Returns
-    -------
-    array
-        The mean over the sphere is 1.
     """
     c = check.table("cosine", cosine, ndim=None)
     check.require("cosine", c, np.abs(c) <= 1.0 + 1e-9, "from -1 to 1")

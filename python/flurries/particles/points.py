@@ -34,14 +34,12 @@ def positions(
         How many flakes, 0 or more.
     box : float or (3,) floats
         B, the sides of the box, world units, 1e-100 to 1e100.
-    velocity : (3,) or (count, 3)
-        v, flake minus world, world units per unit of time.
-    time : float
-        t; the unit is the caller's (frames, in a scene).
+    velocity, time : (3,) or (count, 3), and float
+        v, flake minus world, world units per unit of time, and t (frames, in a scene).
     center : (3,), optional
         c, the middle of the box: as a rule where the camera is. World units.
     sway : (float, float), optional
-        Of the offsets that are added after the wrap: see `sway_offsets`.
+        Of the offsets that are added after the wrap: see :func:`sway_offsets`.
 
     Returns
     -------
@@ -63,20 +61,11 @@ def positions(
 def sway_offsets(
     count: int, *, seed: int, time: float, sway: tuple[float, float], out: Float64 | None = None
 ) -> Float64:
-    """Return the offsets that `positions` adds for the sway at a time; exact at any time.
+    """Return the offsets (count, 3) that :func:`positions` adds for the sway at a time.
 
-    Parameters
-    ----------
-    count, seed, time
-        As given to `positions`.
-    sway : (float, float)
-        ``(amplitude, angular_frequency)``, world units and radians per unit of time.
-
-    Returns
-    -------
-    (count, 3) float64
-        Row i is amplitude * (sin(w t + phi1), 0, sin(w t + phi2)), world units, the phases hashed
-        for flake i. Their difference over an exposure, over it, is the sway's part of a velocity.
+    Row i is amplitude * (sin(w t + phi1), 0, sin(w t + phi2)), world units, the phases hashed for
+    flake i; `sway` is (amplitude, w), world units and radians per unit of time. Their difference
+    over an exposure, over it, is the sway's part of a velocity.
     """
     number = check.integer("count", count, low=0, high=MOST_ELEMENTS // 3)
     result = check.output(out, (number, 3), np.dtype(np.float64))
@@ -88,20 +77,10 @@ def edge_fade(
     points: npt.ArrayLike, box: npt.ArrayLike, *, center: npt.ArrayLike = (0.0, 0.0, 0.0),
     out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
-    """Return the share of each flake that is shown, so that none pops where the box wraps.
+    """Return the share (n,) of each flake that is shown, so that none pops where the box wraps.
 
-    Parameters
-    ----------
-    points : (n, 3)
-        Absolute positions, as `positions` gives them, world units.
-    box, center
-        As given to `positions`.
-
-    Returns
-    -------
-    (n,) float64
-        The product over the axes of 1 - smoothstep(0.85, 1, 2 |p - c| / B), from 0 at the walls
-        (and outside) to 1; to be multiplied into the opacity.
+    It is the product over the axes of 1 - smoothstep(0.85, 1, 2 |p - c| / B) of `points` (n, 3),
+    with the box and the centre of :func:`positions`: from 0 at the walls and outside to 1.
     """
     place = check.rows_of("points", points, 3)
     sides, middle = _box(box, center)
@@ -134,10 +113,9 @@ def splat(
         Its focal length, principal point and offset are used.
     opacity : float or (n,)
         Opacity in the centre of a large resting flake, 0 to 1.
-    velocity : (3,) or (n, 3), optional
-        Flake minus camera, world units per frame. Without it flakes rest.
-    shutter : float, optional
-        Exposure, frames: the flake moves from p - v shutter / 2 to p + v shutter / 2.
+    velocity, shutter : (3,) or (n, 3), and float
+        Flake minus camera, world units per frame, and exposure in frames: the flake moves from
+        p - v shutter / 2 to p + v shutter / 2.
     near : float, optional
         Nothing nearer than this depth is drawn, world units, more than 0. A flake that crosses it
         keeps the share of its opacity that the exposure had in front.
@@ -166,13 +144,10 @@ def ids(
     near: float = 0.1, depth: npt.ArrayLike | None = None,
     out: npt.NDArray[np.int32] | None = None,
 ) -> npt.NDArray[np.int32]:  # fmt: skip
-    """Return the number of the flake that each pixel shows; parameters as in `splat`.
+    """Return the number (H, W) of the flake that each pixel shows, drawn as by :func:`splat`.
 
-    Returns
-    -------
-    (H, W) int32
-        The row in `points` of the flake whose own opacity at the pixel's centre is the greatest,
-        the first of equals; -1 outside all footprints. A footprint ends where its opacity is 0.
+    It is the row in `points` of the flake whose own opacity at the pixel's centre is the greatest,
+    the first of equals; -1 outside all footprints. A footprint ends where its opacity is 0.
     """
     size = check.shape_of("shape", shape)
     flakes, inputs = _read(size, points, radius, camera, opacity, velocity, shutter, near, depth)

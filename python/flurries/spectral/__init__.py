@@ -13,7 +13,6 @@ displacement of all waves alike (a turning camera). What has a velocity moves by
 
 from __future__ import annotations
 
-from flurries.spectral.cloud import cloud
 from flurries.spectral.export import export_loop
 from flurries.spectral.flakes import flake_patterns, optical_depth
 from flurries.spectral.frame import alpha, field, movie
@@ -26,7 +25,7 @@ from flurries.spectral.tables import (
     tent_rate,
     velocity_from_paper,
 )
-from flurries.spectral.texture import Texture
+from flurries.spectral.texture import Texture, cloud
 from flurries.spectral.tiles import blend_tiles, inverse_transform, opacity, tile_starts
 from flurries.spectral.volume import loop, volume
 

@@ -46,10 +46,8 @@ def export_loop(
         See :func:`loop`.
     mean, spread, power, amount
         The map to opacity, see :func:`opacity`.
-    bits : {8, 16}, optional
-        Of integer files; 8 if not given.
-    half : bool
-        EXR as half floats, else 32 bits.
+    bits, half : {8, 16}, bool
+        Of integer files, 8 if not given; and EXR as half floats, else 32 bits.
     overwrite : bool
         Replace what is there; otherwise files in the way are refused.
     progress : callable, optional

@@ -46,8 +46,8 @@ def flake_patterns(
 
     Parameters
     ----------
-    tile : int
-        M, size of a tile in pixels.
+    tile, patterns : int
+        M, size of a tile in pixels, and P, patterns of each layer.
     counts : (L,)
         Mean number of flakes in a tile of each layer; a pattern has the whole number beside it.
     diameters : (L, 2)
@@ -55,8 +55,6 @@ def flake_patterns(
         deviation d / sqrt(8), at least 0.3 px, integral ``opacity pi d^2 / 4``; pixels are means.
     opacity : float
         Opacity in the middle of a flake, 0 to 1.
-    patterns : int
-        P, of each layer.
     shear : float
         h / M: the torus repeats at (M, 0) and (h, M) px, so that snow which falls straight down
         does not meet itself again. From -1 to 1; 0.382 is good.
@@ -71,20 +69,16 @@ def flake_patterns(
     """
     (size, _), _ = check.tile_of(check.integer("tile", tile, low=1, high=2**15), 0)
     numbers = check.table("counts", counts, ndim=1)
-    if not numbers.size or not ((numbers >= 0.0) & (numbers <= 1e9)).all():
-        raise ValueError(
-            f"counts must be at least one number from 0 to 1e9, got {check._came(counts)}"
-        )
+    check.require("counts", numbers, (numbers >= 0.0) & (numbers <= 1e9), "from 0 to 1e9")
     sizes = check.table("diameters", diameters, ndim=2)
-    if sizes.shape != (numbers.size, 2):
+    if not numbers.size or sizes.shape != (numbers.size, 2):
         raise ValueError(
-            f"diameters must be two for each of the {numbers.size} counts, got {sizes.shape}"
+            f"diameters must be two for each of one or more counts, got {sizes.shape} for "
+            f"{numbers.size} counts"
         )
-    if not ((sizes > 0.0) & (sizes <= _LARGEST_FLAKE)).all() or (sizes[:, 0] > sizes[:, 1]).any():
-        raise ValueError(
-            f"diameters must be above 0, at most {_LARGEST_FLAKE:g} px and the smaller one first, "
-            f"got {check._came(diameters)}"
-        )
+    good = (sizes > 0.0) & (sizes <= _LARGEST_FLAKE) & (sizes[:, :1] <= sizes)
+    wanted = f"above 0, at most {_LARGEST_FLAKE:g} px and the smaller one first"
+    check.require("diameters", sizes, good, wanted)
     middle = check.real("opacity", opacity, low=0.0, high=1.0)
     number = check.integer("patterns", patterns, low=1, high=2**16)
     slant = check.real("shear", shear, low=-_MOST_SHEAR, high=_MOST_SHEAR)
@@ -134,17 +128,13 @@ def optical_depth(
     Parameters
     ----------
     patterns : (L, P, M, M // 2 + 1) complex
-        Of :func:`flake_patterns`. Waves of half a cycle are left out.
+        Of :func:`flake_patterns`, with their `shear`. Waves of half a cycle are left out.
     drift : (L, 2) or (rows, cols, L, 2)
         Displacement (x, y), px, of each layer since time 0, for all or each of `tile_starts`.
-    velocity : like `drift`, optional
-        Its change per frame; a shutter needs it.
-    shutter : float
-        Frames that the shutter is open.
+    velocity, shutter : like `drift`, and float
+        Its change per frame, and frames that the shutter is open, which needs it.
     gain : (L,), optional
         Factor of each layer; None is 1.
-    shear : float
-        That of the patterns.
     seed : int or None
         Tiles take a pattern and a shift of the torus by a hash of (seed, layer, tile
         row, tile column). With None each takes pattern 0 as it is.

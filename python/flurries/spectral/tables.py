@@ -45,21 +45,17 @@ def tent_rate(
     shape: tuple[int, int], velocity: npt.ArrayLike, *, wavelength_max: float = 32.0,
     loop: int | None = None, out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
-    """Temporal frequency of each wave on the tent surface.
+    """Temporal frequency of each wave on the tent surface, cycles per frame.
 
-    Parameters
-    ----------
-    velocity : (vx, vy)
-        Drift per frame, pixels.
-    loop : int, optional
-        Frames after which the film shall repeat: rates are rounded to ``n / loop``, half to even.
+    `velocity` is the drift per frame; with `loop`, the frames after which the film shall repeat,
+    rates are rounded to ``n / loop``, half to even.
 
     Returns
     -------
     (H, W) float64
-        Cycles per frame of each bin, ``rate = -(a kx' + b ky') / |k'|`` with
-        ``(a, b) = velocity / wavelength_max``; at most |velocity| / wavelength_max. Odd in k; 0 at
-        dc. On a Nyquist line that axis' part of the numerator is 0, as the real field demands.
+        ``-(a kx' + b ky') / |k'|`` with ``(a, b) = velocity / wavelength_max``, of at most its
+        length. Odd in k; 0 at dc. On a Nyquist line that axis' part of the numerator is 0, as the
+        real field demands.
 
     Notes
     -----
@@ -91,7 +87,7 @@ def velocity_from_paper(
     Returns
     -------
     (vx, vy) : tuple of float
-        Pixels per frame of the longest wave, ``C / period * wavelength_max * (cos, sin)``.
+        ``C / period * wavelength_max * (cos, sin)``, pixels per frame of the longest wave.
     """
     frames = check.real("period", period, low=SMALLEST)
     longest = check.real("wavelength_max", wavelength_max, low=SMALLEST, high=LARGEST)
@@ -153,18 +149,10 @@ def warn_far(cycles: float) -> None:
 def random_phase(
     shape: tuple[int, int], *, seed: int, tile: tuple[int, int] = (0, 0), out: Float64 | None = None
 ) -> Float64:
-    """Random phases of a tile, odd in k so that the field is real.
+    """Random phases of a tile, odd in k so that the field is real, (H, W) float64.
 
-    Parameters
-    ----------
-    tile : (row, col)
-        Which tile of the grid; int64.
-
-    Returns
-    -------
-    (H, W) float64
-        Cycles in [-1/2, 1/2), uniform over a whole turn: a hash of seed, tile and wave, the same
-        whatever else is computed. Bins that are their own mirror have 0 or -1/2.
+    Cycles in [-1/2, 1/2), uniform over a whole turn: a hash of seed, `tile` (row, col) of the grid
+    and wave, the same whatever else is computed. Bins that are their own mirror have 0 or -1/2.
     """
     size = check.shape_of("shape", shape)
     if not check.is_pair(tile):
@@ -192,13 +180,13 @@ def advance_phase(
     Returns
     -------
     (H, W) float64
-        ``phase - (A kx' + B ky') / |k'| - (fx sx + fy sy)`` reduced to [-1/2, 1/2) cycles.
+        ``phase - (A kx' + B ky') / |k'| - (fx sx + fy sy)`` reduced to [-1/2, 1/2) cycles. At a
+        drift of 1e6 times the wavelength it is right to 1e-9; beyond 1e12 times nothing is left.
 
     Notes
     -----
     The paper multiplies where phases must be added (Langer 2004, section 5.2;
-    ``docs/internals/deviations.md``, 6 and 7). At a drift of 1e6 times the wavelength the
-    phase is right to 1e-9 cycles; beyond about 1e12 times nothing of it is left.
+    ``docs/internals/deviations.md``, 6 and 7).
     """
     start = check.table("phase", phase)
     size = check.shape_of("phase", start.shape)

@@ -24,17 +24,10 @@ def inverse_transform(
 ) -> Array:  # fmt: skip
     """Real field of two wave tables: the unnormalised inverse transform.
 
-    Parameters
-    ----------
-    amplitude, phase : (H, W)
-        Amplitudes, and phases in cycles.
-
-    Returns
-    -------
-    (H, W) float32 or float64
-        ``sum_k amplitude(k) cos 2 pi (f_k . (x, y) + phase(k))`` over all bins, at integer x and y.
-        Mean 0 and variance 1 for the tables of :func:`band_amplitude` and :func:`random_phase`.
-        Tables without symmetry are taken as they stand: the sum is the Hermitian part's transform.
+    Of amplitudes and phases in cycles, (H, W), it is
+    ``sum_k amplitude(k) cos 2 pi (f_k . (x, y) + phase(k))`` over all bins, at integer x and y:
+    mean 0 and variance 1 for the tables of :func:`band_amplitude` and :func:`random_phase`.
+    Tables without symmetry are taken as they stand: the sum is the Hermitian part's transform.
     """
     waves = check.table("amplitude", amplitude)
     turns = check.table("phase", phase)
@@ -51,17 +44,10 @@ def inverse_transform(
 
 
 def tile_starts(length: int, *, tile: int = TILE, overlap: int = OVERLAP) -> npt.NDArray[np.intp]:
-    """First pixel of each tile along one axis.
+    """First pixel of each tile along one axis: 0, tile - overlap, ..., until `length` is covered.
 
-    Parameters
-    ----------
-    length, tile, overlap : int
-        Pixels to cover, of a tile, and shared by neighbours; ``0 <= overlap < tile``.
-
-    Returns
-    -------
-    (n,) int
-        0, tile - overlap, ...; the last tile may stick out. 19 for 1024 px and the defaults.
+    Neighbours share `overlap` pixels, 0 or more and fewer than `tile`; the last tile may stick out.
+    There are 19 for 1024 px and the defaults.
     """
     pixels_ = check.integer("length", length, low=1, high=2**31 - 1)
     size = check.integer("tile", tile, low=1, high=2**15)
@@ -97,7 +83,7 @@ def blend_tiles(
     tiles: npt.ArrayLike, shape: tuple[int, int], *, overlap: int = OVERLAP, blend: Blend = "power",
     out: Array | None = None,
 ) -> Array:  # fmt: skip
-    """Blend a grid of overlapping tiles into one picture.
+    """Blend a grid of overlapping tiles into one picture (H, W), in their dtype.
 
     Parameters
     ----------
@@ -106,10 +92,6 @@ def blend_tiles(
     blend : {"power", "linear"}
         Squares of the weights sum to 1, which keeps the variance of independent fields; or the
         weights do (the paper), and the variance dips to 1/2 at edges and 1/4 at corners.
-
-    Returns
-    -------
-    (H, W), dtype of `tiles`
 
     Notes
     -----

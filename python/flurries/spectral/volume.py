@@ -97,10 +97,8 @@ def volume(
 
     Parameters
     ----------
-    frames : int
-        T, the length of the film and its period.
-    size : int
-        M, pixels of a side.
+    frames, size : int
+        T, the length of the film and its period, and M, pixels of a side.
     velocity : (vx, vy)
         Pixels per frame of the longest wave, ``wavelengths[1]``.
     seed : int
@@ -149,10 +147,8 @@ def loop(
     frames : int
         T, the length of the loop. Rounding is off by 0.29 cycles a loop (rms), so short loops of
         slow snow lose motion: of 30 frames at 2 px per frame 17 % of the power stands still.
-    shape : (H, W)
-        Size of the texture in pixels; it is a torus.
-    velocity : (vx, vy)
-        Pixels per frame of the longest wave, ``wavelengths[1]``.
+    shape, velocity : (H, W), (vx, vy)
+        Of the texture, a torus, and pixels per frame of the longest wave, ``wavelengths[1]``.
     time : float or (n,), optional
         Which moments, in frames; any numbers. If not given, frames 0 to T - 1.
     wavelengths, exponent, alias, soft_from, shutter, jitter
