@@ -9,13 +9,14 @@ from flurries.io import read_picture
 
 
 def write_exr(path, pixels, names, *, data=(0, 0), display=None, kind="float", header=None):
-    """An EXR straight from OpenImageIO."""
+    """An EXR straight from OpenImageIO; a value of its header alone, or after its type."""
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, kind)
-    spec.channelnames = names
+    spec.channelnames = tuple(names)
     spec.x, spec.y = data
     for key, value in (header or {}).items():
-        spec.attribute(key, value)
+        typed = isinstance(value, tuple)
+        spec.attribute(key, *((oiio.TypeDesc(value[0]), value[1]) if typed else (value,)))
     if display:
         spec.full_x, spec.full_y, spec.full_width, spec.full_height = display
     output = oiio.ImageOutput.create("x.exr")

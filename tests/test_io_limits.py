@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 
 import flurries as fl
@@ -19,6 +18,7 @@ from flurries.camera import importers
 from flurries.io.files import read_bytes
 from flurries.io.stores import Store
 from flurries.output.journal import MOST_BYTES, NAME, Journal
+from stills import noise, write_exr
 
 # What one process may take: the interpreter and its libraries need a quarter of it.
 MOST_MEMORY = 2 << 30
@@ -54,12 +54,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     parts = [(b"IHDR", head), (b"IDAT", rows), (b"IEND", b"")]
     data = b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts)
     (folder / "huge.png").write_bytes(data)
-    spec = oiio.ImageSpec(64, 64, 3, "half")
-    spec.full_width = spec.full_height = 20_000
-    output = oiio.ImageOutput.create("window.exr")
-    assert output.open(str(folder / "window.exr"), spec)
-    assert output.write_image(np.random.default_rng(1).random((64, 64, 3)).astype(np.float32))
-    output.close()
+    write_exr(folder / "window.exr", noise((64, 64, 3)), "RGB", display=(0, 0, 20_000, 20_000))
     return folder
 
 

@@ -22,12 +22,23 @@ SHAPES = [(21, 34), (21, 34, 4), (130, 5, 3), (1, 1, 3)]
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("name", ["a.exr", "a.tif"])
-def test_float32_comes_back_bit_for_bit(tmp_path, shape, name):
-    pixels = noise(shape)
-    pixels.flat[: min(6, pixels.size)] = [np.nan, np.inf, -np.inf, 1e-42, 3e38, -0.0][: pixels.size]
+@pytest.mark.parametrize(("name", "dtype"), [
+    ("a.exr", np.float32), ("a.tif", np.float32), ("a.png", np.uint8), ("a.png", np.uint16),
+    ("a.tiff", np.uint8), ("a.tiff", np.uint16),
+])  # fmt: skip
+def test_pixels_come_back_bit_for_bit(tmp_path, shape, name, dtype):
+    whole = np.dtype(dtype).kind == "u"
+    pixels = levels(shape, dtype) if whole else noise(shape)
+    odd = [np.nan, np.inf, -np.inf, 1e-42, 3e38, -0.0][: 0 if whole else pixels.size]
+    pixels.flat[: len(odd)] = odd
     write_picture(tmp_path / name, pixels, half=False)
-    assert_reads_as(tmp_path / name, *as_read(pixels), "linear")
+    color, alpha = as_read(pixels)
+    if alpha is not None and whole:
+        alpha = alpha.astype(np.float32) / np.float32(np.iinfo(dtype).max)
+    assert_reads_as(tmp_path / name, color, alpha, "display" if whole else "linear")
+    assert not (whole and read_picture(tmp_path / name).premultiplied)
+    # Grey stays one channel.
+    assert len(read_header(tmp_path / name).channels) == (*shape, 1)[2]
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -42,28 +53,22 @@ def test_half_is_within_half_an_ulp(tmp_path, shape):
     assert (picture.alpha is None) == (alpha is None)
 
 
-def test_half_has_a_largest_number_and_no_infinity(tmp_path):
+def test_other_floats_are_the_nearest_that_a_file_holds(tmp_path):
+    # Half has a largest number and no infinity.
     values = np.array([[65504, 65519, 70000, 1e30, np.inf, -1e9, np.nan, 2.0]], np.float32)
     write_picture(tmp_path / "a.exr", values)
     found = read_picture(tmp_path / "a.exr").pixels[0, :, 0]
     np.testing.assert_array_equal(found, [65504] * 5 + [-65504, np.nan, 2.0])
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-@pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("name", ["a.png", "a.tiff"])
-def test_integers_come_back_exactly(tmp_path, shape, dtype, name):
-    pixels = levels(shape, dtype)
-    write_picture(tmp_path / name, pixels)
-    color, alpha = as_read(pixels)
-    if alpha is not None:
-        alpha = alpha.astype(np.float32) / np.float32(np.iinfo(dtype).max)
-    assert_reads_as(tmp_path / name, color, alpha, "display")
-    assert not read_picture(tmp_path / name).premultiplied
-    # Grey stays one channel.
-    assert len(read_header(tmp_path / name).channels) == (
-        pixels.shape[2] if pixels.ndim == 3 else 1
-    )
+    exact = noise((9, 9, 3)).astype(np.float64) / 3
+    exact[0, 0] = [1e300, -1e300, np.inf]
+    write_picture(tmp_path / "a.exr", exact, half=False)
+    largest = np.finfo(np.float32).max
+    found = read_picture(tmp_path / "a.exr").pixels
+    np.testing.assert_array_equal(found[0, 0], [largest, -largest, np.inf])
+    np.testing.assert_array_equal(found[1:], exact[1:].astype(np.float32))
+    halves = noise((9, 9, 3)).astype(np.float16)
+    write_picture(tmp_path / "b.exr", halves)
+    np.testing.assert_array_equal(read_picture(tmp_path / "b.exr").pixels, halves)
 
 
 @pytest.mark.parametrize("compression", ["none", "rle", "zips", "zip", "piz", "dwaa", "dwab"])
@@ -105,11 +110,11 @@ def test_srgb_is_the_standard_formula():
 
 def test_light_becomes_display_values_in_png(tmp_path):
     light = np.array([[-1.0, 0.0, 0.002, 0.2, 0.5, 1.0, 4.0, np.nan, np.inf]])
-    for bits, largest in ((8, 255), (16, 65535)):
+    display = np.clip(linear_to_srgb(np.nan_to_num(light, nan=0, posinf=1)), 0, 1)
+    for bits, largest, dtype in ((8, 255, np.uint8), (16, 65535, np.uint16)):
         write_picture(tmp_path / "a.png", light, bits=bits)
-        display = np.clip(linear_to_srgb(np.nan_to_num(light, nan=0, posinf=1)), 0, 1)
         found = read_picture(tmp_path / "a.png").pixels
-        assert found.dtype == (np.uint8 if bits == 8 else np.uint16)
+        assert found.dtype == dtype
         np.testing.assert_array_equal(found[..., 0], np.rint(display * largest))
 
 
@@ -125,13 +130,14 @@ def test_display_values_become_light_in_exr(tmp_path, dtype):
 
 def test_bits_can_be_asked_for(tmp_path):
     deep = levels((20, 20, 3), np.uint16)
-    write_picture(tmp_path / "a.png", deep, bits=8)
-    np.testing.assert_array_equal(read_picture(tmp_path / "a.png").pixels, np.rint(deep / 257))
-    write_picture(tmp_path / "a.png", deep.astype(np.uint8), bits=16)
-    wanted = deep.astype(np.uint8).astype(np.uint16) * 257
-    np.testing.assert_array_equal(read_picture(tmp_path / "a.png").pixels, wanted)
-    write_picture(tmp_path / "a.tif", deep / 65535, bits=16, encoding="display")
-    np.testing.assert_array_equal(read_picture(tmp_path / "a.tif").pixels, deep)
+    low = deep.astype(np.uint8)
+    for name, given, more, wanted in [
+        ("a.png", deep, {"bits": 8}, np.rint(deep / 257)),
+        ("b.png", low, {"bits": 16}, low.astype(np.uint16) * 257),
+        ("c.tif", deep / 65535, {"bits": 16, "encoding": "display"}, deep),
+    ]:
+        write_picture(tmp_path / name, given, **more)
+        np.testing.assert_array_equal(read_picture(tmp_path / name).pixels, wanted)
 
 
 def test_alpha_is_multiplied_in_exr_and_not_in_png(tmp_path):
@@ -231,10 +237,8 @@ def test_whole_numbers_come_back_to_the_bit(tmp_path):
         kinds = {n: str(spec.channelformat(i)) for i, n in enumerate(spec.channelnames)}
         assert kinds["snow.id.lo"] == kinds["snow.id.hi"] == "uint"
         reader = oiio.ImageInput.open(str(path))
-        for channel, wanted in (
-            ("snow.id.lo", numbers & 0xFFFFFFFF),
-            ("snow.id.hi", numbers >> 32),
-        ):
+        halves = {"snow.id.lo": numbers & 0xFFFFFFFF, "snow.id.hi": numbers >> 32}
+        for channel, wanted in halves.items():
             place = spec.channelindex(channel)
             got = reader.read_scanlines(0, 0, 0, 70, 0, place, place + 1, "uint")[..., 0]
             np.testing.assert_array_equal(got, wanted)
@@ -265,16 +269,3 @@ def test_what_a_format_cannot_hold_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"only \.exr"):
         write_layers(tmp_path / "a.png", {"rgba": four})
     assert not any(tmp_path.iterdir())
-
-
-def test_float64_and_float16(tmp_path):
-    exact = noise((9, 9, 3)).astype(np.float64) / 3
-    exact[0, 0] = [1e300, -1e300, np.inf]
-    write_picture(tmp_path / "a.exr", exact, half=False)
-    largest = np.finfo(np.float32).max
-    found = read_picture(tmp_path / "a.exr").pixels
-    np.testing.assert_array_equal(found[0, 0], [largest, -largest, np.inf])
-    np.testing.assert_array_equal(found[1:], exact[1:].astype(np.float32))
-    halves = noise((9, 9, 3)).astype(np.float16)
-    write_picture(tmp_path / "b.exr", halves)
-    np.testing.assert_array_equal(read_picture(tmp_path / "b.exr").pixels, halves)

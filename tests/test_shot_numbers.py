@@ -15,6 +15,7 @@ from flurries.camera import importers
 from flurries.cli.main import main
 from flurries.io.films.reader import Tags
 from flurries.io.timecode import TimeCode
+from stills import write_exr
 
 RANGE = range(1001, 1009)
 SIZE = (24, 16)
@@ -201,12 +202,8 @@ def test_time_codes_of_held_handles_count_on(shot: Path):
 
 @pytest.mark.parametrize("layers", [False, True])
 def test_a_plate_that_is_a_part_of_its_picture_remains_it(shot: Path, layers: bool):
-    crop = oiio.ImageSpec(10, 6, 3, "half")
-    crop.x, crop.y, crop.full_width, crop.full_height = 12, 8, *SIZE
-    made = oiio.ImageOutput.create("crop.1001.exr")
-    made.open("crop.1001.exr", crop)
-    made.write_image(np.full((6, 10, 3), 0.2, np.float32))
-    made.close()
+    levels = np.full((6, 10, 3), 0.2, np.float32)
+    write_exr("crop.1001.exr", levels, "RGB", kind="half", data=(12, 8), display=(0, 0, *SIZE))
     part = fl.Scene("crop.1001.exr", effects=[fl.Snow("heavy")])
     part.write("out.1001.exr", layers=layers, bits="float")
     found = oiio.ImageInput.open("out.1001.exr")

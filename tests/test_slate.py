@@ -13,6 +13,7 @@ import flurries as fl
 from flurries import io
 from flurries.cli import main
 from flurries.io.timecode import TimeCode
+from stills import write_exr
 
 H, W = 24, 36
 SNOW = [fl.effects.TentSnow("heavy")]
@@ -30,17 +31,14 @@ SAID: dict[str, tuple[str, Any]] = {
 }  # fmt: skip
 
 
-def plate(path: Path, names: list[str], *, windows: Any = None, kind: str = "half") -> None:
-    spec = oiio.ImageSpec(W, H, 4, kind)
-    spec.channelnames = ("R", "G", "B", "A")
-    for name in names:
-        spec.attribute(name, oiio.TypeDesc(SAID[name][0]), SAID[name][1])
-    if windows is not None:
-        spec.x, spec.y, spec.full_x, spec.full_y, spec.full_width, spec.full_height = windows
-    out = oiio.ImageOutput.create(str(path))
-    assert out.open(str(path), spec)
-    assert out.write_scanlines(spec.y, spec.y + H, 0, LIGHT.astype(np.float16))
-    assert out.close()
+def plate(
+    path: Path, names: list[str], pixels: Any = LIGHT, *, windows: Any = (0, 0), **more: Any
+) -> None:
+    said = {name: SAID[name] for name in names} | more
+    write_exr(
+        path, pixels.astype(np.float16), ("R", "G", "B", "A")[: pixels.shape[2]], kind="half",
+        data=windows[:2], display=windows[2:], header=said,
+    )  # fmt: skip
 
 
 def header(path: Path) -> Any:
@@ -201,15 +199,9 @@ def test_a_dpx_says_what_its_numbers_are(tmp_path: Path):
 
 def test_every_plate_keeps_its_own_time_code(tmp_path: Path):
     for number in range(1001, 1004):
-        plate(tmp_path / f"plate.{number}.exr", ["framesPerSecond"])
         code = TimeCode.of_text("01:00:00:00", Fraction(24)).later(number)
-        spec = header(tmp_path / f"plate.{number}.exr")
-        spec.attribute("smpte:TimeCode", oiio.TypeDesc("timecode"), (code.word, 0))
-        out = oiio.ImageOutput.create(str(tmp_path / f"plate.{number}.exr"))
-        out.open(str(tmp_path / f"plate.{number}.exr"), spec)
-        opaque = np.concatenate([LIGHT[..., :3], np.ones_like(LIGHT[..., :1])], axis=2)
-        out.write_scanlines(0, H, 0, opaque.astype(np.float16))
-        out.close()
+        said = {"smpte:TimeCode": ("timecode", (code.word, 0))}
+        plate(tmp_path / f"plate.{number}.exr", ["framesPerSecond"], LIGHT[..., :3], **said)
     scene = fl.Scene(tmp_path / "plate.####.exr", effects=SNOW)
     scene.write(tmp_path / "out.####.exr", layers=True)
     for number in range(1001, 1004):

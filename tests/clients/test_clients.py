@@ -23,6 +23,7 @@ from flurries import io
 from flurries.io.films.reader import Tags
 from flurries.io.layers.deep import CHANNELS, read_deep
 from flurries.io.timecode import TimeCode
+from stills import write_exr
 
 H, W = 48, 64
 LIGHT = np.random.default_rng(1).random((H, W, 3)).astype(np.float32)
@@ -42,17 +43,12 @@ def run(*words: object) -> str:
 
 
 def plate(path: Path) -> None:
-    spec = oiio.ImageSpec(W, H, 3, "float")
-    spec.x, spec.y, spec.full_x, spec.full_y = -4, -2, 0, 0
-    spec.full_width, spec.full_height = W - 8, H - 4
-    said = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
-    spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), said)
-    spec.attribute("smpte:TimeCode", oiio.TypeDesc("timecode"), (0x01020304, 0))
-    spec.attribute("framesPerSecond", oiio.TypeDesc("rational"), (24, 1))
-    spec.attribute("Copyright", "the owner")
-    spec.attribute("PixelAspectRatio", 2.0)
-    out = oiio.ImageOutput.create(str(path))
-    assert out.open(str(path), spec) and out.write_scanlines(-2, H - 2, 0, LIGHT) and out.close()
+    said = {
+        "chromaticities": ("float[8]", (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.3217, 0.3377)),
+        "smpte:TimeCode": ("timecode", (0x01020304, 0)), "framesPerSecond": ("rational", (24, 1)),
+        "Copyright": "the owner", "PixelAspectRatio": 2.0,
+    }  # fmt: skip
+    write_exr(path, LIGHT, "RGB", data=(-4, -2), display=(0, 0, W - 8, H - 4), header=said)
 
 
 @pytest.fixture

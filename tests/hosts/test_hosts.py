@@ -88,32 +88,6 @@ def test_torchvision_keeps_types(kind: str):
         assert transform(tv_tensors.Image(planes), label)[1] is label
 
 
-def test_torchvision_is_the_plain_weather():
-    planes = torch.from_numpy(PHOTOGRAPH).permute(2, 0, 1).contiguous()
-    transform = flt.Snowfall(severity=3)
-    torch.manual_seed(5)
-    seen = transform(planes)
-    torch.manual_seed(5)
-    torch.rand(())
-    index = int(torch.randint(0, 2**62, ()))
-    want = fl.augment.Snowfall(severity=3)
-    want = fl.augment.replay(want.record(index=index))(PHOTOGRAPH)
-    assert np.array_equal(seen.permute(1, 2, 0).numpy(), want)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_kornia_pictures_are_the_plain_weather(kind: str):
-    batch = torch.from_numpy(PHOTOGRAPH).permute(2, 0, 1).float()[None].repeat(3, 1, 1, 1) / 255.0
-    transform = getattr(flk, kind)(severity=3, p=1.0)
-    seen = transform(batch)
-    indices = transform._params["index"].tolist()
-    weather = getattr(fl.augment, kind)(severity=3)
-    for number, index in enumerate(indices):
-        want = weather(batch[number].permute(1, 2, 0).numpy(), index=index)
-        assert np.array_equal(seen[number].permute(1, 2, 0).numpy(), want)
-    assert len(set(indices)) == 3
-
-
 def test_kornia_weather_moves_in_clips_unless_it_is_the_same():
     torch.manual_seed(3)
     clips = torch.zeros(2, 3, 3, 48, 64)
