@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.light.lamp import radiance
-from flurries.light.phase import DROPS, FLAKES, Optics
+from flurries.light.lamp import DROPS, FLAKES, Optics, radiance
 
 Array = np.ndarray[Any, Any]
 EYE = np.zeros(3)

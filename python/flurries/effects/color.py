@@ -14,8 +14,7 @@ from flurries.frame.layer import Shade
 from flurries.frame.needs import PARTS
 from flurries.frame.view import Frame
 from flurries.io.color import linear_to_srgb, parse_hex, srgb_to_linear
-from flurries.light.lamp import as_light, radiance
-from flurries.light.phase import Optics
+from flurries.light.lamp import Optics, as_light, radiance
 from flurries.light.plate import PlateLight
 from flurries.motion.keys import Keys, value_at
 

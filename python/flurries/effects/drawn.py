@@ -23,7 +23,7 @@ from flurries.frame.layer import Shade
 from flurries.frame.needs import Needs, Step, has_keys
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
-from flurries.light.phase import Optics
+from flurries.light.lamp import Optics
 from flurries.motion.keys import Number, value_at
 from flurries.particles.population import FADE, SizeClass
 from flurries.particles.sizes import Sizes

@@ -29,7 +29,7 @@ from flurries.effects.weather import Weather
 from flurries.frame.layer import Shade
 from flurries.frame.needs import Needs, Step, has_keys
 from flurries.frame.view import Frame
-from flurries.light.phase import DROPS, FLAKES, Optics
+from flurries.light.lamp import DROPS, FLAKES, Optics
 from flurries.motion.keys import Keys, Number, Vector, as_number, largest
 from flurries.motion.wind import Wind
 from flurries.particles.population import Population

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
@@ -14,6 +13,7 @@ from flurries import _core
 from flurries._contract import Array, Float64
 from flurries._kept import kept
 from flurries._trace import current
+from flurries._warnings import warn
 from flurries.camera.path import CameraPath
 from flurries.camera.tiles import drift_at, shift_at, tile_middles
 from flurries.effects.gusts import wind_at
@@ -24,7 +24,7 @@ from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.spectral.frame import Map, Request, request_of
 from flurries.spectral.motion import tile_motions
-from flurries.spectral.tables import FAR, Aliasing, warn_far, warn_long, wave_depth
+from flurries.spectral.tables import Aliasing, warn_far, warn_long, wave_depth
 from flurries.spectral.texture import Texture
 from flurries.spectral.tiles import Blend, power_shares, starts
 
@@ -65,8 +65,8 @@ class Field:
         return speed / self.band(frame.shape)[1]
 
     def layout(self, frame: Frame) -> Layout:
-        camera = frame.camera
-        return _layout(self, frame.shape, frame.path, camera.rotation, camera.focal, frame.fps)
+        rotation, focal = frame.camera.rotation, frame.camera.focal
+        return _layout(self, frame.shape, frame.path, rotation, focal, frame.fps)
 
     def pixels(
         self, frame: Frame, way: Way, mapped: Map | None, keep: bool = False, *,
@@ -101,41 +101,32 @@ class Field:
             extra = self._ring_drift(frame, x, y, edges)
             drift, velocity = drift + extra[0], velocity + extra[1]
         if layout.needed:
-            layout.warn_small()
-        if band[1] > max(tile):
-            warn_long(tile, band)
-        cycles = max(float(drift.max()), -float(drift.min())) / band[1]
-        if cycles > FAR:
-            warn_far(cycles)
+            warn(
+                f"rain: with tiles of {tile[0]} px a tenth of the streaks or more stands still; "
+                f"take tile={math.ceil(layout.needed)}, or leave it out, or jitter=True"
+            )
+        warn_long(tile, band)
+        warn_far(max(float(drift.max()), -float(drift.min())) / band[1])
+        visible, lap, whole = frame.visible, frame.lap, None
+        if lap is not None:
+            # Drift and shift over a film that begins again, and how much of it has passed.
+            ends = [replace(frame.later(t - frame.t), lap=None) for t in (lap.first, lap.end)]
+            begin, end = (self.request(at, self.motion.way(at), shortest) for at in ends)
+            moved = (end.drift - begin.drift, end.shift - begin.shift)
+            whole = *map(np.ascontiguousarray, moved), lap.part(frame.t)
+        if visible is not None:
+            # No waves are left of tiles of which nothing can be seen.
+            shown = visible.tiles(*layout.tiling)
+            base = np.zeros(shown.shape) if shortest is None else shortest
+            shortest = np.where(shown, base, band[1])
         texture = Texture(
             tile=tile, overlap=overlap, blend=self.blend, wavelengths=band, exponent=self.exponent,
             jitter=self.jitter, ring_edges=edges, alias=self.alias, shutter=way.shutter,
         )  # fmt: skip
         return request_of(
             texture, frame.shape, frame.seed, drift=drift, shift=shift, velocity=velocity,
-            shift_rate=shift_rate, shortest=self._limits(frame, layout, shortest),
-            window=frame.window, lap=self._lap(frame, shortest),
+            shift_rate=shift_rate, shortest=shortest, window=frame.window, lap=whole,
         )  # fmt: skip
-
-    def _lap(self, frame: Frame, shortest: Float64 | None) -> tuple[Float64, Float64, float] | None:
-        """Return drift and shift over a film that begins again, and how much of it has passed."""
-        lap = frame.lap
-        if lap is None:
-            return None
-        ends = [replace(frame.later(t - frame.t), lap=None) for t in (lap.first, lap.end)]
-        begin, end = (self.request(at, self.motion.way(at), shortest) for at in ends)
-        drift = np.ascontiguousarray(end.drift - begin.drift)
-        shift = np.ascontiguousarray(end.shift - begin.shift)
-        return drift, shift, lap.part(frame.t)
-
-    def _limits(self, frame: Frame, layout: Layout, shortest: Float64 | None) -> Float64 | None:
-        """Return the shortest waves of the tiles; none are left where nothing can be seen."""
-        visible = frame.visible
-        if visible is None:
-            return shortest
-        shown = visible.tiles(*layout.tiling)
-        base = np.zeros(shown.shape) if shortest is None else shortest
-        return np.where(shown, base, layout.band[1])
 
     def _ring_drift(
         self, frame: Frame, x: Float64, y: Float64, edges: Float64
@@ -271,14 +262,6 @@ class Layout(NamedTuple):
     def farthest(self, depth: Array) -> Array:
         """Return the farthest depth of each tile, (rows, cols)."""
         return by_tiles(depth, *self.tiling, np.max)
-
-    def warn_small(self) -> None:
-        warnings.warn(
-            f"rain: with tiles of {self.tiling[0][0]} px a tenth of the streaks or more stands "
-            f"still; take tile={math.ceil(self.needed)}, or leave it out, or jitter=True",
-            UserWarning,
-            stacklevel=7,
-        )
 
 
 def streaks_tile(cycles: float, band: tuple[float, float]) -> float:

@@ -18,7 +18,7 @@ from flurries.frame.layer import Layer
 from flurries.frame.needs import LeftOut, Needs, Step
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
-from flurries.light.phase import FLAKES, Optics
+from flurries.light.lamp import FLAKES, Optics
 from flurries.motion.keys import Keys, Number, value_at
 
 

@@ -9,7 +9,6 @@ with the share of the air.
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -21,6 +20,7 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries._kept import kept
+from flurries._warnings import warn
 from flurries.effects.field import Field
 from flurries.effects.maps import map_at, power_share, wall_maps
 from flurries.effects.motion import Way
@@ -90,12 +90,10 @@ class Texture:
         cycles = focal * distance / (self.field.near_depth * self.field.band(shape)[1])
         if cycles < 0.5 or self.opacity == 0.0:
             return
-        warnings.warn(
+        warn(
             f"effects[{index}]: eyes {distance:g} apart see its texture {cycles:.2g} cycles apart, "
             f"which is ambiguous from 0.5 on; take near_depth above "
-            f"{2.0 * cycles * self.field.near_depth:.3g}, or longer waves, or eyes closer together",
-            UserWarning,
-            stacklevel=3,
+            f"{2.0 * cycles * self.field.near_depth:.3g}, or longer waves, or eyes closer together"
         )
 
 

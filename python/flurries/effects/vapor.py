@@ -16,8 +16,7 @@ from flurries.frame.layer import Layer
 from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.gas.splatting import gas_of, sorted_gas
-from flurries.light.lamp import radiance
-from flurries.light.phase import DROPS, Optics
+from flurries.light.lamp import DROPS, Optics, radiance
 from flurries.motion.keys import Vector, value_at
 
 Law: TypeAlias = Literal["even", "rayleigh", "henyey"]
