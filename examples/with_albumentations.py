@@ -20,13 +20,24 @@ mask = np.zeros(photograph.shape[:2], np.uint8)
 mask[60:180, 180:270] = 1
 
 pipeline = A.Compose(
-    [Snowfall(severity=(2, 4), p=1.0), A.HorizontalFlip(p=1.0)],
+    [
+        Snowfall(severity=(2, 4), alpha_key="alpha", record_key="records", p=1.0),
+        A.HorizontalFlip(p=1.0),
+    ],
     bbox_params=A.BboxParams("pascal_voc", label_fields=["labels"]),
+    additional_targets={"alpha": "mask"},
     seed=7,
 )
-seen = pipeline(image=photograph, mask=mask, bboxes=face, labels=["face"])
+clear = np.zeros(photograph.shape[:2], np.float32)
+seen = pipeline(
+    image=photograph, mask=mask, alpha=clear, records=[], bboxes=face, labels=["face"]
+)  # fmt: skip
 assert seen["image"].shape == photograph.shape and seen["image"].dtype == np.uint8
 assert (seen["mask"][:, ::-1] == mask).all()  # the weather left the labels alone
+hidden = fl.augment.occlusion(seen["alpha"], seen["bboxes"])  # the share of the face
+assert 0.0 < hidden[0] < 1.0
+again = fl.augment.replay(seen["records"][0])(photograph)
+assert (seen["image"][:, ::-1] == again).all()
 Image.fromarray(seen["image"]).save(folder / "albumentations_snow.png")
 
 # The frames of a film have one weather, and it moves.

@@ -93,7 +93,7 @@ def test_a_camera_that_stands_still_goes_on_for_ever(tmp_path: Path):
 def test_stages_that_say_no_camera_are_refused(tmp_path: Path):
     for name, text, said in [
         ("no.usda", "nonsense", "no USD stage"),
-        ("none.usda", "#usda 1.0\n", "one camera is wanted, or its name in prim; it has none"),
+        ("none.usda", "#usda 1.0\n", "one camera is wanted, as none.usda:/its/path; it has none"),
         ("two.usda", '#usda 1.0\ndef Camera "a" {}\ndef Camera "b" {}\n', "it has /a, /b"),
         ("flat.usda", '#usda 1.0\ndef Camera "a" {\ntoken projection = "orthographic"\n}\n',
          "orthographic"),
@@ -105,7 +105,9 @@ def test_stages_that_say_no_camera_are_refused(tmp_path: Path):
         with pytest.raises(ValueError, match=re.escape(said)):
             importers.load(tmp_path / name, (H, W))
     with pytest.raises(ValueError, match=r"prim '/c' is no camera of the stage; it has /a, /b"):
-        importers.read_usd(tmp_path / "two.usda", (H, W), prim="/c")
+        importers.load(f"{tmp_path}/two.usda:/c", (H, W))
+    with pytest.warns(UserWarning, match="aperture"):
+        importers.load(f"{tmp_path}/two.usda:/b", (H, W))
     with pytest.raises(FileNotFoundError):
         importers.load(tmp_path / "missing.usd", (H, W))
 

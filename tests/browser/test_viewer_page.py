@@ -236,11 +236,14 @@ def test_a_scene_file_with_lamp_lens_and_depth_is_tuned_and_saved(browser: Any, 
     shown = []
     with opened(browser, fl.open(tmp_path / "a.toml"), tmp_path / "b.toml") as tab:
         stop(tab)
+        power = tab.locator(".fl-row[data-row='lamp.power']")
+        assert power.get_attribute("title") == "Changes nothing now: the lamp is off"
         for key, word in (("scene.depth", "off"), ("lamp.on", "on"), ("lens.on", "on")):
             shown.append(tab.evaluate(PIXELS))
             choose(tab, key, word)
             settle(tab)
         shown.append(tab.evaluate(PIXELS))
+        assert "fl-inert" not in str(power.get_attribute("class"))
         drag(tab, "0.amount", 0.5)
         SHOTS.mkdir(parents=True, exist_ok=True)
         tab.screenshot(path=SHOTS / "lamp.png", full_page=True)

@@ -50,7 +50,7 @@ def effect(
         def init(self: Any, *others: Any, preset: str | None = None, **given: Any) -> None:
             if len(others) > 1 or (others and preset is not None):
                 raise TypeError(f"{kind.__name__} takes one preset and its fields by name")
-            for name in others or ([] if preset is None else [preset]):
+            for name in {*others, preset} - {None}:
                 given = kind.of_preset(name, given)
             asked = {name: given.pop(name, None) for name in knobs}
             turned = {name: value for name, value in asked.items() if value is not None}

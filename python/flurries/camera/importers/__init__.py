@@ -8,6 +8,7 @@ them; outside of these a scene asks what to do (`CameraPath.extend` is "stop").
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import numpy.typing as npt
@@ -32,7 +33,8 @@ def load(
     Parameters
     ----------
     path : str or path
-        ``.chan`` (Nuke), ``.usd``, ``.usda``, ``.usdc`` or ``.usdz`` (Blender, Houdini, Maya),
+        ``.chan`` (Nuke), ``.usd``, ``.usda``, ``.usdc`` or ``.usdz`` (Blender, Houdini, Maya), a
+        stage of several cameras as ``shot.usdc:/shot/camera``,
         ``.txt`` with twelve numbers a line (KITTI), a folder with COLMAP's ``images.txt`` and
         ``cameras.txt``, or ``.csv`` with a header. Its columns, in any order: ``x, y, z``, world
         units, x right, y down, z forward; ``rx, ry, rz``, a rotation vector in radians, or ``qw,
@@ -51,7 +53,8 @@ def load(
     """
     size = shape_of("shape", shape)
     lens = Camera(1.2 * size[1]) if camera is None else expect_camera(camera, stretched=True)
-    place = Path(path)
+    stage = re.fullmatch(r"(.+\.usd[acz]?):(/.+)", os.fspath(path), re.IGNORECASE)
+    place = Path(stage[1] if stage else path)
     suffix = place.suffix.lower()
     if place.is_dir():
         return read_colmap(place, size, down=down, scale=scale)
@@ -59,9 +62,11 @@ def load(
         raise ValueError(f"{place}: down is for COLMAP's folders: other files say which way it is")
     if suffix in (".csv", ".txt"):
         return (read_csv if suffix == ".csv" else read_kitti)(place, lens, scale=scale)
-    if suffix == ".chan" or suffix in SUFFIXES:
-        read = read_chan if suffix == ".chan" else read_usd
-        return read(place, size, camera=lens, scale=scale)
+    if suffix == ".chan":
+        return read_chan(place, size, camera=lens, scale=scale)
+    if suffix in SUFFIXES:
+        prim = stage[2] if stage else None
+        return read_usd(place, size, camera=lens, prim=prim, scale=scale)
     raise ValueError(
         f"{place}: a camera is a .chan, .usd, .csv or .txt file, or a folder of COLMAP's, "
         f"not {suffix!r}"

@@ -132,7 +132,7 @@ def _camera_of(file: Path, stage: Any, UsdGeom: Any, prim: str | None) -> Any:
             raise ValueError(f"{file}: prim {prim!r} is no camera of the stage; it has {names}")
         return chosen[0]
     if len(cameras) != 1:
-        raise ValueError(f"{file}: one camera is wanted, or its name in prim; it has {names}")
+        raise ValueError(f"{file}: one camera is wanted, as {file.name}:/its/path; it has {names}")
     return cameras[0]
 
 
