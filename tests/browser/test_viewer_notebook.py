@@ -43,11 +43,8 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
         port = free.getsockname()[1]
     token = secrets.token_hex(16)
     words = [sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root"]
-    words += [
-        f"--port={port}",
-        f"--IdentityProvider.token={token}",
-        f"--ServerApp.root_dir={folder}",
-    ]
+    words += [f"--port={port}", f"--IdentityProvider.token={token}"]
+    words += [f"--ServerApp.root_dir={folder}"]
     with (folder / "log").open("w") as log:
         running = subprocess.Popen(words, stdout=log, stderr=log, cwd=folder)
         try:

@@ -104,9 +104,7 @@ def drag(page: Page, key: str, share: float, steps: int = 12) -> int:
     slider = page.locator(f"[data-key='{key}']")
     box = slider.bounding_box()
     assert box is not None
-    low, high, value = (
-        float(slider.evaluate(f"(s) => s.{name}")) for name in ("min", "max", "value")
-    )
+    low, high, value = (float(slider.evaluate(f"(s) => s.{a}")) for a in ("min", "max", "value"))
     y = box["y"] + box["height"] / 2
     # The thumb's middle runs over the length less its own width.
     start = box["x"] + 8 + (box["width"] - 16) * (value - low) / (high - low)
@@ -141,7 +139,6 @@ def test_the_picture_follows_a_dragged_slider(page: Page):
 def test_the_picture_is_what_the_scene_renders(page: Page):
     stop(page)
     t = page.evaluate("Number(document.querySelector('.fl-time').value)")
-    shown = pixels(page)
     # The slider rounds the time to a frame; go there.
     page.locator(".fl-time").evaluate("(s) => s.dispatchEvent(new Event('input'))")
     settle(page)

@@ -33,13 +33,12 @@ def load(
     Parameters
     ----------
     path : str or path
-        ``.chan`` (Nuke), ``.usd``, ``.usda``, ``.usdc`` or ``.usdz`` (Blender, Houdini, Maya), a
-        stage of several cameras as ``shot.usdc:/shot/camera``,
-        ``.txt`` with twelve numbers a line (KITTI), a folder with COLMAP's ``images.txt`` and
-        ``cameras.txt``, or ``.csv`` with a header. Its columns, in any order: ``x, y, z``, world
-        units, x right, y down, z forward; ``rx, ry, rz``, a rotation vector in radians, or ``qw,
-        qx, qy, qz``, a unit quaternion; ``focal``, pixels, of a lens that zooms; and ``frame``.
-        Without ``frame`` the rows are the frames 0, 1, 2 and so on; with it they are keys.
+        ``.chan`` (Nuke), ``.usd``, ``.usda``, ``.usdc`` or ``.usdz`` (Blender, Houdini, Maya; of
+        several cameras ``a.usdc:/shot/camera``), ``.txt`` with twelve numbers a line (KITTI), a
+        folder with COLMAP's ``images.txt`` and ``cameras.txt``, or ``.csv`` with a header. Its
+        columns, in any order: ``x, y, z``, world units, x right, y down, z forward; ``rx, ry, rz``,
+        a rotation vector in radians, or ``qw, qx, qy, qz``, a unit quaternion; ``focal``, pixels,
+        of a lens that zooms; and ``frame``, for keys, without which rows are frames from 0 on.
     shape : (H, W)
         Of the pictures to be made.
     camera : Camera, optional
@@ -65,9 +64,6 @@ def load(
     if suffix == ".chan":
         return read_chan(place, size, camera=lens, scale=scale)
     if suffix in SUFFIXES:
-        prim = stage[2] if stage else None
-        return read_usd(place, size, camera=lens, prim=prim, scale=scale)
-    raise ValueError(
-        f"{place}: a camera is a .chan, .usd, .csv or .txt file, or a folder of COLMAP's, "
-        f"not {suffix!r}"
-    )
+        return read_usd(place, size, camera=lens, prim=stage and stage[2], scale=scale)
+    known = ".chan, .usd, .csv or .txt file, or a folder of COLMAP's"
+    raise ValueError(f"{place}: a camera is a {known}, not {suffix!r}")

@@ -60,8 +60,6 @@ def read_usd(
     """
     require_usd()
     size = shape_of("shape", shape)
-    if prim is not None and not isinstance(prim, str):
-        raise TypeError(f"prim must be a path such as '/shot/camera', got {type(prim).__name__}")
     file, scale = plain_file(path), real("scale", scale, above=0.0)
     given = None if camera is None else expect_camera(camera, stretched=True)
     try:
