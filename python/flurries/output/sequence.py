@@ -78,7 +78,7 @@ def run(job: Job, indices: list[int], progress: Progress, spread: Spread | None 
     if not job.overwrite:
         with suppress(OSError):
             journal.require_bits(job.mark_of(indices[0]))
-    folders = {job.path_of(index).parent for index in indices}
+    folders = {job.folder, *(job.path_of(index).parent for index in indices)}
     # What a killed run left under temporary names.
     for folder in folders:
         store.tidy(folder)
