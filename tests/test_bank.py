@@ -162,17 +162,6 @@ def test_the_sky_lights_the_top_and_dims_below_it():
     assert np.ptp(own[60:]) < 1e-4
 
 
-@pytest.mark.parametrize("name", ["valley", "ground", "bank", "cumulus"])
-def test_presets_are_mist_with_structure(name, tmp_path):
-    effect = fl.Mist(name)
-    assert effect.structure > 0.5
-    shown = fl.Scene("#405060", size=(64, 48), effects=[effect])
-    shown.save(tmp_path / "scene.toml")
-    np.testing.assert_array_equal(fl.open(tmp_path / "scene.toml").render(2), shown.render(2))
-    assert "slices" in str(shown.plan(probe=False))
-    assert abs(fl.Mist(name, visibility=33.0).extinction() - 2.996 / 33.0) < 1e-3
-
-
 @every("wrong", [
     {"structure": np.nan}, {"structure": 0.5, "top": np.inf}, {"backdrop": 0.0},
     {"count": 9, "top": 1.0}, {"method": "slices", "radius": 1.0},

@@ -1,7 +1,6 @@
 """Flakes near the camera and out of focus: energy, extent, and no jump anywhere."""
 
 import math
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 import flurries as fl
 from flurries import _core
 from flurries.camera.optics import Blur
-from flurries.effects.air import Air, Class, Closeup, Eye, air_of, images_of
+from flurries.effects.air import Air, Class, Closeup, Eye, images_of
 from measure import cover
 
 Array = np.ndarray[Any, Any]
@@ -95,13 +94,6 @@ def test_no_flake_s_alpha_jumps_in_a_sixtieth_of_a_second(kind: str):
         shapes.append(float(image.max()))
     assert np.abs(np.diff(sums)).max() / np.mean(sums) < 0.05
     assert np.abs(np.diff(shapes)).max() < 0.1
-
-
-def test_aggregates_are_no_discs_and_differ():
-    images = [drawn(0.05, 1.0, number=k) for k in range(12)]
-    for first, second in pairwise(images):
-        joint = float(np.minimum(first, second).sum() / np.maximum(first, second).sum())
-        assert joint < 0.85
 
 
 def test_aggregates_are_lace_with_a_core_and_discs_are_not():
@@ -192,15 +184,3 @@ def test_a_photograph_has_the_usual_lens_and_a_still_s_exposure(tmp_path: Any):
         made.save(tmp_path / "scene.toml")
         again = fl.open(tmp_path / "scene.toml")
         assert (again._still, again.lens) == (made._still, made.lens)
-
-
-def test_nothing_of_shapes_and_lens_where_they_are_not_asked_for():
-    def asked(lens: fl.camera.Lens | None, **fields: Any) -> tuple[bool, bool]:
-        shown = fl.Scene(size=(96, 64), effects=[fl.Snow(**fields)], lens=lens)
-        frame = shown._program.views(3.0)[0][1]
-        near = air_of(shown.effects[0].parts.flakes, frame, 1.0).closeup
-        return near is not None, near is not None and near.blur is not None
-
-    assert asked(None, shape="round") == (False, False)
-    assert asked(None) == (True, False)
-    assert asked(fl.camera.Lens(focus=2.0), shape="round") == (True, True)

@@ -46,18 +46,6 @@ def test_more_snow_adds_flakes_and_moves_none():
     assert np.abs(here["place"] - there["place"]).max() < 1e-9
 
 
-def test_both_eyes_see_the_same_flakes():
-    left, right = (
-        fl.flakes(scene(camera=fl.Camera(260.0, center=(120.0, 90.0), offset=(x, 0, 0))), 7.0)
-        for x in (-0.03, 0.03)
-    )
-    here, there = both(left, right)
-    assert len(here) > 0.8 * len(left)
-    assert np.abs(here["place"] - there["place"]).max() < 1e-9
-    apart = here["pixel"][:, 0] - there["pixel"][:, 0]
-    assert np.abs(apart - 0.06 * 260.0 / here["depth"]).max() < 1e-6
-
-
 @pytest.mark.parametrize("effect", [
     fl.Snow(wind=(1000.0, 0.0, 0.0)), fl.Snow(fall=1000.0), fl.Snow(sway=(1000.0, 1.0)),
     fl.Snow(density=1e5), fl.Snow(density=0.0), fl.Rain(density=1e5),

@@ -78,13 +78,6 @@ def test_tiles_choose_by_the_hash():
     assert np.abs(DEPTH(SHAPE, SPECTRA, **GIVEN, dtype=np.float64) - want).max() < 1e-10
 
 
-def test_a_larger_picture_keeps_its_tiles():
-    small = DEPTH((60, 60), SPECTRA, drift=[(1, 2), (3, 4)], seed=3, shear=0.382)
-    large = DEPTH((90, 140), SPECTRA, drift=[(1, 2), (3, 4)], seed=3, shear=0.382)
-    # Up to the first tile that the small one lacks.
-    assert np.array_equal(small[:54, :54], large[:54, :54])
-
-
 MAKE = fl.spectral.flake_patterns
 
 

@@ -96,17 +96,6 @@ def test_a_small_picture_is_the_large_one_made_smaller(name: str):
         assert small.std() == pytest.approx(large.std(), rel=deviation), width
 
 
-def test_without_it_small_pictures_have_too_much_contrast():
-    effect, _, deviation = SIZES["texture"]
-    large = boxed(opacities(effect, 2048, 1)[0], 8)
-    # A band in pixels is taken as it stands.
-    band = effect.parts.texture.field.band((256, 256))
-    assert (
-        opacities(replace(effect, wavelengths=band), 256, 8).std()
-        > (1.0 + 3.0 * deviation) * large.std()
-    )
-
-
 def test_the_tuned_size_is_left_alone_and_maps_keep_their_moments():
     assert power_share((3.0, 24.0), 0.75, 1024) == 1.0
     assert map_at(0.05, 2.0, 2.0, 1.0) == (0.05, 2.0)

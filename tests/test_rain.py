@@ -16,7 +16,6 @@ from flurries.spectral.tiles import mean_opacity
 from measure import frame_of
 
 Rain, Scene, Camera = fl.effects.TentRain, fl.Scene, fl.camera.Camera
-PRESETS = ("drizzle", "rain", "downpour")
 # The texture alone, of a map that keeps the field's shape.
 BARE = {"drops": 0, "haze": 0.0, "mean": 0.5, "spread": 4.0, "power": 1.0, "texture": 1.0,
         "color": 1.0}  # fmt: skip
@@ -24,21 +23,6 @@ BARE = {"drops": 0, "haze": 0.0, "mean": 0.5, "spread": 4.0, "power": 1.0, "text
 
 def black(effect: Any, size: tuple[int, int] = (512, 512), **about: Any) -> fl.Scene:
     return Scene(np.zeros((size[1], size[0], 3), np.float32), effects=[effect], **about)
-
-
-def test_presets_are_named_and_grow():
-    alphas = []
-    for name in PRESETS:
-        scene = Scene(size=(256, 192), effects=[Rain(name, wind=(1.0, 0.0, 0.0))])
-        assert scene.effects[0].wind == (1.0, 0.0, 0.0)
-        got = scene.layers(1)
-        assert list(got.layers) == ["rain"]
-        alphas.append(got.alpha.mean())
-    assert alphas[0] < alphas[1] < alphas[2]
-    with pytest.raises(ValueError, match=r"preset must be one of 'drizzle', 'rain', 'downpour'"):
-        Rain("shower")
-    with pytest.raises(TypeError, match="Rain has no 'flakes'"):
-        Rain("rain", flakes=3)
 
 
 @pytest.mark.parametrize("cycles", [0.2, 0.5, 0.7, 1.0, 2.0, 8.0, 40.0])

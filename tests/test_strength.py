@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -95,17 +94,6 @@ def test_keyed_knobs_hold_at_all_times():
         assert fl.Snow(visibility=seen).strength(t).visibility == pytest.approx(
             seen.at(t), rel=0.01
         )
-
-
-def test_severity_rate_and_scene_file_are_the_same_bits(tmp_path: Path):
-    frames = []
-    for line in ("severity = 3", "rate = 2.5", "severity = 3\nrate = 2.5"):
-        text = f'format = 3\nsize = [64, 48]\n[[effects]]\nkind = "snow"\n{line}\n'
-        (tmp_path / "scene.toml").write_text(text)
-        frames.append(fl.open(tmp_path / "scene.toml").render(3))
-    frames += [fl.Scene(size=(64, 48), effects=[fl.Snow(rate=2.5)]).render(3)]
-    assert all(np.array_equal(frames[0], frame) for frame in frames[1:])
-    assert fl.Mist("fog", severity=4) == fl.Mist("fog", visibility=100.0)
 
 
 @pytest.mark.parametrize("weather", [fl.Snow(visibility=100.0), fl.Rain(visibility=400.0)])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ import measure
 from every import every
 from flurries.camera.importers import load
 from flurries.camera.rotation import rotation_vector
-from measure import FOCAL, SIZE, TEXTURE, frame_of, picture, scene
+from measure import FOCAL, SIZE, TEXTURE, picture, scene
 
 Camera, Keys, Path_ = fl.camera.Camera, fl.Keys, fl.CameraPath
 LENS = Camera(300.0)
@@ -202,25 +201,6 @@ def test_bad_files_are_told(tmp_path: Path):
         (tmp_path / "way.csv").write_bytes(text.encode("latin-1"))
         with pytest.raises(ValueError, match=rf"way\.csv.*{words}"):
             load(tmp_path / "way.csv", (40, 50), camera=LENS)
-
-
-def test_a_closed_path_returns_the_frame():
-    loop = np.array([(0, 0, 0), (1, 0, 2), (3, -1, 2), (1, 1, 1), (0, 0, 0)], dtype=float)
-    still = fl.effects.TentSnow(
-        fall=0.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 1.0), shutter=0.0, flakes=300
-    )
-    for tilt in (None, np.tile((0.1, 0.2, 0.3), (5, 1))):
-        path = Path_(Camera(110.0), position=loop, orientation=tilt)
-        assert not path.turns
-        shown = fl.Scene(size=(90, 70), camera=path, effects=[still])
-        # But for the waves' temporal filter, which goes by the rate of the frame.
-        field = still.parts.texture.field
-        frames = [frame_of(shown, t) for t in (0.0, 4.0)]
-        first, last = (field.request(frame, field.motion.way(frame)) for frame in frames)
-        assert np.array_equal(first.drift, last.drift) and np.array_equal(first.shift, last.shift)
-        kept = shown.replace(effects=[replace(still, alias="keep")])
-        assert np.array_equal(kept.render(0), kept.render(4))
-        assert not np.array_equal(kept.render(0), kept.render(2))
 
 
 # A camera that pans, tilts, rolls and moves, 10 px a frame in all.
