@@ -38,17 +38,13 @@ class ColorSpace:
     def of(argument: str, name: object) -> ColorSpace:
         if not isinstance(name, str):
             raise TypeError(f"{argument} must be the name of a color space, got {name!r}")
-        if len(name) > 200:
-            raise ValueError(
-                f"{argument} must be the name of a color space, got {len(name)} letters"
-            )
         config = _config(os.environ.get("OCIO", ""))
-        if not name or config.getColorSpaceIndex(name) < 0:
+        if not 0 < len(name) <= 200 or config.getColorSpaceIndex(name) < 0:
             known = list(config.getColorSpaceNames())
-            near = difflib.get_close_matches(name, known, n=3, cutoff=0.4) or known[:6]
+            near = difflib.get_close_matches(name[:200], known, n=3, cutoff=0.4) or known[:6]
             raise ValueError(
                 f"{argument} must be a color space of $OCIO or the built-in configuration, such as "
-                f"{', '.join(map(repr, near))}; got {name!r}"
+                f"{', '.join(map(repr, near))}; got {name!r:.60}"
             )
         own = str(config.resolve(name))
         return ColorSpace(own, bool(config.isColorSpaceLinear(own)))

@@ -8,9 +8,8 @@ from fractions import Fraction
 
 _TEXT = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})([:;.,])(\d{2,3})")
 
-# Where the digits of hours, minutes, seconds and frames stand in a word of SMPTE 12M, in bits.
-_PLACES = (24, 16, 8, 0)
-_DROP = 1 << 6
+# In a word of SMPTE 12M each digit has four bits, from the hours' on, and some of them are flags.
+_DIGITS, _DROP = 0x3F7F7F3F, 1 << 6
 
 
 @dataclass(frozen=True)
@@ -19,7 +18,7 @@ class TimeCode:
 
     frames: int  # From 0.
     nominal: int  # Frames that a second counts: 24, 25, 30, 60.
-    drop: bool = False
+    drop: bool = False  # Whether two numbers of 30 are left out in each minute but every tenth.
 
     @staticmethod
     def of_text(text: str, rate: Fraction) -> TimeCode | None:
@@ -28,31 +27,22 @@ class TimeCode:
         if found is None:
             return None
         hours, minutes, seconds, frames = (int(found[place]) for place in (1, 2, 3, 5))
-        return TimeCode._of(hours, minutes, seconds, frames, found[4] != ":", rate)
-
-    @staticmethod
-    def of_word(word: int, rate: Fraction) -> TimeCode | None:
-        """Return the time code of a word as OpenEXR's and DPX's headers have it."""
-        hours, minutes, seconds, frames = (
-            (word >> place & 15) + 10 * (word >> place + 4 & (7 if place in (8, 16) else 3))
-            for place in _PLACES
-        )
-        return TimeCode._of(hours, minutes, seconds, frames, bool(word & _DROP), rate)
-
-    @staticmethod
-    def _of(
-        hours: int, minutes: int, seconds: int, frames: int, drop: bool, rate: Fraction
-    ) -> TimeCode | None:
         nominal = -(-rate.numerator // rate.denominator)
         if hours > 23 or minutes > 59 or seconds > 59 or frames >= nominal:
             return None
         whole = 60 * hours + minutes
         count = (60 * whole + seconds) * nominal + frames
-        drop = drop and nominal % 30 == 0
+        drop = found[4] != ":" and nominal % 30 == 0
         if drop:
-            # Two numbers of 30 in each minute but every tenth.
             count -= nominal // 15 * (whole - whole // 10)
         return TimeCode(count, nominal, drop)
+
+    @staticmethod
+    def of_word(word: int, rate: Fraction) -> TimeCode | None:
+        """Return the time code of a word as OpenEXR's and DPX's headers have it."""
+        digits, mark = f"{word & _DIGITS:08x}", ";" if word & _DROP else ":"
+        text = f"{digits[:2]}:{digits[2:4]}:{digits[4:6]}{mark}{digits[6:]}"
+        return TimeCode.of_text(text, rate)
 
     def later(self, frames: int) -> TimeCode:
         """Return the time code so many frames later; a day begins again."""
@@ -78,6 +68,5 @@ class TimeCode:
 
     @property
     def word(self) -> int:
-        digits = ((part // 10 << 4) | part % 10 for part in self.parts)
-        word = sum(two << place for two, place in zip(digits, _PLACES, strict=True))
-        return word | (_DROP if self.drop else 0)
+        digits = "".join(f"{part % 100:02d}" for part in self.parts)
+        return int(digits, 16) | (_DROP if self.drop else 0)

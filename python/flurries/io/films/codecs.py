@@ -7,13 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from flurries import _core
 from flurries._contract import choice
-
-# Threads of an encoder, at least. x264's result depends on their number a little: machines with no
-# more cores than these make the same bytes, and in the reproducible mode all do.
-THREADS = 4
-_MOST_THREADS = 16
 
 # Below a coding block in both sides x265 writes past its own memory.
 _X265_LEAST = 64
@@ -86,13 +80,6 @@ class Encoder:
     @property
     def rgb(self) -> bool:
         return self.pixels.startswith(("bgr", "gbr"))
-
-
-def encoder_threads() -> int:
-    """Return the number of an encoder's threads: by the cores, or always as many."""
-    if _core.reproducible():
-        return THREADS
-    return min(max(_core.threads(), THREADS), _MOST_THREADS)
 
 
 def _codec(suffix: str, codec: str | None) -> tuple[str, Codec]:

@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _core
 from flurries._contract import choice
 from flurries.io.atomic import replacing
 from flurries.io.color import Array
-from flurries.io.films.codecs import QUALITIES, Encoder, encoder_for, encoder_threads, frame_rate
+from flurries.io.films.codecs import QUALITIES, Encoder, encoder_for, frame_rate
 from flurries.io.films.process import Remote
 from flurries.io.films.reader import SCALING, UNSPECIFIED, Tags, check_structure, require_library
 from flurries.io.films.sound import Sound, SoundTrack
@@ -30,6 +31,10 @@ from flurries.io.sequences import VIDEO_EXTENSIONS
 
 # Frames of a group, which builds on no other: what a stopped film loses at most.
 GROUP = 48
+
+# Threads of an encoder, at least and at most. x264's result depends on their number a little:
+# machines with no more cores than the least make the same bytes; in the reproducible mode all do.
+_THREADS = 4, 16
 
 _GLOBAL_HEADER = 1 << 22
 
@@ -112,8 +117,9 @@ class VideoWriter:
         encoder = encoder_for(suffix, quality, self.size, codec, bits, alpha=alpha)
         if tags is not None and not isinstance(tags, Tags):
             raise TypeError(f"tags must be Tags, got {type(tags).__name__}")
+        most = _THREADS[0] if _core.reproducible() else _THREADS[1]
         self.plan = Plan(
-            self.path, self.size, self.fps, encoder, encoder_threads(),
+            self.path, self.size, self.fps, encoder, min(max(_core.threads(), _THREADS[0]), most),
             _completed(tags or Tags(), encoder), sound, comment, 4 if alpha else 3,
         )  # fmt: skip
         if suffix == ".mkv" and self.plan.tags.aspect != 1:

@@ -1,9 +1,4 @@
-"""Two photographs that come with the package, for first steps, examples and the demo.
-
-Both are free of rights. `rocket` was put into the public domain by SpaceX (the launch of DSCOVR,
-2015); `coffee` was published under CC0 by the photographer, Rachel Michetti, courtesy of Pikolo
-Espresso Bar. scikit-image distributes both.
-"""
+"""Two photographs, free of rights, that come with the package; scikit-image distributes both."""
 
 from __future__ import annotations
 
@@ -16,8 +11,6 @@ from flurries.io.pictures.fitting import fit
 from flurries.io.pictures.reader import read_picture
 
 NAMES = ("rocket", "coffee")
-
-_FOLDER = Path(__file__).parent
 
 
 def photograph(
@@ -40,5 +33,5 @@ def photograph(
     (400, 600, 3)
     """
     choice("name", name, NAMES)
-    pixels = read_picture(_FOLDER / f"{name}.jpg").pixels
+    pixels = read_picture(Path(__file__).with_name(f"{name}.jpg")).pixels
     return pixels if size is None else fit(pixels, size)

@@ -104,6 +104,8 @@ _BLOCK_ROWS = 16
 # A picture of fewer pixels is not worth threads.
 _LARGE = 1 << 18
 
+_SIZES = ("width", "height", "nchannels")
+
 # Whole numbers of 32 bits beside halves and floats in an EXR. OpenImageIO turns what it writes to
 # channels of several types into floats on the way, which know 24 bits. So whole numbers are written
 # as floats of the same bits, and then the header is told what they are: EXR holds and packs both
@@ -172,7 +174,11 @@ def write_picture(
     def band(first: int, last: int) -> Array:
         rows = None if opacity is None else opacity[first:last]
         made = _converted(color[first:last], rows, encoding, premultiplied, stored)
-        return _of_ten_bits(made) if bits == 10 else made
+        if bits == 10:
+            # Rounded to 10 bits, and as a reader spreads these over 16.
+            ten = np.rint(made * (1023.0 / 65535.0)).astype(np.uint16)
+            made = (ten << 6) | (ten >> 4)
+        return made
 
     height, width, colors = color.shape
     names = ("R", "G", "B")[:colors] if colors == 3 else ("Y",)
@@ -257,12 +263,6 @@ def _checked_pixels(
     if opacity.shape != array.shape[:2]:
         raise ValueError(f"alpha must be {array.shape[:2]} like pixels, got {opacity.shape}")
     return array, opacity
-
-
-def _of_ten_bits(levels: Array) -> Array:
-    """Return 16-bit levels rounded to 10 bits, and as a reader spreads these over 16."""
-    ten = np.rint(levels * (1023.0 / 65535.0)).astype(np.uint16)
-    return (ten << 6) | (ten >> 4)
 
 
 def _converted(
@@ -383,19 +383,15 @@ def _verify(
     try:
         with opened_picture(temporary, Budget(2**62, most)) as opened:
             for number, (one, (kind, checksum)) in enumerate(zip(wanted, sums, strict=True)):
-                stored = opened.at(number)
-                size = [
-                    (spec.width, spec.height, spec.nchannels)
-                    for spec in (stored.specification, one)
-                ]
-                if size[0] != size[1]:
+                part = opened.at(number)
+                there, found = part.specification, 0
+                if any(getattr(there, size) != getattr(one, size) for size in _SIZES):
                     raise OSError("it has another size or other channels")
                 # EXR keeps channels in alphabetical order, whatever order they were given in.
-                order = [stored.specification.channelindex(name) for name in one.channelnames]
+                order = [there.channelindex(name) for name in one.channelnames]
                 if sorted(order) != list(range(one.nchannels)):
                     order = sorted(range(one.nchannels))
-                found = 0
-                for _, rows in stored.bands(order, kind, _ROWS):
+                for _, rows in part.bands(order, kind, _ROWS):
                     found = zlib.crc32(np.ascontiguousarray(rows).data, found)
                 if lossless and found != checksum:
                     raise OSError("its pixels are not those that were written")
