@@ -4,6 +4,7 @@ import ast
 import doctest
 import importlib
 import importlib.util
+import json
 import pkgutil
 import re
 import runpy
@@ -73,8 +74,20 @@ def test_the_readme_and_pages_for_users_run(page: Path):
     assert run_blocks(text) == text.count("```python")
 
 
+NOTEBOOKS = sorted((README.parent / "notebooks").glob("*.ipynb"))
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs_and_is_kept_without_outputs(path: Path):
+    namespace: dict[str, object] = {"__name__": "__main__"}
+    for number, cell in enumerate(json.loads(path.read_text(encoding="utf-8"))["cells"]):
+        if cell["cell_type"] == "code":
+            assert cell["outputs"] == [] and cell["execution_count"] is None
+            exec(compile("".join(cell["source"]), f"{path.name}, {number}", "exec"), namespace)
+
+
 def test_there_is_something_to_run_in_order():
-    assert len(EXAMPLES) > 10 and len(RUNNING) > 10
+    assert len(EXAMPLES) > 10 and len(RUNNING) > 10 and NOTEBOOKS
     page = "```python\nx = 1\n```\nwords\n```python\nassert x == {}\n```\n"
     assert run_blocks(page.format(1)) == 2
     with pytest.raises(AssertionError):

@@ -72,9 +72,7 @@ def snow(
     Langer 2004, Eq. 7. Eq. 7 mixes display values; give linear light and get linear light.
     """
     planes, given = _background(background, (1, 3))
-    cover, _ = check.pixels("alpha", alpha, ndim=2)
-    if cover.shape != planes.shape[:2]:
-        raise ValueError(f"alpha must have shape {planes.shape[:2]}, got {cover.shape}")
+    cover = check.plane_of("alpha", alpha, planes.shape[:2])
     check.shares("alpha", cover)
     color = _intensity(intensity, planes.shape[2])
     result = check.output(out, given.shape, given.dtype.newbyteorder("="), given, cover)
@@ -138,23 +136,21 @@ def join(
     if len(layers) == 0:
         raise ValueError("layers must hold at least one opacity, got none")
     first, kept = check.pixels("layers[0]", layers[0], ndim=2)
-    planes = [first]
-    for index, layer in enumerate(layers[1:], 1):
+    planes = []
+    for index, layer in enumerate(layers):
         plane, _ = check.pixels(f"layers[{index}]", layer, ndim=2)
         if plane.dtype != first.dtype or plane.shape != first.shape:
             raise ValueError(
                 f"layers must agree: layers[0] is {first.dtype} {first.shape}, "
                 f"layers[{index}] is {plane.dtype} {plane.shape}"
             )
-        planes.append(plane)
-    for index, plane in enumerate(planes):
         check.shares(f"layers[{index}]", plane)
+        planes.append(plane)
     veil = check.real("haze", haze, low=0.0, high=1.0)
     front = None
     if matte is not None:
-        front = check.aligned(check.pixels("matte", matte, ndim=2)[0], first.dtype)
-        if front.shape != first.shape:
-            raise ValueError(f"matte must have shape {first.shape}, got {front.shape}")
+        front = check.aligned(check.plane_of("matte", matte, first.shape), first.dtype)
         check.shares("matte", front)
-    result = check.output(out, first.shape, kept, *planes, *([] if front is None else [front]))
+    inputs = planes if front is None else [*planes, front]
+    result = check.output(out, first.shape, kept, *inputs)
     return check.filled(result, first.dtype, lambda view: _core.join(view, planes, veil, front))

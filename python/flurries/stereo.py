@@ -191,12 +191,6 @@ def _pair(
 
 
 def _light(pixels: Array, working: Any) -> Array:
-    if not pixels.flags.c_contiguous:
-        # By planes: a copy whose inner loop is over three of four channels takes four times longer.
-        block = np.empty(pixels.shape, pixels.dtype)
-        for channel in range(pixels.shape[2]):
-            block[..., channel] = pixels[..., channel]
-        pixels = block
     light = to_linear(pixels, "display" if pixels.dtype.kind == "u" else "linear")
     return light.astype(working, copy=False)
 
