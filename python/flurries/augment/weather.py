@@ -71,9 +71,9 @@ class Weather(Recorded):
         array of the shape and dtype of `image`
         """
         given = picture_of("image", image)
-        rate = None if time is None else FPS
+        moment, rate = (0.0, None) if time is None else (_seconds(time), FPS)
         record = self._drawn(given, index)
-        made = self._made([given], [record], [depth], [_seconds(time)], return_layer, rate)
+        made = self._made([given], [record], [depth], [moment], return_layer, rate)
         ((seen, layer),) = made
         if out is not None:
             result = output(out, seen.shape, seen.dtype, given)
@@ -126,17 +126,13 @@ class Weather(Recorded):
             And with `return_layer` the layers, (N, H, W, 4) float32.
         """
         given = stack_of("images", images)
-        count = len(given)
-        if index is None:
-            wanted: list[int | None] = [None] * count
-        elif isinstance(index, (int, np.integer)):
+        if isinstance(index, (int, np.integer)):
             first = int64("index", index) + 2**63
             # Wrapped within an int64.
-            wanted = [(first + k) % 2**64 - 2**63 for k in range(count)]
-        else:
-            wanted = [int64("index", one) for one in _each("index", index, count)]
+            index = [(first + k) % 2**64 - 2**63 for k in range(len(given))]
+        wanted = _each("index", index, len(given))
         records = [self._drawn(image, k) for image, k in zip(given, wanted, strict=True)]
-        return self._stacked(given, records, depth, [0.0] * count, return_layer)
+        return self._stacked(given, records, depth, [0.0] * len(given), return_layer)
 
     def pair(
         self, left: npt.ArrayLike, right: npt.ArrayLike, *, index: int | None = None,
@@ -199,7 +195,8 @@ class Weather(Recorded):
         sides: tuple[int, ...] = ()
         if eye is not None:
             sides = (-1 if choice("eye", eye, ("left", "right")) == "left" else 1,)
-        moment, labels = _seconds(time), [boxes, masks, flow]
+        moment = 0.0 if time is None else _seconds(time)
+        labels = [boxes, masks, flow]
         pair, film = isinstance(image, tuple), getattr(image, "ndim", 0) == 4
         if pair:
             pictures, times, sides = _pair(*image), [moment] * 2, (-1, 1)
@@ -269,7 +266,8 @@ class Weather(Recorded):
         layers: bool, *how: Any,
     ) -> Any:  # fmt: skip
         result = np.empty(given.shape, given.dtype.newbyteorder("="))
-        whole = np.empty((*given.shape[:3], 4), np.float32) if layers else None
+        shape = (*given.shape[:3], 4)
+        whole = np.empty(shape, np.float32) if flag("return_layer", layers) else None
         for k, made in enumerate(self._made(given, records, depth, times, layers, *how)):
             result[k] = made[0]
             if whole is not None:
@@ -320,8 +318,8 @@ def _pair(left: Any, right: Any) -> list[Array]:
     return pictures
 
 
-def _seconds(time: float | None) -> float:
-    return 0.0 if time is None else real("time", time, low=-1e9, high=1e9)
+def _seconds(time: float) -> float:
+    return real("time", time, low=-1e9, high=1e9)
 
 
 def _each(name: str, value: Any, count: int) -> list[Any]:
