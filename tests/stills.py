@@ -1,6 +1,8 @@
 """Pictures to write and to compare: noise, levels, and an EXR straight from OpenImageIO."""
 
 import json
+import struct
+import zlib
 
 import numpy as np
 import OpenImageIO as oiio
@@ -23,6 +25,10 @@ def write_exr(path, pixels, names, *, data=(0, 0), display=None, kind="float", h
     assert output.open(str(path), spec), output.geterror()
     assert output.write_image(pixels), output.geterror()
     assert output.close()
+
+
+def png_chunk(name: bytes, data: bytes) -> bytes:
+    return struct.pack(">I4s", len(data), name) + data + zlib.crc32(name + data).to_bytes(4, "big")
 
 
 def noise(shape, seed=0):

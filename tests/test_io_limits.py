@@ -18,7 +18,7 @@ from flurries.camera import importers
 from flurries.io.files import read_bytes
 from flurries.io.stores import Store
 from flurries.output.journal import MOST_BYTES, NAME, Journal
-from stills import noise, write_exr
+from stills import noise, png_chunk, write_exr
 
 # What one process may take: the interpreter and its libraries need a quarter of it.
 MOST_MEMORY = 2 << 30
@@ -41,10 +41,6 @@ def said(code: str, *words: object) -> str:
     return done.stdout.strip()
 
 
-def chunk(name: bytes, data: bytes) -> bytes:
-    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-
-
 @pytest.fixture(scope="module")
 def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("hostile")
@@ -52,7 +48,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rows = zlib.compress(bytes(side * (1 + side // 8)), 9)
     head = struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)
     parts = [(b"IHDR", head), (b"IDAT", rows), (b"IEND", b"")]
-    data = b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts)
+    data = b"\x89PNG\r\n\x1a\n" + b"".join(png_chunk(*part) for part in parts)
     (folder / "huge.png").write_bytes(data)
     write_exr(folder / "window.exr", noise((64, 64, 3)), "RGB", display=(0, 0, 20_000, 20_000))
     return folder
