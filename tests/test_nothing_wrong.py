@@ -126,19 +126,16 @@ def test_16_2_frames_of_another_version_are_kept_only_with_its_bits(tmp_path: Pa
 
 
 def test_16_10_leftovers_of_other_machines_stay_for_an_hour(tmp_path: Path):
-    own = owner_of_new_files()
-    dead = subprocess.Popen(["true"])
+    own, dead = owner_of_new_files(), subprocess.Popen(["true"])
     dead.wait()
-    gone = f"{own[:-6]}{dead.pid:06x}"
-    other = "0" * 10 + own[-6:]
+    gone, other = f"{own[:-6]}{dead.pid:06x}", "0" * 10 + own[-6:]
     for owner in (own, gone, other):
         (tmp_path / f".flurries-{owner}01234567.png").write_bytes(b"x")
-    removed = {path.name for path in remove_leftovers(tmp_path)}
-    assert removed == {f".flurries-{gone}01234567.png"}
-    for path in tmp_path.iterdir():
-        os.utime(path, (time.time() - 3700,) * 2)
-    removed = {path.name for path in remove_leftovers(tmp_path)}
-    assert removed == {f".flurries-{other}01234567.png"}
+    for owner in (gone, other):
+        removed = {path.name for path in remove_leftovers(tmp_path)}
+        assert removed == {f".flurries-{owner}01234567.png"}
+        for path in tmp_path.iterdir():
+            os.utime(path, (time.time() - 3700,) * 2)
 
 
 def test_a_name_that_has_moved_says_where_it_is():

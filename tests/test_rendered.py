@@ -56,33 +56,24 @@ def test_ids_are_the_strongest_flake():
     assert (fl.particles.ids(shape, points, radius, camera, opacity=0.7, depth=wall) == -1).all()
 
 
-def scene_of_two() -> fl.Scene:
+def test_channels_are_called_as_compositors_call_them(tmp_path: Path):
     front = np.zeros((H, W, 4), np.float32)
     front[150:, :100] = (0.1, 0.2, 0.05, 0.8)
-    return fl.Scene(
-        LIGHT, effects=[TentSnow(flakes=300), TentRain()], depth=30.0, foreground=front, seed=9
-    )
-
-
-def test_channels_are_called_as_compositors_call_them(tmp_path: Path):
-    scene = scene_of_two()
+    two = [TentSnow(flakes=300), TentRain()]
+    scene = fl.Scene(LIGHT, effects=two, depth=30.0, foreground=front, seed=9)
     scene.write(tmp_path / "a.exr", 12, layers=True)
     spec = oiio.ImageBuf(str(tmp_path / "a.exr")).spec()
     types = {name: str(spec.channelformat(i)) for i, name in enumerate(spec.channelnames)}
-    named = {"R", "G", "B", "A", "depth.Z", "alpha.A", "forward.u", "forward.v", "weather.depth.Z"}
-    named |= {"backward.u", "backward.v"}
+    named = {*"RGBA", "depth.Z", "alpha.A", "weather.depth.Z"}
+    named |= {f"{way}.{c}" for way in ("forward", "backward") for c in "uv"}
     named |= {f"background.{c}" for c in "RGB"} | {f"foreground.{c}" for c in "RGBA"}
-    for layer in ("snow", "rain"):
-        named |= {f"{layer}.{c}" for c in "RGBA"}
-        named |= {f"{layer}.{c}" for c in ("depth.Z", "forward.u", "forward.v")}
-        named |= {f"{layer}.backward.{c}" for c in "uv"}
-        named |= {f"{layer}.coverage.A", f"{layer}.id.lo", f"{layer}.id.hi"}
-    assert set(types) == named
-    precise = {name for name in named if name[-1] in "Zuv"}
-    numbers = {name for name in named if ".id" in name}
-    assert {types[name] for name in precise} == {"float"}
-    assert {types[name] for name in numbers} == {"uint"}
-    assert {types[name] for name in named - precise - numbers} == {"half"}
+    ends = [*"RGBA", "depth.Z", "forward.u", "forward.v", "backward.u", "backward.v",
+            "coverage.A", "id.lo", "id.hi"]  # fmt: skip
+    named |= {f"{layer}.{end}" for layer in ("snow", "rain") for end in ends}
+    assert types == {
+        name: "uint" if ".id" in name else "float" if name[-1] in "Zuv" else "half"
+        for name in named
+    }
     said = header_of(tmp_path / "a.exr")
     assert said["version"] == fl.__version__ and (said["seed"], said["frame"]) == ("9", "12")
     assert said["light"] == "linear" and "y down" in said["motion"] and len(said["scene"]) > 16
@@ -97,10 +88,8 @@ def test_channels_are_called_as_compositors_call_them(tmp_path: Path):
 def test_two_eyes_are_two_views(layers: bool, tmp_path: Path):
     scene = fl.Scene(LIGHT, effects=TentSnow(flakes=300))
     eye = scene.camera.camera
-    eyes = {
-        name: fl.Camera(eye.focal, offset=(side, 0, 0))
-        for name, side in (("left", -0.03), ("right", 0.03))
-    }
+    sides = {"left": -0.03, "right": 0.03}
+    eyes = {name: fl.Camera(eye.focal, offset=(side, 0, 0)) for name, side in sides.items()}
     scene.write(tmp_path / "%d.exr", "3-4", layers=layers, bits="float", eyes=eyes)
     for part, name in enumerate(eyes):
         buffer = oiio.ImageBuf(str(tmp_path / "4.exr"), part, 0)
@@ -116,14 +105,11 @@ def test_two_eyes_are_two_views(layers: bool, tmp_path: Path):
         scene.write(tmp_path / "%d.exr", "3", layers=layers, bits="float")
 
 
-EYES = [
+@pytest.mark.parametrize(("name", "eyes"), [
     ("a.png", {"left": fl.Camera(9.0)}), ("a.exr", {"a b": 1}), ("a.exr", {"left": 3}),
     ("a.exr", {}), ("a.exr", 5),
-]  # fmt: skip
-
-
-def test_eyes_that_cannot_be(tmp_path: Path):
-    for name, eyes in EYES:
-        with pytest.raises((TypeError, ValueError), match="eyes"):
-            fl.Scene(size=(8, 8)).write(tmp_path / name, 1, eyes=eyes)
+])  # fmt: skip
+def test_eyes_that_cannot_be(name: str, eyes: object, tmp_path: Path):
+    with pytest.raises((TypeError, ValueError), match="eyes"):
+        fl.Scene(size=(8, 8)).write(tmp_path / name, 1, eyes=eyes)
     assert not list(tmp_path.iterdir())

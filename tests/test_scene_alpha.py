@@ -53,23 +53,23 @@ def test_16_7_files_without_alpha_take_what_is_opaque(tmp_path: Path, name: str)
         clear.write(tmp_path / "other" / name, "1")
 
 
-@pytest.mark.parametrize("way", ["array", "file", "foreground", "transform", "over"])
+LEVELS = np.random.default_rng(2).integers(0, 256, (48, 64, 3)).astype(np.float32)
+OF_LEVELS: dict[str, Any] = {
+    "array": lambda file: fl.Scene(LEVELS),
+    "file": lambda file: fl.Scene(file).render(0),
+    "foreground": lambda file: fl.Scene(
+        size=(64, 48), foreground=np.dstack([LEVELS, np.ones((48, 64), np.float32)])
+    ),
+    "transform": lambda file: fl.augment.Snowfall(seed=1)(LEVELS),
+    "over": lambda file: fl.composite.over(LEVELS, np.zeros((48, 64, 4), np.float32)),
+}
+
+
+@pytest.mark.parametrize("way", OF_LEVELS)
 def test_16_7_a_float_picture_of_levels_is_warned_of(tmp_path: Path, way: str):
-    levels = np.random.default_rng(2).integers(0, 256, (48, 64, 3)).astype(np.float32)
-    if way == "file":
-        write_picture(tmp_path / "1.tif", levels)
+    write_picture(tmp_path / "1.tif", LEVELS)
     with pytest.warns(UserWarning, match="is a float picture of values up to 255, .*if that is"):
-        if way == "array":
-            fl.Scene(levels)
-        elif way == "file":
-            fl.Scene(tmp_path / "1.tif").render(0)
-        elif way == "foreground":
-            front = np.concatenate([levels, np.ones_like(levels[..., :1])], axis=2)
-            fl.Scene(size=(64, 48), foreground=front)
-        elif way == "transform":
-            fl.augment.Snowfall(seed=1)(levels)
-        else:
-            fl.composite.over(levels, np.zeros((48, 64, 4), np.float32))
+        OF_LEVELS[way](tmp_path / "1.tif")
 
 
 def test_16_7_bright_light_is_not():

@@ -79,24 +79,19 @@ def test_greys_become_depths(white: str, law: str, kind: str, folder: Path):
     assert got[GREY == 255].mean() == pytest.approx(2.0 if white == "near" else 30.0, rel=1e-5)
 
 
-SIZES = [(60, 40), (120, 80), (33, 47), (1, 1), (7, 200)]
-
-
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", [(60, 40), (120, 80), (33, 47), (1, 1), (7, 200)])
 def test_files_are_fitted_as_the_background_is_without_making_depths(size: Any, folder: Path):
-    got = depth("z.exr", size=size)
-    assert set(np.unique(got)) <= set(np.unique(FAR)), "a depth that nobody gave"
+    assert set(np.unique(depth("z.exr", size=size))) <= set(np.unique(FAR)), "nobody gave it"
+    if min(size) < 5:
+        return
     # A ramp of light through the background's own fitting says where each pixel came from.
     rows, cols = np.mgrid[0:H, 0:W].astype(np.float32)
     ramp = fit(np.dstack([rows, cols, cols]), size, encoding="linear")
     near = fit_nearest(np.arange(H * W).reshape(H, W), size)
-    inner = (rows.shape, np.s_[1:-1, 1:-1])[1]
-    if min(size) < 5:
-        return
-    off = np.abs(near // W - ramp[..., 0])[inner], np.abs(near % W - ramp[..., 1])[inner]
-    # Rounding to a pixel is half of one; the ramp's ends bend under the filter.
-    assert np.median(off[0]) <= 0.5 and np.median(off[1]) <= 0.5
-    assert np.quantile(off[0], 0.9) <= 0.75 and np.quantile(off[1], 0.9) <= 0.75
+    for off in (np.abs(near // W - ramp[..., 0]), np.abs(near % W - ramp[..., 1])):
+        # Rounding to a pixel is half of one; the ramp's ends bend under the filter.
+        inner = off[1:-1, 1:-1]
+        assert np.median(inner) <= 0.5 and np.quantile(inner, 0.9) <= 0.75
 
 
 REFUSED: list[tuple[Any, str]] = [
@@ -117,12 +112,10 @@ def test_refusals(folder: Path):
             fl.Scene(size=(W, H), depth=value)._depth_at(0)
 
 
-def test_the_sun():
-    for scale in (1e-90, 1.0, 1e90):
-        unit = fl.scene.Sun((0, 3 * scale, -4 * scale)).unit()
-        assert unit == pytest.approx([0, 0.6, -0.8], abs=1e-15)
-    with pytest.raises(TypeError, match=r"sun must be a flurries.Sun"):
-        fl.Scene(size=(W, H), sun=(0, 1, 0))  # type: ignore[arg-type]
+@pytest.mark.parametrize("scale", [1e-90, 1.0, 1e90])
+def test_the_sun(scale: float):
+    unit = fl.scene.Sun((0, 3 * scale, -4 * scale)).unit()
+    assert unit == pytest.approx([0, 0.6, -0.8], abs=1e-15)
 
 
 @pytest.mark.parametrize("way", ["array", "file", "transform"])
@@ -168,15 +161,12 @@ def test_a_depth_that_stays_and_one_that_changes_have_the_same_frames(mode: str)
     near, far = np.full((60, 80), 6.0, np.float32), np.full((60, 80), 40.0, np.float32)
     near[:30] = 90.0
     effect = fl.effects.TentSnow(fall=0.4, wind=(0.1, 0.0, 0.0), flakes=40, depth_mode=mode, seed=3)
-    grown = fl.Keys([(0.0, 0.1), (9.0, 0.4)])
-    frames = []
-    for depth, haze in ((near, 0.2), (far, 0.2), (near, grown)):
+    firsts = []
+    for depth, haze in ((near, 0.2), (far, 0.2), (near, fl.Keys([(0.0, 0.1), (9.0, 0.4)]))):
         made = fl.Scene("#304050", size=(80, 60), effects=replace(effect, haze=haze), depth=depth)
-        frames.append([made.render(t) for t in (1, 2, 1)])
+        first, second, third = (made.render(t) for t in (1, 2, 1))
         again = made.replace(depth=depth.copy())
-        assert all(
-            np.array_equal(a, again.render(t)) for a, t in zip(frames[-1], (1, 2, 1), strict=True)
-        )
-        assert np.array_equal(frames[-1][0], frames[-1][2])
-    assert not np.array_equal(frames[0][0], frames[1][0])
-    assert not np.array_equal(frames[0][0], frames[2][0])
+        assert np.array_equal(first, third) and np.array_equal(first, again.render(1))
+        assert np.array_equal(second, again.render(2))
+        firsts.append(first)
+    assert all(not np.array_equal(firsts[0], other) for other in firsts[1:])

@@ -80,7 +80,8 @@ def test_layers_are_mixed_in_either_light(space: str, dtype: str, clear: bool, m
     colors = plate[..., :3] / top
     under = into(colors if whole or not clear else straight_of(colors, cover)) * cover
     first = np.array(ONE.color)
-    for color in (decode(first) if linear else first, STRAIGHT if linear else encode(STRAIGHT)):
+    colors = (decode(first) if linear else first, STRAIGHT if linear else encode(STRAIGHT))
+    for color in colors:
         alpha = ALPHA.astype(np.float64)[..., None]
         alpha = alpha if matte is None else alpha * (1.0 - matte[..., None])
         under, cover = color * alpha + (1.0 - alpha) * under, alpha + (1.0 - alpha) * cover
@@ -90,7 +91,12 @@ def test_layers_are_mixed_in_either_light(space: str, dtype: str, clear: bool, m
         scale = 1.0 / np.maximum(want.max(axis=2, keepdims=True), 1.0)
         want = scale * want + (1.0 - scale) * (1.0 - scale * want)
     want = top * np.clip(back(want), 0.0, 1.0) if whole else back(want) * cover
-    got = fl.Scene(plate, effects=[Given((ONE, MANY))], space=space, foreground=matte).render(0)
+    scene = fl.Scene(plate, effects=[Given((ONE, MANY))], space=space, foreground=matte)
+    got, apart = scene.render(0), scene.layers(0)
+    assert np.array_equal(apart.image, got)
+    for layer, color in zip(apart.layers.values(), colors, strict=True):
+        assert np.abs(layer.rgba[..., :3] - color * layer.rgba[..., 3:]).max() <= 1e-6
+        assert matte is not None or np.array_equal(layer.rgba[..., 3], ALPHA)
     assert got.dtype == plate.dtype and got.shape == plate.shape
     # The color of what is nearly nothing is one of large errors: it counts as far as it shows.
     wrong = np.abs(got[..., :3] - want) * (cover if whole else 1.0 / np.maximum(want, 0.1))

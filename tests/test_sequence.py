@@ -125,14 +125,14 @@ LATE: dict[str, tuple[Any, int]] = {
 def test_a_late_key_counts_for_the_frames_that_it_changes(name: str):
     make, first = LATE[name]
     one, other = make(0.25), make(0.75)
-    before, after = Settings(one), Settings(other)
+    pair = Settings(one), Settings(other)
     for frame in (0, 19, 38, 40, 41, 55):
-        same = before.common + before.of(frame) == after.common + after.of(frame)
-        assert same == (frame < first), frame
-        if same:
-            pair = one.layers(frame), other.layers(frame)
-            assert np.array_equal(*(made.image for made in pair))
-            for a, b in zip(*(made.layers.values() for made in pair), strict=True):
+        before, after = (settings.common + settings.of(frame) for settings in pair)
+        assert (before == after) == (frame < first), frame
+        if frame < first:
+            made = one.layers(frame), other.layers(frame)
+            assert np.array_equal(*(each.image for each in made))
+            for a, b in zip(*(each.layers.values() for each in made), strict=True):
                 for field in ("rgba", "depth", "motion", "backward", "ids"):
                     planes = getattr(a, field), getattr(b, field)
                     assert planes[0] is None or np.array_equal(*planes, equal_nan=True), field
@@ -143,9 +143,9 @@ def test_a_late_key_counts_for_the_frames_that_it_changes(name: str):
 def test_only_frames_that_a_late_key_changes_are_refused(tmp_path: Path):
     old, new = (weather(amount=fl.Keys([(0, 0.2), (48, 0.6), (90, v)])) for v in (0.9, 0.8))
     assert old.write(tmp_path / "%d.png", "1,48,60").written == [1, 48, 60]
-    assert new.write(tmp_path / "%d.png", "1-48x47").kept == [1, 48]
     with pytest.raises(ValueError, match=r"60\.png is there already and is of another scene"):
         new.write(tmp_path / "%d.png", "1,48,60")
+    assert new.write(tmp_path / "%d.png", "1-48x47").kept == [1, 48]
 
 
 def test_a_journal_that_is_joined_while_it_is_listed_is_seen(tmp_path: Path, monkeypatch: Any):

@@ -84,47 +84,44 @@ WINDOWS = {
 
 @pytest.mark.parametrize("name", WINDOWS)
 def test_windows_go_through_and_overscan_is_rendered(name: str, tmp_path: Path):
-    windows = WINDOWS[name]
-    plate(tmp_path / "plate.exr", ["PixelAspectRatio"], windows=windows)
-    source = fl.Scene(tmp_path / "plate.exr")
-    source.write(tmp_path / "same.exr")
-    before, after = header(tmp_path / "plate.exr"), header(tmp_path / "same.exr")
-    for one in ("full_x", "full_y", "full_width", "full_height"):
-        assert getattr(before, one) == getattr(after, one), one
-    assert (after.x, after.y, after.width, after.height) == (*windows[:2], W, H)
+    windows, before, after = WINDOWS[name], tmp_path / "plate.exr", tmp_path / "same.exr"
+    plate(before, ["PixelAspectRatio"], windows=windows)
+    source = fl.Scene(before)
+    source.write(after)
+    one, other = header(before), header(after)
+    for field in ("full_x", "full_y", "full_width", "full_height"):
+        assert getattr(one, field) == getattr(other, field), field
+    assert (other.x, other.y, other.width, other.height) == (*windows[:2], W, H)
     if "overscan" in name:
         assert source.size == (W, H)
         assert source._display == (-windows[0], -windows[1], W - 8, H - 4)
     # Amount 0 is the plate.
-    stored = oiio.ImageBuf(str(tmp_path / "plate.exr"))
-    made = oiio.ImageBuf(str(tmp_path / "same.exr"))
-    result = oiio.ImageBufAlgo.compare(stored, made, 0.0, 0.0)
-    assert result.maxerror == 0.0
+    assert error_of(before, after) == 0.0
+
+
+def error_of(one: Path, other: Path) -> float:
+    buffers = (oiio.ImageBuf(str(path)) for path in (one, other))
+    return oiio.ImageBufAlgo.compare(*buffers, 0.0, 0.0).maxerror
 
 
 def test_pixels_that_are_not_square_stretch_the_lens(tmp_path: Path):
     plate(tmp_path / "plate.exr", ["PixelAspectRatio"])
     scene = fl.Scene(tmp_path / "plate.exr")
     assert scene._backdrop.aspect == scene.camera.camera.aspect == 2.0
-    (tmp_path / "scene.toml").write_text(
-        'format = 3\nbackground = "plate.exr"\n[camera]\nfocal = 50.0\n'
-    )
+    text = 'format = 3\nbackground = "plate.exr"\n[camera]\nfocal = 50.0\n'
+    (tmp_path / "scene.toml").write_text(text)
     assert fl.open(tmp_path / "scene.toml").camera.camera.aspect == 2.0
 
 
 def test_depth_and_mattes_find_their_place_in_overscan(tmp_path: Path):
-    windows = WINDOWS["uneven overscan"]
-    plate(tmp_path / "plate.exr", [], windows=windows)
-    left, top, width, height = -windows[0], -windows[1], W - 8, H - 4
-    inner = np.full((height, width), 3.0, np.float32)
+    plate(tmp_path / "plate.exr", [], windows=WINDOWS["uneven overscan"])
+    inner = np.full((H - 4, W - 8), 3.0, np.float32)
     io.write_layers(tmp_path / "depth.exr", {"depth": inner})
-    io.write_picture(tmp_path / "mask.png", np.full((height, width), 255, np.uint8))
-    scene = fl.Scene(
-        tmp_path / "plate.exr", depth=tmp_path / "depth.exr", foreground=tmp_path / "mask.png",
-        effects=SNOW,
-    )  # fmt: skip
+    io.write_picture(tmp_path / "mask.png", np.full(inner.shape, 255, np.uint8))
+    files = {"depth": tmp_path / "depth.exr", "foreground": tmp_path / "mask.png"}
+    scene = fl.Scene(tmp_path / "plate.exr", effects=SNOW, **files)
     wanted = np.full((H, W), np.inf, np.float32)
-    wanted[top : top + height, left : left + width] = 3.0
+    wanted[1 : H - 3, 6 : W - 2] = 3.0
     np.testing.assert_array_equal(scene._depth_at(0), wanted)
     shown = scene.layers(0).alpha
     assert (shown[np.isfinite(wanted)] == 0.0).all() and (shown[~np.isfinite(wanted)] > 0.0).any()
@@ -165,8 +162,7 @@ def test_amount_0_is_the_plate(name: str, tmp_path: Path):
     code = main(["render", str(path), "--snow", "heavy", "--amount", "0", "--frames", "1",
                  "-o", str(out), "-q"])  # fmt: skip
     assert code == 0
-    result = oiio.ImageBufAlgo.compare(oiio.ImageBuf(str(path)), oiio.ImageBuf(str(out)), 0, 0)
-    assert result.maxerror == 0.0
+    assert error_of(path, out) == 0.0
     one, other = header(path), header(out)
     assert one.channelnames == other.channelnames and one.format == other.format
     bits = "oiio:BitsPerSample"
@@ -198,20 +194,18 @@ def test_a_dpx_says_what_its_numbers_are(tmp_path: Path):
 
 
 def test_every_plate_keeps_its_own_time_code(tmp_path: Path):
-    for number in range(1001, 1004):
-        code = TimeCode.of_text("01:00:00:00", Fraction(24)).later(number)
+    codes = {n: TimeCode.of_text("01:00:00:00", Fraction(24)).later(n) for n in range(1001, 1004)}
+    for number, code in codes.items():
         said = {"smpte:TimeCode": ("timecode", (code.word, 0))}
         plate(tmp_path / f"plate.{number}.exr", ["framesPerSecond"], LIGHT[..., :3], **said)
     scene = fl.Scene(tmp_path / "plate.####.exr", effects=SNOW)
     scene.write(tmp_path / "out.####.exr", layers=True)
-    for number in range(1001, 1004):
-        code = TimeCode.of_text("01:00:00:00", Fraction(24)).later(number)
+    for number, code in codes.items():
         found = header(tmp_path / f"out.{number}.exr").getattribute("smpte:TimeCode")
         assert found[0] == code.word
     scene.write(tmp_path / "film.mov", "1002-1003")
     with av.open(str(tmp_path / "film.mov")) as film:
-        said = [one.metadata.get("timecode") for one in film.streams]
-        assert TimeCode.of_text("01:00:00:00", Fraction(24)).later(1002).text in said
+        assert codes[1002].text in [one.metadata.get("timecode") for one in film.streams]
 
 
 def test_more_bits_than_the_plate_has_are_steps_of_the_weather(tmp_path: Path):

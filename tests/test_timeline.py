@@ -38,13 +38,9 @@ def exact(keys: Keys, t: float) -> Fraction:
 
 
 def test_values_at_and_between_the_keys():
-    for frame, value in RAMP.keys:
-        assert RAMP.at(frame) == value
-    assert RAMP.at(0.5) == 0.5
-    assert RAMP.at(4.25) == 2.0
-    assert RAMP.at(95.0) == 2.625
-    for frame, value in VECTOR.keys:
-        assert VECTOR.at(frame) == value
+    for keys in (RAMP, VECTOR):
+        assert all(keys.at(frame) == value for frame, value in keys.keys)
+    assert (RAMP.at(0.5), RAMP.at(4.25), RAMP.at(95.0)) == (0.5, 2.0, 2.625)
     assert VECTOR.at(6) == (2.0, -4.0, 0.0)
     assert isinstance(RAMP.at(1), float) and isinstance(VECTOR.at(1), tuple)
     assert (RAMP.width, VECTOR.width) == (None, 3)

@@ -52,10 +52,10 @@ def main() -> None:
     parser.add_argument("--bare", nargs="+", metavar="PYTHON", help="install and render, no more")
     options = parser.parse_args()
     (wheel,) = options.folder.resolve().glob("*.whl")
+    for python in options.bare or ():
+        with tempfile.TemporaryDirectory() as folder:
+            try_bare(python, wheel, Path(folder))
     if options.bare:
-        for python in options.bare:
-            with tempfile.TemporaryDirectory() as folder:
-                try_bare(python, wheel, Path(folder))
         return
     (archive,) = options.folder.resolve().glob("*.tar.gz")
     check_wheel(wheel)
@@ -96,6 +96,8 @@ def tracked(folder: str) -> set[str]:
     return {name.split("/", 1)[1] for name in listed.stdout.split()}
 
 
+PIP = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+
 # What an install may bring, and how long the first picture may take.
 MOST_MEGABYTES, MOST_SECONDS = 150.0, 60.0
 
@@ -104,27 +106,24 @@ def try_bare(python: str, wheel: Path, folder: Path) -> None:
     """Install the wheel into an environment of its own; print what that costs, and render."""
     home, env = folder / "bare", environment(folder / "bare")
     subprocess.run([python, "-m", "venv", str(home)], check=True)
-    inside = str(home / "bin" / "python")
     before, began = megabytes(home), time.monotonic()
-    pip = [inside, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", str(wheel)]
-    subprocess.run(pip, env=env, check=True)
-    installed = time.monotonic() - began
-    came = megabytes(home) - before
+    run(env, home / "bin" / "python", *PIP, wheel)
+    installed, came = time.monotonic() - began, megabytes(home) - before
     write = "import flurries as fl; fl.io.write_picture('photo.png', fl.io.photograph())"
-    subprocess.run([inside, "-c", write], env=env, cwd=folder, check=True)
+    run(env, home / "bin" / "python", "-c", write, cwd=folder)
     began = time.monotonic()
     words = ["render", "photo.png", "--snow", "heavy", "-o", "snowy.png"]
-    subprocess.run([str(home / "bin" / "flurries"), *words], env=env, cwd=folder, check=True)
+    run(env, home / "bin" / "flurries", *words, cwd=folder)
     took = time.monotonic() - began
     assert (folder / "snowy.png").stat().st_size > 10_000
-    version = subprocess.run([inside, "-V"], capture_output=True, text=True, check=True).stdout
-    print(
-        f"{version.strip()}: installed in {installed:.1f} s, {came:.0f} MB; "
-        f"`flurries render` {took:.1f} s",
-        flush=True,
-    )
+    costs = f"installed in {installed:.1f} s, {came:.0f} MB; `flurries render` {took:.1f} s"
+    print(f"{python}: {costs}", flush=True)
     assert came <= MOST_MEGABYTES, f"{came:.0f} MB came in, {MOST_MEGABYTES:g} at most"
     assert took <= MOST_SECONDS, f"a picture took {took:.0f} s, {MOST_SECONDS:g} at most"
+
+
+def run(env: dict[str, str], *words: object, cwd: Path | None = None) -> None:
+    subprocess.run([*map(str, words)], env=env, cwd=cwd, check=True)
 
 
 def megabytes(folder: Path) -> float:
@@ -145,35 +144,27 @@ def environment(home: Path) -> dict[str, str]:
 
 
 def try_wheel(wheel: Path, folder: Path, everything: bool) -> None:
-    home = folder / "bare"
+    home, tests = folder / "bare", folder / "away" / "tests"
     subprocess.run([sys.executable, "-m", "venv", str(home)], check=True)
-    python = str(home / "bin" / "python")
-    bare = environment(home)
-    pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([*pip, str(wheel)], env=bare, check=True)
-    subprocess.run([*pip, *NEEDS], env=bare, check=True)
-    tests = folder / "away" / "tests"
+    python, bare = home / "bin" / "python", environment(home)
+    run(bare, python, *PIP, wheel)
+    run(bare, python, *PIP, *NEEDS)
     shutil.copytree(ROOT / "tests", tests, ignore=shutil.ignore_patterns("__pycache__"))
-    files = sorted(tests.glob("test_*.py"))
-    left_out = {f"test_{name}" for name in OF_THE_REPOSITORY}
-    wanted = (
-        {path.stem for path in files} - left_out if everything else {f"test_{n}" for n in SMOKE}
-    )
-    chosen = [str(path) for path in files if path.stem in wanted]
-    assert len(chosen) >= len(SMOKE)
+    files = {path.stem.removeprefix("test_"): path for path in sorted(tests.glob("test_*.py"))}
+    wanted = files.keys() - set(OF_THE_REPOSITORY) if everything else files.keys() & set(SMOKE)
+    assert len(wanted) >= len(SMOKE)
     where = "import flurries, sys; sys.exit(not flurries.__file__.startswith(sys.prefix))"
-    subprocess.run([python, "-c", where], env=bare, cwd=tests, check=True)
-    suite = [python, "-m", "pytest", "--quiet", "-n", "2", "-p", "no:cacheprovider", *chosen]
-    subprocess.run(suite, env=bare, cwd=tests.parent, check=True)
+    run(bare, python, "-c", where, cwd=tests)
+    suite = ["-m", "pytest", "--quiet", "-n", "2", "-p", "no:cacheprovider"]
+    run(bare, python, *suite, *(files[name] for name in sorted(wanted)), cwd=tests.parent)
 
 
 def build_archive(archive: Path, wheel: Path, folder: Path) -> None:
     """Build a wheel from the source archive, as pip does where there is none for a platform."""
-    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check",
-               "--no-deps", "--wheel-dir", str(folder / "built"), str(archive)]  # fmt: skip
     # Libraries that are compiled already need not be again.
-    target = {"CARGO_TARGET_DIR": str(ROOT / "target")}
-    subprocess.run(command, env={**os.environ, **target}, check=True)
+    env = {**os.environ, "CARGO_TARGET_DIR": str(ROOT / "target")}
+    how = ["-m", "pip", "wheel", *PIP[3:], "--no-deps", "--wheel-dir", folder / "built"]
+    run(env, sys.executable, *how, archive)
     (built,) = (folder / "built").glob("*.whl")
     with zipfile.ZipFile(built) as one, zipfile.ZipFile(wheel) as two:
         assert set(one.namelist()) == set(two.namelist()), "the archive's wheel is another"

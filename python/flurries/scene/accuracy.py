@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from statistics import fmean
 from typing import Any
@@ -35,26 +34,28 @@ def accuracy_of(scene: Rendering, number: int) -> Accuracy:
     """Return what a frame takes and looks like with other hand-overs."""
     scene = expect_scene(scene)
     frame = scene._program.frame(scene._time_of(number))
-    mixed = [isinstance(e, (Snow, Rain)) and e.method != "simulated" for e in scene.effects]
-    if not any(mixed):
+    mixed = {
+        index: effect for index, effect in enumerate(scene.effects)
+        if isinstance(effect, (Snow, Rain)) and effect.method != "simulated"
+    }  # fmt: skip
+    if not mixed:
         why = "no effect of the scene draws near flakes over a texture, as Snow and Rain do"
         return Accuracy(number, (), why)
-    depths = [_depth(effect, frame) if mixes and scene._lap is None else None
-              for effect, mixes in zip(scene.effects, mixed, strict=True)]  # fmt: skip
-    known = any(depth is not None for depth in depths)
+    depths = {} if scene._lap is not None else {
+        index: depth for index, effect in mixed.items() if (depth := _depth(effect, frame))
+    }  # fmt: skip
     settings = []
-    for factor in (0.5, 1.0, 2.0) if known else (1.0,):
-        effects = [replace(effect, handover=factor * depth) if depth and factor != 1.0 else effect
-                   for effect, depth in zip(scene.effects, depths, strict=True)]  # fmt: skip
-        there = [_depth(e, frame) for e, depth in zip(effects, depths, strict=True) if depth]
-        name = ", ".join(f"{depth:.3g} m" for depth in there)
-        settings.append(
-            _setting(scene, number, f"hand-over at {name}" if name else "as is", effects)
-        )
-    effects = [replace(effect, method="simulated") if mixes else effect
-               for effect, mixes in zip(scene.effects, mixed, strict=True)]  # fmt: skip
-    settings.append(_setting(scene, number, "every flake drawn", effects))
-    return Accuracy(number, tuple(settings), "" if known else NO_SAY)
+    for factor in (0.5, 1.0, 2.0) if depths else (1.0,):
+        changed = mixed if factor == 1.0 else {
+            index: replace(mixed[index], handover=factor * depth)
+            for index, depth in depths.items()
+        }  # fmt: skip
+        there = ", ".join(f"{_depth(changed[index], frame):.3g} m" for index in depths)
+        name = f"hand-over at {there}" if there else "as is"
+        settings.append(_setting(scene, number, name, changed))
+    drawn = {index: replace(effect, method="simulated") for index, effect in mixed.items()}
+    settings.append(_setting(scene, number, "every flake drawn", drawn))
+    return Accuracy(number, tuple(settings), "" if depths else NO_SAY)
 
 
 def _depth(effect: Any, frame: Frame) -> float | None:
@@ -66,17 +67,16 @@ def _depth(effect: Any, frame: Frame) -> float | None:
     return fmean(share.reach for share in film.drawn) if film.layers else None
 
 
-def _setting(scene: Scene, number: int, name: str, effects: Sequence[Any]) -> Handover:
-    changed = scene.replace(effects=effects)
-    alpha = changed.layers(number).alpha
-    spent = []
+def _setting(scene: Scene, number: int, name: str, effects: dict[int, Any]) -> Handover:
+    mine = [effects.get(index, effect) for index, effect in enumerate(scene.effects)]
+    changed = scene.replace(effects=mine)
+    alpha, spent = changed.layers(number).alpha, []
     for _ in range(RUNS + 1):
         began = time.perf_counter()
         changed.render(number)
         spent.append(1e3 * (time.perf_counter() - began))
-    return Handover(
-        name, min(spent[1:]), float(alpha.std()), euler(alpha > np.percentile(alpha, LEVEL))
-    )
+    much = alpha > np.percentile(alpha, LEVEL)
+    return Handover(name, min(spent[1:]), float(alpha.std()), euler(much))
 
 
 def euler(above: npt.NDArray[np.bool_]) -> int:

@@ -109,19 +109,20 @@ class Rendering(Sources):
 
     @cached_property
     def _looped(self) -> Looped:
-        assert self._lap is not None
-        return looped_scene(self, self._lap)
+        """What runs: the parts of the scene, bent where they are to begin again."""
+        if self._lap is not None:
+            return looped_scene(self, self._lap)
+        return Looped(self.effects, self._path, self.lights, self.light, self.lens, ())
 
     @property
     def bent(self) -> tuple[str, ...]:
         """The changes to a scene with a `loop` so that it begins again, in words."""
-        return () if self.loop is None else self._looped.bent
+        return self._looped.bent
 
     @cached_property
     def _program(self) -> Program:
         """The program of each frame, resolved when it is first asked for."""
-        parts = (self.effects, self._path, self.lights, self.light, self.lens)
-        effects, path, lights, light, lens = parts if self.loop is None else self._looped[:5]
+        effects, path, lights, light, lens, _ = self._looped
         base = Frame(
             shape=self.shape, window=(0, self.size[1], 0, self.size[0]), t=0.0, fps=self.fps,
             camera=path.camera, path=path, seed=0, sun=self.sun, lights=lights, lens=lens,
@@ -186,9 +187,9 @@ class Rendering(Sources):
         Parameters
         ----------
         t, region
-            See :meth:`render`.
+            As in :meth:`render`.
         distance, convergence : float
-            See :func:`flurries.stereo.eyes`.
+            As in :func:`flurries.stereo.eyes`.
 
         Returns
         -------

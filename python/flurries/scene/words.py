@@ -36,23 +36,17 @@ def page_of(scene: Scene) -> str:
         ("camera", camera_of(scene.camera)),
     ]
     rows += [(type(effect).__name__, own_values(effect)) for effect in scene.effects]
-    return f"<div>{figure(_frame(scene))}{listing(rows)}</div>"
-
-
-def _frame(scene: Scene) -> np.ndarray:
-    first = 0 if scene.range is None else scene.range[0]
-    last = math.inf if scene.range is None else scene.range[1]
-    frame: np.ndarray = scene.render(int(min(first + round(scene.fps), last)))
-    return frame
+    first, last = scene.range or (0, math.inf)
+    frame = scene.render(int(min(first + round(scene.fps), last)))
+    return f"<div>{figure(frame)}{listing(rows)}</div>"
 
 
 def camera_of(path: CameraPath) -> str:
     """Return a camera's motion in words, and its focal length."""
     moves = path.position is not None or path.velocity is not None
-    does = [word for word, yes in (
-        ("moving", moves), ("turning", path.turns), ("zooming", path.zooms)
-    ) if yes]  # fmt: skip
-    return f"{' and '.join(does) or 'still'}, focal {path.camera.focal:g} px"
+    does = {"moving": moves, "turning": path.turns, "zooming": path.zooms}
+    words = " and ".join(word for word, yes in does.items() if yes)
+    return f"{words or 'still'}, focal {path.camera.focal:g} px"
 
 
 def own_values(effect: object) -> str:
@@ -62,7 +56,7 @@ def own_values(effect: object) -> str:
     changed = []
     for field in fields(effect):
         value = getattr(effect, field.name)
-        usual = field.default if field.default is not MISSING else None
+        usual = None if field.default is MISSING else field.default
         if not field.name.startswith("_") and repr(value) != repr(usual):
             changed.append(f"{field.name} {_value(value)}")
     return ", ".join(changed) or "as it is by default"
