@@ -22,7 +22,7 @@ from flurries.effects.motion import Motion, Way
 from flurries.frame.bands import by_tiles
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
-from flurries.spectral.frame import Map, Request, request_of
+from flurries.spectral.frame import Map, Request
 from flurries.spectral.motion import tile_motions
 from flurries.spectral.tables import Aliasing, warn_far, warn_long, wave_depth
 from flurries.spectral.texture import Texture
@@ -123,7 +123,7 @@ class Field:
             tile=tile, overlap=overlap, blend=self.blend, wavelengths=band, exponent=self.exponent,
             jitter=self.jitter, ring_edges=edges, alias=self.alias, shutter=way.shutter,
         )  # fmt: skip
-        return request_of(
+        return Request(
             texture, frame.shape, frame.seed, drift=drift, shift=shift, velocity=velocity,
             shift_rate=shift_rate, shortest=shortest, window=frame.window, lap=whole,
         )  # fmt: skip

@@ -11,16 +11,9 @@ import numpy.typing as npt
 from flurries import _contract as check
 from flurries import _core
 from flurries._contract import LARGEST, Array, Float64
-from flurries.spectral.tables import (
-    Aliasing,
-    random_phase,
-    temporal_gain,
-    tent_rate,
-    warn_far,
-    warn_long,
-)
+from flurries.spectral.tables import random_phase, temporal_gain, tent_rate, warn_far, warn_long
 from flurries.spectral.texture import Texture
-from flurries.spectral.tiles import Blend, blend_tiles, opacity_map, starts
+from flurries.spectral.tiles import blend_tiles, opacity_map, starts
 
 # Mean, spread, power and amount of the map from field to opacity.
 Map = tuple[float, float, float, float]
@@ -31,7 +24,6 @@ PLAIN = Texture()
 # The default of displacements that are not given.
 NOWHERE = (0.0, 0.0)
 _ZERO = np.zeros((1, 1, 1, 2))
-_NONE = np.empty(0)
 
 # A wave as long as the limit counts as too short, whatever the rounding of its length.
 _EQUAL = 1.0 + 1e-12
@@ -40,41 +32,24 @@ _EQUAL = 1.0 + 1e-12
 class Request(NamedTuple):
     """A frame of the field as the kernel reads it: every argument settled and checked."""
 
+    texture: Texture
     shape: tuple[int, int]
-    tile: tuple[int, int]
-    overlap: int
-    blend: Blend
-    wavelengths: tuple[float, float]
-    exponent: float
     seed: int
-    jitter: bool
-    ring_edges: Float64
-    ring_gains: Float64
     drift: Float64
     shift: Float64
     velocity: Float64
     shift_rate: Float64
-    alias: Aliasing
-    soft_from: float
-    shutter: float
     shortest: Float64 | None
     window: tuple[int, int, int, int]
     # Of a film that begins again: drift and shift over all of it, and how much of it has passed.
-    lap: tuple[Float64, Float64, float] | None = None
+    lap: tuple[Any, ...] | None = None
 
-
-def request_of(texture: Texture, shape: tuple[int, int], seed: int, **motion: Any) -> Request:
-    """Return what the kernel reads of a texture and of a motion that is settled already."""
-    edges, gains = (
-        _NONE if part is None else np.asarray(part)
-        for part in (texture.ring_edges, texture.ring_gains)
-    )
-    return Request(
-        shape=shape, seed=seed, tile=texture.sides, overlap=texture.overlap, blend=texture.blend,
-        wavelengths=texture.wavelengths, exponent=texture.exponent, jitter=texture.jitter,
-        alias=texture.alias, soft_from=texture.soft_from, shutter=texture.shutter,
-        ring_edges=edges, ring_gains=gains, **motion,
-    )  # fmt: skip
+    def __getattr__(self, name: str) -> Any:
+        """Return what the texture has; rings that it lacks as an array of none."""
+        if name in ("ring_edges", "ring_gains"):
+            rings = getattr(self.texture, name)
+            return np.empty(0) if rings is None else rings
+        return getattr(self.texture, name)
 
 
 def request(
@@ -101,7 +76,7 @@ def request(
     offsets = _vectors("drift", drift, rings)
     if offsets is not _ZERO and band[1] > 0.0:
         warn_far(float(np.abs(offsets).max(initial=0.0)) / band[1])
-    return request_of(
+    return Request(
         texture, size, check.seed_of(seed), drift=offsets, shift=_vectors("shift", shift, None),
         velocity=_ZERO if velocity is None else _vectors("velocity", velocity, rings),
         shift_rate=_ZERO if shift_rate is None else _vectors("shift_rate", shift_rate, None),

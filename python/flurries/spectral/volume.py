@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -25,17 +25,16 @@ STILL = 0.25
 class Film(NamedTuple):
     """A film that repeats, as the kernel reads it: every argument settled and checked."""
 
+    texture: Texture
     frames: int
     shape: tuple[int, int]
     drift: tuple[float, float]
     seed: int
-    wavelengths: tuple[float, float]
-    exponent: float
-    alias: str
-    soft_from: float
-    shutter: float
-    jitter: bool
     cells: str
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what the texture has."""
+        return getattr(self.texture, name)
 
 
 def film(
@@ -63,12 +62,8 @@ def film(
             f"a loop of {count} frames rounds {100 * still:.0f} % of the waves to rest at this "
             "velocity: take more frames"
         )
-    return Film(
-        frames=count, shape=size, drift=(float(cycles[0]), float(cycles[1])),
-        seed=check.seed_of(seed), wavelengths=band, exponent=texture.exponent,
-        alias=texture.alias, soft_from=texture.soft_from, shutter=texture.shutter,
-        jitter=texture.jitter, cells=check.choice("cells", cells, CELLS),
-    )  # fmt: skip
+    drift, number = (float(cycles[0]), float(cycles[1])), check.seed_of(seed)
+    return Film(texture, count, size, drift, number, check.choice("cells", cells, CELLS))
 
 
 def rendered(asked: Film, times: Float64 | None, dtype: npt.DTypeLike, out: Array | None) -> Array:
