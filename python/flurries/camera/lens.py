@@ -1,8 +1,8 @@
 """The camera: where a point of the air is seen, and how its image moves (Langer 2004, section 7).
 
 Axes: x right, y down, z forward = depth. Pixel (row i, column j) has its centre at x = j + 1/2,
-y = i + 1/2. Every motion comes from one formula without a division by the forward speed, so that a
-camera that moves sideways, stands still or flies backwards is no special case.
+y = i + 1/2. Motions have no division by the forward speed, so that a camera that moves sideways,
+stands still or flies backwards is no special case.
 """
 
 from __future__ import annotations
@@ -35,11 +35,10 @@ class Camera:
     center_shift : (x, y)
         Shift of the principal point, pixels (convergence of two eyes).
     rotation : (x, y, z)
-        Orientation as a rotation vector: axis times angle in radians, right-handed in the axes x
-        right, y down, z forward; (0, 0.1, 0) looks to the right.
+        Orientation: axis times angle, radians, right-handed in the axes x right, y down, z forward;
+        (0, 0.1, 0) looks to the right.
     aspect : float
-        Focal length down over focal length across, fy / fx, of pixels that are not square or of
-        calibrated cameras. Flakes stay round in pixels.
+        Focal length down over focal length across, fy / fx. Flakes stay round in pixels.
     """
 
     focal: float
@@ -112,9 +111,10 @@ def project(
     Parameters
     ----------
     points : (n, 3)
-        Points relative to the camera's place, house axes, world units.
+        Relative to the camera's place, house axes, world units. The camera's rotation turns them
+        into its axes, then its offset is subtracted.
     camera : Camera
-        Its rotation turns the points into camera axes, then its offset is subtracted.
+        The eye.
     shape : (H, W)
         Size of the picture.
 
@@ -128,17 +128,12 @@ def project(
     given = check.rows_of("points", points, 3)
     view = expect_camera(camera, stretched=True)
     size = check.shape_of("shape", shape)
-    px, depth = seen_at(given @ view.matrix() - np.array(view.offset), view, size)
-    px[depth <= 0.0] = np.nan
-    return px, depth
-
-
-def seen_at(local: Float64, camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
-    """Return the images (n, 2), px, and depths of points from the eye in its axes, (n, 3)."""
-    # Points behind the eye are seen upside down.
+    local = given @ view.matrix() - np.array(view.offset)
     depth = np.ascontiguousarray(local[:, 2])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        px = camera.focals * local[:, :2] / depth[:, None] + np.array(camera.principal(shape))
+        px = view.focals * local[:, :2] / depth[:, None] + np.array(view.principal(size))
+    # Points behind the eye would be seen upside down.
+    px[depth <= 0.0] = np.nan
     return px, depth
 
 
@@ -156,19 +151,17 @@ def image_velocity(
         Depth of each point, world units, positive.
     velocity : (3,)
         Camera minus flake per frame, house axes: falling snow is a camera that rises.
-    camera : Camera
-        The eye.
-    shape : (H, W)
-        Size of the picture.
+    camera, shape
+        As in :func:`project`.
     rotation : (3,)
         Radians per frame in camera axes, right-handed (a pan to the right is +y).
 
     Returns
     -------
     (n, 2) float64
-        Pixels per frame: ``(Tz x - f Tx, Tz y - f Ty) / Z`` (Langer 2004, Eq. 8, without its
-        division by Tz), 0 at the focus of expansion ``f (Tx, Ty) / Tz``, plus the flow of the
-        rotation, which the paper leaves out (``docs/internals/deviations.md``, 17).
+        Pixels per frame: ``(Tz x - f Tx, Tz y - f Ty) / Z`` (Langer 2004, Eq. 8), 0 at the focus of
+        expansion ``f (Tx, Ty) / Tz``, plus the flow of the rotation, which the paper leaves out
+        (``docs/internals/deviations.md``, 17).
     """
     given = check.rows_of("points_px", points_px, 2)
     view = expect_camera(camera, stretched=True)
@@ -178,9 +171,8 @@ def image_velocity(
         raise ValueError(f"depth must be positive, got {distance.min()}")
     omega = check.vector("rotation", rotation, 3)
     # An eye beside the axis of rotation is carried along by it.
-    tx, ty, tz = check.vector("velocity", velocity, 3) @ view.matrix() + np.cross(
-        omega, view.offset
-    )
+    moved = check.vector("velocity", velocity, 3) @ view.matrix()
+    tx, ty, tz = moved + np.cross(omega, view.offset)
     fx, fy = view.focals
     x, y = (given - np.array(view.principal(size))).T
     flow = np.stack([tz * x - fx * tx, tz * y - fy * ty], axis=1)

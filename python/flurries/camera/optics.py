@@ -9,8 +9,6 @@ from typing import Any, NamedTuple
 from flurries._contract import integer, real, suggesting
 from flurries.motion.keys import Number, as_number, value_at
 
-__all__ = ["Lens"]
-
 
 class Blur(NamedTuple):
     """A lens at one time, for a picture of a size."""
@@ -39,9 +37,9 @@ class Lens:
     f_stop : float
         Focal length over the width of the opening. Keyed.
     sensor : float
-        Width of the sensor, metres; it says how long the camera's focal length in pixels is.
+        Width of the sensor, metres: how long the camera's focal length in pixels is.
     blades : int
-        Number of blades of the opening: 5 or more make discs with corners, 0 makes round discs.
+        Of the opening: 5 or more make discs with corners, 0 makes round discs.
     turn : float
         Rotation of the opening, radians.
 

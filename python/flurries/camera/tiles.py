@@ -62,10 +62,9 @@ def tile_shift(
     Returns
     -------
     (rows, cols, 2) float64
-        How far the content of the tile moves, pixels, whatever its depth: at the tile's centre
-        (x, y) from the principal point ``-(f + x^2/f) wy + (x y/f) wx + y wz`` across and
-        ``(f + y^2/f) wx - (x y/f) wy - x wz`` down. The flow that Langer 2004 leaves out
-        (``docs/internals/deviations.md``, 17).
+        How far the content of the tile moves, pixels, whatever its depth, with the tile's centre
+        (x, y) from the principal point: ``-(f + x^2/f) wy + (x y/f) wx + y wz`` across and
+        ``(f + y^2/f) wx - (x y/f) wy - x wz`` down (``docs/internals/deviations.md``, 17).
     """
     view, x, y, result = _asked(shape, camera, tile, overlap, out)
     return shift_at(x, y, check.vector("rotation", rotation, 3), view, result)

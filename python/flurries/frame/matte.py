@@ -120,14 +120,10 @@ class Deep:
 
 @dataclass(frozen=True, eq=False)
 class Front:
-    """All that stands in front of the weather in a frame; without parts, nothing does."""
+    """All that stands in front of the weather in a frame."""
 
     flat: tuple[Matte, ...] = ()  # Those before all weather, back to front.
     deep: Deep | None = None  # Those at a depth.
-
-    @property
-    def bare(self) -> bool:
-        return not self.flat and self.deep is None
 
     @property
     def cover(self) -> Array | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -24,22 +24,23 @@ def images(
 ) -> list[Array]:
     """Return the picture of a window for each eye; None is the path's own camera."""
     with current.get().stage("background"):
-        plate = crop(program.backdrop.frame(t), window)
+        plate = program.backdrop.frame(t)
+        plate = plate if window == program.base.window else crop(plate, window)
     cameras = tuple([program.camera(eye, t) for eye in eyes])
     # Where none of the weather can be seen, none is made.
     front = program.front(t)
-    inner = program.open_part(window, front)
-    mix, front = program.mix(plate), front.window(window)
+    inner, mix = program.open_part(window, front), program.mix(plate)
     asked = [
         [] if inner is None else program.asks(t, camera, inner, shown_type(plate))
         for camera in cameras
     ]
     # One where no more than the result is held then.
-    plain = not asked[0] and front.bare and mix.same
+    plain = not asked[0] and front is None and mix.same
     bands = [window] if plain else bands_of(window)
     if inner is not None and (len(eyes) > 1 or len(bands) > 1):
         shared = Shared(cameras, inner, len(bands))
         asked = [[ask.derive(shared=shared) for ask in asks] for asks in asked]
+    front = front and front.window(window)
     pictures = [Picture(asks, mix, plate, front, window, inner) for asks in asked]
     if len(bands) == 1:
         return [picture.compose(window, None) for picture in pictures]
@@ -64,7 +65,7 @@ class Picture:
     asks: list[Ask]  # The effects that lie over the background, back to front.
     mix: Mix
     plate: Array  # The background's window, and that of what stands in front.
-    front: Front
+    front: Front | None
     window: Window
     inner: Window | None  # The part in which the weather can be seen.
     shown: list[Layer] | None = None  # What lay over the background, if asked for.
@@ -73,69 +74,71 @@ class Picture:
 
     def compose(self, band: Window, into: Array | None) -> Array:
         """Return the composite of a band, written to `into` where that is given."""
-        mix, place, stage = self.mix, within(band, self.window), current.get().stage
-        plate, front = crop(self.plate, place), self.front.window(place)
-        part = common(band, self.inner) if self.asks and self.inner else None
-        layers: Iterable[tuple[Layer, bool]] = () if part is None else self._layers(part)
-        open_whole = front.bare and part == band
+        mix, plate, front, part = self.mix, self.plate, self.front, self.inner
+        stage, ready = current.get().stage, None
+        if band != self.window:
+            place = within(band, self.window)
+            plate, front = crop(plate, place), front and front.window(place)
+            part = part and common(band, part)
+        part = part if self.asks else None
         # Only what is lit by places may go over bytes at once: else its layer waits in memory.
-        if open_whole and len(self.asks) == 1 and _by_places(self.asks[0]) and mix.bytes_of(plate):
-            layers = list(layers)
-            if len(layers) == 1 and layers[0][0].shade is not None:
+        lit = [bool(ask.frame.lights) or "plate" in ask.needs.reads for ask in self.asks]
+        if part is not None and front is None and lit == [True] and mix.bytes_of(plate):
+            ready = self._layers(0, part)
+            if len(ready) == 1 and ready[0].shade is not None:
                 with stage("composite"):
-                    done = mix.in_bytes(layers[0][0], plate, into)
+                    done = mix.in_bytes(ready[0], plate, into)
                 if self.shown is not None:
-                    self.shown.append(layers[0][0])
+                    self.shown.append(ready[0])
                 return done
         with stage("composite"):
-            light = front.behind(mix.decode(plate), linear=mix.linear)
+            light = mix.decode(plate)
+        if front is None:
+            # The last layer lies over the rest in the frame itself.
+            if part is not None:
+                light = self._over(part, light, None, into if mix.same else None, ready)
+            with stage("composite"):
+                return mix.encode(light, plate, into)
+        light = front.behind(light, linear=mix.linear)
         if part is not None:
             inside = within(part, band)
             cover = None if front.cover is None else crop(front.cover, inside)
-            under = np.ascontiguousarray(crop(light, inside))
-            # The last layer lies over the rest in the frame itself.
-            over = self._over(layers, under, cover, into if open_whole and mix.same else None)
-            if part != band:
-                light = light if light.flags.writeable else light.copy()
-                crop(light, inside)[...] = over
-            else:
-                light = over
+            over = self._over(part, np.ascontiguousarray(crop(light, inside)), cover, None)
+            light = light if light.flags.writeable else light.copy()
+            crop(light, inside)[...] = over
         with stage("composite"):
             return mix.encode(front.over(light, linear=mix.linear), plate, into)
 
     def _over(
-        self, layers: Iterable[tuple[Layer, bool]], over: Array, cover: Array | None,
-        into: Array | None,
+        self, part: Window, over: Array, cover: Array | None, into: Array | None,
+        ready: tuple[Layer, ...] | None = None,
     ) -> Array:  # fmt: skip
         """Return all layers over what lies behind them, the last one in `into` if given."""
-        for layer, last in layers:
-            with current.get().stage("composite"):
-                shown = layer if cover is None else behind(layer, cover)
-                if self.shown is not None:
-                    self.shown.append(shown)
-                over = self.mix.over(over, shown, into if last else None)
+        # `ready` are the layers of the only effect, if they are made.
+        for number in range(len(self.asks)):
+            layers = ready or self._layers(number, part)
+            for place, layer in enumerate(layers, 1):
+                last = number + 1 == len(self.asks) and place == len(layers)
+                with current.get().stage("composite"):
+                    shown = layer if cover is None else behind(layer, cover)
+                    if self.shown is not None:
+                        self.shown.append(shown)
+                    over = self.mix.over(over, shown, into if last else None)
         return over
 
-    def _layers(self, part: Window) -> Iterator[tuple[Layer, bool]]:
-        """Yield the layers of a part, drawn when they are asked for, and whether it is the last."""
-        for number, ask in enumerate(self.asks):
-            frame, layers = ask.frame, self._drawn.get(number)
-            if ask.needs.by_rows and part != frame.window:
-                frame = frame.derive(window=part)
-            if layers is None:
-                with current.get().of_effect(ask.part.place):
-                    layers = draw(ask.part.renderer, frame)
-            if part != frame.window:
-                self._drawn[number] = layers
-                place = within(part, frame.window)
-                layers = tuple(_cut(layer, place) for layer in layers)
-            for last, layer in enumerate(layers, 1 - len(layers)):
-                yield layer, last == 0 and number + 1 == len(self.asks)
-
-
-def _by_places(ask: Ask) -> bool:
-    """Whether the light on an effect differs over the frame."""
-    return "plate" in ask.needs.reads or bool(ask.frame.lights)
+    def _layers(self, number: int, part: Window) -> tuple[Layer, ...]:
+        """Return an effect's layers of a part."""
+        ask = self.asks[number]
+        frame, layers = ask.frame, self._drawn.get(number)
+        if ask.needs.by_rows and part != frame.window:
+            frame = frame.derive(window=part)
+        if layers is None:
+            with current.get().of_effect(ask.part.place):
+                layers = draw(ask.part.renderer, frame)
+        if part == frame.window:
+            return layers
+        self._drawn[number] = layers
+        return tuple(_cut(layer, within(part, frame.window)) for layer in layers)
 
 
 def _cut(layer: Layer, place: Window) -> Layer:

@@ -132,12 +132,13 @@ class Program:
         if "depth" in reads:
             depth, edges = self.depth_at(t), self.distance and self.distance.edges(t)
             depth = edges.back if edges else depth
-            nearer = [deep for deep in (edges and edges.front, front.deep) if deep is not None]
-            given["depth"] = {"depth": depth, "nearer": tuple(nearer)}
+            nearer = edges and edges.front, front and front.deep
+            given["depth"] = {"depth": depth, "nearer": tuple(d for d in nearer if d is not None)}
         if "ambient" in reads:
             given["ambient"] = {"ambient": self._ambient(t)}
         if "plate" in reads:
             given["plate"] = {"plate": self._plate(t, depth)}
+        visible = None if front is None or dtype is None else front.visible
         airs = [air_of(part.renderer, t) if base.lights else 0.0 for part, _ in runs]
         found = []
         for number, (part, needs) in enumerate(runs):
@@ -146,7 +147,7 @@ class Program:
                 seed=part.seed,
                 air=(sum(airs), sum(airs[:number])),
                 steps={step.name: step for step in needs.steps},
-                visible=None if dtype is None else front.visible,
+                visible=visible,
                 whole=dtype is None,
                 **read_by,
             )
@@ -174,15 +175,16 @@ class Program:
                 total += change
         return shown
 
-    def front(self, t: float) -> Front:
-        found: Front = Front() if self.mattes is None else self.mattes.frame(t)
+    def front(self, t: float) -> Front | None:
+        found: Front | None = self.mattes and self.mattes.frame(t)
         return found
 
-    def open_part(self, window: Window, front: Front) -> Window | None:
+    def open_part(self, window: Window, front: Front | None) -> Window | None:
         """Return the part of a window in which the weather can be seen at all."""
         if not self.parts:
             return None
-        return window if front.visible is None else front.visible.within(window)
+        visible = None if front is None else front.visible
+        return window if visible is None else visible.within(window)
 
     def depth_at(self, t: float) -> Array | None:
         """Return the background's depth at `t`, (H, W) float32, or None."""

@@ -135,8 +135,10 @@ def _truth(
     program: Program, t: float, camera: Camera, window: Window, shared: Shared, known: bool
 ) -> Rendered:
     with current.get().stage("background"):
-        plate = crop(program.backdrop.frame(t), window)
-    front, mix = program.front(t).window(window), program.mix(plate)
+        plate = program.backdrop.frame(t)
+        plate = plate if window == program.base.window else crop(plate, window)
+    front, mix = program.front(t), program.mix(plate)
+    front = front and front.window(window)
     asks = program.asks(t, camera, window, None)
     asks = [ask.derive(shared=shared, whole=known) for ask in asks]
     parts: list[Layer] = []
@@ -153,7 +155,7 @@ def _truth(
     most = _most(alphas)
     depth = None if program.distance is None else program.depth_at(t)
     behind = mix.plate(plate)
-    if front.deep is not None:
+    if front is not None and front.deep is not None:
         # What stands in the weather is a part of the background.
         behind = to_single(to_unit(front.behind(mix.decode(plate), linear=mix.linear)))
     return Rendered(
@@ -165,7 +167,7 @@ def _truth(
         backward=_chosen([part.backward for part in parts], most, 0.0),
         weather_depth=_chosen([part.depth for part in parts], most, np.inf),
         background=behind,
-        foreground=front.rgba(linear=mix.linear),
+        foreground=None if front is None else front.rgba(linear=mix.linear),
         linear=mix.linear,
     )
 

@@ -144,8 +144,8 @@ class Frame:
         """Return this view with other values, which `replace` does at ten times the cost."""
         made = object.__new__(Frame)
         made.__dict__.update(self.__dict__, **changes)
-        made.__dict__.pop("blur", None)
-        made.__dict__.pop("size", None)
+        for found in ("blur", "size"):
+            made.__dict__.pop(found, None)
         return made
 
     def run(
@@ -168,7 +168,7 @@ class Frame:
     def standing(self, owner: object, key: Hashable, make: Callable[[], _Made]) -> _Made:
         """Return what is made of the depth over the window and a key; of one that stays, once."""
         # A frame in bands makes it anew: it would be as large as many of its bands.
-        if self.banded:
+        if self.shared is not None and self.shared.bands > 1:
             return make()
         if self.kept is None:
             return self.once(owner, key, make, depth=True)
@@ -204,11 +204,6 @@ class Frame:
     @property
     def eye(self) -> int:
         return int(self.shared is not None and self.camera != self.shared.cameras[0])
-
-    @property
-    def banded(self) -> bool:
-        """Whether the window is one of several bands of rows, which come from the top down."""
-        return self.shared is not None and self.shared.bands > 1
 
     @cached_property
     def size(self) -> tuple[int, int]:

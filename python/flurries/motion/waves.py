@@ -85,8 +85,9 @@ def strongest(field: Float64, spacing: float, duration: float, modes: int) -> Wa
     # What is the same everywhere and always belongs to the mean.
     a[0] = 0.0
     power = np.sum(np.abs(a) ** 2, axis=1)
-    # Of a wave and its mirror one is kept, twice as strong.
-    mirror = _mirror(count)
+    # Of a wave and its mirror, the bin -k, one is kept, twice as strong.
+    grids = np.meshgrid(*[(-np.arange(n)) % n for n in count], indexing="ij")
+    mirror = np.ravel_multi_index([g.ravel() for g in grids], count)
     a = np.where((mirror == np.arange(len(power)))[:, None], a, 2.0 * a)
     order = [i for i in np.argsort(-power, kind="stable") if i <= mirror[i] and power[i] > 0.0]
     chosen = np.array(order[:modes], dtype=np.intp)
@@ -94,12 +95,6 @@ def strongest(field: Float64, spacing: float, duration: float, modes: int) -> Wa
     speed = math.sqrt(0.5 * float(np.sum(np.abs(a[chosen]) ** 2)))
     own = speed * np.linalg.norm(k[chosen], axis=1)
     return Waves(k[chosen], omega[chosen], a[chosen], own)
-
-
-def _mirror(count: tuple[int, ...]) -> npt.NDArray[np.intp]:
-    """Return the flat index of the bin -k of every bin."""
-    grids = np.meshgrid(*[(-np.arange(n)) % n for n in count], indexing="ij")
-    return np.asarray(np.ravel_multi_index([g.ravel() for g in grids], count))
 
 
 @kept(32)

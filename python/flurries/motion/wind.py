@@ -39,10 +39,9 @@ class Wind:
     ----------
     mean : (x, y, z) or Keys
         Mean velocity, metres per second, house axes: x right, y down, z away.
-    gusts : float
-        Speed (root mean square) of large waves that travel with the mean wind, metres per second.
-    swirl : float
-        Speed (root mean square) of small eddies, metres per second.
+    gusts, swirl : float
+        Speeds (root mean square) of large waves that travel with the mean wind, and of small
+        eddies, metres per second.
     scale : float
         Size of the largest eddies, metres; the smallest have a quarter, gusts are 2 to 8 times it.
     profile : sequence of (depth, value) or Keys, optional
@@ -51,23 +50,21 @@ class Wind:
         across the view counts, and the camera must not turn.
     field : (nz, ny, nx, 3) or (nt, nz, ny, nx, 3) array, optional
         A velocity field of your own, metres per second, house axes, added to the rest: samples of
-        one period in space (and time), of which the strongest `modes` waves are kept.
-    spacing : float
-        Metres between samples of `field`.
-    duration : float
-        Period of `field` in time, seconds.
+        one period in space (and time).
+    spacing, duration : float
+        Metres between samples of `field`, and its period in time, seconds.
     modes : int
-        How many waves of `field` are kept.
+        How many waves of `field` are kept, the strongest.
     seed : int, optional
-        Seed of gusts and swirls; with the same seed all effects share the same air.
+        Of gusts and swirls; with the same seed all effects share the same air.
 
     Notes
     -----
     Langer 2004, section 8, asks for such winds. A `field` that never changes carries what falls
     straight through its columns ever further; give it a period in time, or a mean. Gusts and swirls
     have no divergence; they displace a flake by a bounded way in a mean wind that does not change,
-    since they ride on it and drift upwards in it while what falls does not. A flake feels the wind
-    of the place where it would be without them: see ``docs/internals/deviations.md``.
+    since they drift upwards in it while what falls does not. A flake feels the wind of the place
+    where it would be without them: see ``docs/internals/deviations.md``.
 
     Examples
     --------
@@ -144,19 +141,10 @@ class Wind:
         return tuple(np.add(self.mean, own).tolist())
 
     def velocity(self, points: npt.ArrayLike, seconds: float) -> Float64:
-        """Return the air's velocity at places of the house axes, without the profile.
+        """Return the air's velocity (n, 3) at places (n, 3) of the house axes, without the profile.
 
-        Parameters
-        ----------
-        points : (n, 3)
-            Metres.
-        seconds : float
-            Since frame 0; a keyed `mean` counts in frames and is taken at frame 0.
-
-        Returns
-        -------
-        (n, 3) float64
-            Metres per second.
+        Metres, metres per second, and `seconds` since frame 0; a keyed `mean` counts in frames and
+        is taken at frame 0.
         """
         at = rows_of("points", points, 3)
         steady = self.steady
@@ -196,8 +184,7 @@ def _profile(given: Any) -> Keys:
 
 def _waves_of(wind: Wind) -> Waves | None:
     """Return the waves of gusts, swirls and a field together."""
-    parts = []
-    mean = wind.steady
+    parts, mean = [], wind.steady
     if isinstance(mean, Keys):
         mean = tuple(np.mean([value for _, value in mean.keys], axis=0))
     gusts, swirls = (GUST_LENGTHS, GUST_TURNOVER), (SWIRL_LENGTHS, SWIRL_TURNOVER)

@@ -15,7 +15,6 @@ from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.effects.color import LOCAL
 from flurries.effects.texture import Texture
-from flurries.frame.bands import whole
 from flurries.frame.needs import renderer_of
 from flurries.frame.picture import images
 from flurries.frame.program import Program
@@ -219,7 +218,8 @@ class Rendering(Sources):
         for eye in views:
             if eye is not None and not isinstance(eye, Camera):
                 raise TypeError(f"eye must be a Camera, got {eye!r}")
-        window = whole(self.shape) if region is None else parse_region(region, self.shape)
+        window = self._program.base.window
+        window = window if region is None else parse_region(region, self.shape)
         time = self._time_of(t)
         if self.camera.extend == "stop":
             self._require([math.floor(time)], gaps=False)

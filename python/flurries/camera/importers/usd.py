@@ -33,13 +33,14 @@ _FITS = 0.005
 
 MOST_SAMPLES = 100_000
 
-_LENS = (
-    *("focalLength", "horizontalAperture", "verticalAperture"),
-    *("horizontalApertureOffset", "verticalApertureOffset"),
-)
+_SIDES = ("horizontalAperture", "verticalAperture")
+_LENS = ("focalLength", *_SIDES, *(f"{side}Offset" for side in _SIDES))
 
 # Bytes of addresses while a stage is opened, beside its own: a damaged one may ask for all.
 _MOST_MEMORY = 1 << 32
+
+# Of a stage that is whole and has no camera for us: the other process hands on Python's own alone.
+Refused = LookupError
 
 
 def read_usd(
@@ -65,14 +66,17 @@ def read_usd(
     try:
         with closing(Remote(file, "read", Stage)) as stage:
             times, places, turns, lenses = stage.call("camera", file, prim)
-        lens, focal = _lens(file, lenses, size, given)
-        if not len(times):
-            return CameraPath(lens, position=scale * places, orientation=turns)
-        return path_of(times, places, turns, lens, focal, scale)
+        lens, focal, note = _lens(lenses, size, given)
     except Exception as error:
-        if isinstance(error, (ValueError, OSError)) and str(file) in str(error):
+        if isinstance(error, OSError) and str(file) in str(error):
             raise
-        raise ValueError(f"{file}: no USD stage, or a damaged one") from None
+        said = error if type(error) is Refused else "no USD stage, or a damaged one"
+        raise ValueError(f"{file}: {said}") from None
+    if note:
+        warnings.warn(f"{file}: {note}", UserWarning, stacklevel=2)
+    if not len(times):
+        return CameraPath(lens, position=scale * places, orientation=turns)
+    return path_of(times, places, turns, lens, focal, scale)
 
 
 class Stage:
@@ -85,20 +89,23 @@ class Stage:
         Gf, _, Usd, UsdGeom, _ = require_usd()
         with _bounded(_MOST_MEMORY + 4 * file.stat().st_size):
             stage = Usd.Stage.Open(str(file))
-        if stage is None:
-            raise ValueError(f"{file}: no USD stage")
-        found = _camera_of(file, stage, UsdGeom, prim)
-        times = _times(file, found.GetPrim(), Usd, UsdGeom)
+        cameras = {str(one.GetPath()): one for one in stage.Traverse() if one.IsA(UsdGeom.Camera)}
+        names = ", ".join(cameras) or "none"
+        if prim is not None and prim not in cameras:
+            raise Refused(f"prim {prim!r} is no camera of the stage; it has {names}")
+        if prim is None and len(cameras) != 1:
+            raise Refused(f"one camera is wanted, as {file.name}:/its/path; it has {names}")
+        chosen = cameras[prim or names]
+        times, found = _times(chosen, UsdGeom), UsdGeom.Camera(chosen)
         unit = UsdGeom.GetStageMetersPerUnit(stage)
         world = AXES[str(UsdGeom.GetStageUpAxis(stage))]
         turns, places, lenses = [], [], []
         for time in times or [Usd.TimeCode.Default()]:
             seen = found.GetCamera(time)
             if seen.projection != Gf.Camera.Perspective:
-                where = f"{file}: {found.GetPath()}"
-                raise ValueError(f"{where} is orthographic, and depth is none in it")
+                raise Refused(f"{chosen.GetPath()} is orthographic, and depth is none in it")
             matrix = np.array(seen.transform).T
-            turns.append(world @ _rotation(file, matrix[:3, :3]) @ FLIP)
+            turns.append(world @ _rotation(matrix[:3, :3]) @ FLIP)
             places.append(unit * (world @ matrix[:3, 3]))
             lenses.append([getattr(seen, name) for name in _LENS])
         return np.array(times), np.array(places), np.array(turns), np.array(lenses)
@@ -120,82 +127,60 @@ def _bounded(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, before)
 
 
-def _camera_of(file: Path, stage: Any, UsdGeom: Any, prim: str | None) -> Any:
-    """Return the stage's camera by its path, or its only one."""
-    cameras = [UsdGeom.Camera(one) for one in stage.Traverse() if one.IsA(UsdGeom.Camera)]
-    names = ", ".join(str(one.GetPath()) for one in cameras) or "none"
-    if prim is not None:
-        chosen = [one for one in cameras if str(one.GetPath()) == prim]
-        if not chosen:
-            raise ValueError(f"{file}: prim {prim!r} is no camera of the stage; it has {names}")
-        return chosen[0]
-    if len(cameras) != 1:
-        raise ValueError(f"{file}: one camera is wanted, as {file.name}:/its/path; it has {names}")
-    return cameras[0]
-
-
-def _times(file: Path, prim: Any, Usd: Any, UsdGeom: Any) -> list[float]:
+def _times(prim: Any, UsdGeom: Any) -> list[float]:
     """Return the times of a camera's samples and the frames between them; none if it is still."""
-    found: set[float] = set()
-    at = prim
-    while at and not at.IsPseudoRoot():
-        if at.IsA(UsdGeom.Xformable):
-            found.update(UsdGeom.Xformable(at).GetTimeSamples())
-        at = at.GetParent()
-    for name in _LENS:
-        found.update(prim.GetAttribute(name).GetTimeSamples())
+    found = {time for name in _LENS for time in prim.GetAttribute(name).GetTimeSamples()}
+    while prim and not prim.IsPseudoRoot():
+        if prim.IsA(UsdGeom.Xformable):
+            found.update(UsdGeom.Xformable(prim).GetTimeSamples())
+        prim = prim.GetParent()
     if not found:
         return []
     first, last = math.ceil(min(found)), math.floor(max(found))
     if last - first + len(found) > MOST_SAMPLES:
-        raise ValueError(f"{file}: frames {first} to {last} are too many for one camera")
+        raise Refused(f"frames {first} to {last} are too many for one camera")
     return sorted(found | set(map(float, range(first, last + 1))))
 
 
-def _rotation(file: Path, matrix: Float64) -> Float64:
+def _rotation(matrix: Float64) -> Float64:
     """Return the rotation of a matrix without its scale."""
     lengths = np.linalg.norm(matrix, axis=0)
     if not np.isfinite(lengths).all() or lengths.min() == 0.0:
-        raise ValueError(f"{file}: the camera's matrix is no rotation")
+        raise Refused("the camera's matrix is no rotation")
     turn: Float64 = matrix / lengths
     if np.abs(turn.T @ turn - np.eye(3)).max() > 1e-4 or np.linalg.det(turn) < 0.0:
-        raise ValueError(f"{file}: the camera's matrix shears or mirrors")
+        raise Refused("the camera's matrix shears or mirrors")
     # The nearest rotation: values of a file are rounded.
     left, _, right = np.linalg.svd(turn)
     return np.asarray(left @ right)
 
 
 def _lens(
-    file: Path, rows: Float64, shape: tuple[int, int], given: Camera | None
-) -> tuple[Camera, Float64]:
-    """Return the lens at the first time and the focal lengths in pixels of all."""
-    height, width = shape
+    rows: Float64, shape: tuple[int, int], given: Camera | None
+) -> tuple[Camera, Float64, str]:
+    """Return the lens at the first time, the focal lengths in pixels of all, and a warning."""
+    (height, width), note = shape, ""
     length, across, down, right, up = rows.T
     if rows[:, :3].min() <= 0.0 or not np.isfinite(rows).all():
-        raise ValueError(f"{file}: focal lengths and apertures must be positive")
-    focal = width * length / across
+        raise Refused("focal lengths and apertures must be positive")
     ratio = height * across / (width * down)
     plate = 1.0 if given is None else given.aspect
     # Apertures that are edges of a picture with square pixels or the plate's own, to their bits.
     aspect = next((one for one in (plate, 1.0) if np.abs(ratio / one - 1.0).max() < _SAME), None)
     if aspect is None:
-        if given is None or np.abs(ratio / plate - 1.0).max() < _FITS:
-            aspect = float(ratio[0])
-        else:
+        aspect = float(ratio[0])
+        if given is not None and np.abs(ratio / plate - 1.0).max() >= _FITS:
             aspect = plate
-            warnings.warn(
-                f"{file}: apertures of {across[0]:.4g} x {down[0]:.4g} are of another shape than "
-                f"the picture of {width} x {height} px; the width counts",
-                UserWarning,
-                stacklevel=3,
+            note = (
+                f"apertures of {across[0]:.4g} x {down[0]:.4g} are of another shape than the "
+                f"picture of {width} x {height} px; the width counts"
             )
         if np.ptp(ratio) > _SAME * aspect:
-            raise ValueError(f"{file}: the pixel aspect of a camera must not change")
+            raise Refused("the pixel aspect of a camera must not change")
     x = width * (0.5 - right / across)
     y = 0.5 * height + aspect * width * up / across
-    if max(np.ptp(x), np.ptp(y)) > 1e-3:
-        raise ValueError(
-            f"{file}: a camera's principal point must not change; it moves by "
-            f"{max(np.ptp(x), np.ptp(y)):.3g} px"
-        )
-    return Camera(float(focal[0]), center=(float(x[0]), float(y[0])), aspect=aspect), focal
+    moves = max(np.ptp(x), np.ptp(y))
+    if moves > 1e-3:
+        raise Refused(f"a camera's principal point must not change; it moves by {moves:.3g} px")
+    focal = width * length / across
+    return Camera(float(focal[0]), center=(float(x[0]), float(y[0])), aspect=aspect), focal, note
