@@ -16,8 +16,11 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from typing import TypeVar
 
 from flurries._contract import _came, integer
+
+_Kind = TypeVar("_Kind")
 
 _BLOCK = 1 << 20
 
@@ -55,15 +58,6 @@ class Budget:
         integer("pixels", self.pixels, low=1, high=2**62)
         integer("bytes", self.bytes, low=1, high=2**62)
 
-    @staticmethod
-    def of(budget: object) -> Budget:
-        """Return the budget that a reader is given, or the usual one."""
-        if budget is None:
-            return Budget()
-        if not isinstance(budget, Budget):
-            raise TypeError(f"budget must be a flurries.io.Budget, got {_came(budget)}")
-        return budget
-
     def admit(self, path: Path, size: tuple[int, int], pixel_bytes: int) -> None:
         """Raise OSError if a picture of (width, height) with so many bytes a pixel is too large."""
         width, height = size
@@ -81,6 +75,15 @@ class Budget:
                 f"{claims} of {pixel_bytes} bytes, {needed} in all and more than the {self.bytes} "
                 f"that are allowed; {_BYTES_VARIABLE} raises the limit"
             )
+
+
+def given(name: str, value: object, kind: type[_Kind]) -> _Kind:
+    """Return an argument that must be of a class; the class's usual object for None."""
+    if value is None:
+        return kind()
+    if not isinstance(value, kind):
+        raise TypeError(f"{name} must be a flurries.io {kind.__name__}, got {_came(value)}")
+    return value
 
 
 def path_text(name: str, path: str | os.PathLike[str]) -> str:

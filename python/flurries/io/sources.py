@@ -17,7 +17,7 @@ from weakref import WeakSet
 from flurries._contract import choice, suggestion
 from flurries._kept import Kept
 from flurries.io.color import Array, Encoding
-from flurries.io.files import Budget, path_text, plain_file
+from flurries.io.files import Budget, given, path_text, plain_file
 from flurries.io.films.process import Remote
 from flurries.io.films.reader import READABLE, Decoder, check_structure, require_library
 from flurries.io.layers.cryptomatte import read_matte, split_names, things_of
@@ -221,7 +221,7 @@ class VideoSource(Source):
         require_library()
         path = plain_file(spec)
         super().__init__(str(path), damaged)
-        self.budget = Budget.of(budget)
+        self.budget = given("budget", budget, Budget)
         check_structure(path)
         # Its process has decoded the first frame by then.
         self.fps, self.count, self.size, self.tags, self.sound = self._ask("facts")
@@ -276,8 +276,7 @@ def open_background(
         As `read_picture`; for each frame, and of pictures alone.
     """
     choice("damaged", damaged, ("stop", "hold"))
-    if budget is not None:
-        Budget.of(budget)
+    given("budget", budget, Budget)
     path = _place("background", spec)
     if path.suffix.lower() not in READABLE or _is_pattern(path):
         read = partial(read_picture, budget=budget, overscan=overscan)

@@ -19,7 +19,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from flurries.io.color import Array
-from flurries.io.files import Budget
+from flurries.io.files import Budget, given
 from flurries.io.timecode import TimeCode
 
 READABLE = (
@@ -113,7 +113,7 @@ def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
         if not container.streams.video:
             raise ValueError(f"{path}: the file holds no video")
         stream = container.streams.video[0]
-        context, limits = stream.codec_context, Budget.of(budget)
+        context, limits = stream.codec_context, given("budget", budget, Budget)
         if context is None:
             raise OSError(f"{path}: the video is damaged, or of a codec that is not known")
         # One thread: renderers have the others.

@@ -22,6 +22,7 @@ from flurries import _core
 from flurries._contract import choice
 from flurries.io.atomic import replacing
 from flurries.io.color import Array
+from flurries.io.files import given
 from flurries.io.films.codecs import QUALITIES, Encoder, encoder_for, frame_rate
 from flurries.io.films.process import Remote
 from flurries.io.films.reader import SCALING, UNSPECIFIED, Tags, check_structure, require_library
@@ -115,22 +116,17 @@ class VideoWriter:
         choice("quality", quality, QUALITIES)
         self.size, self.fps = checked_size(size, 16384), frame_rate(fps)
         encoder = encoder_for(suffix, quality, self.size, codec, bits, alpha=alpha)
-        if tags is not None and not isinstance(tags, Tags):
-            raise TypeError(f"tags must be Tags, got {type(tags).__name__}")
+        self.bits = encoder.bits
         most = _THREADS[0] if _core.reproducible() else _THREADS[1]
         self.plan = Plan(
             self.path, self.size, self.fps, encoder, min(max(_core.threads(), _THREADS[0]), most),
-            _completed(tags or Tags(), encoder), sound, comment, 4 if alpha else 3,
+            _completed(given("tags", tags, Tags), encoder), sound, comment, 4 if alpha else 3,
         )  # fmt: skip
         if suffix == ".mkv" and self.plan.tags.aspect != 1:
             raise ValueError(f"{self.path}: a .mkv does not keep pixels that are not square")
         self.count = 0
         self._files: ExitStack | None = None
         self._film: Remote | None = None
-
-    @property
-    def bits(self) -> int:
-        return self.plan.codec.bits
 
     def __enter__(self) -> VideoWriter:
         if self._files is not None:

@@ -12,6 +12,7 @@ import numpy as np
 from flurries._contract import rectangular
 from flurries.io.atomic import replacing
 from flurries.io.color import Array
+from flurries.io.files import given
 from flurries.io.layers.planes import require_exr
 from flurries.io.oiio import openimageio
 from flurries.io.pictures.header import opened_picture
@@ -75,7 +76,7 @@ def write_deep(
     require_exr(path, "deep samples")
     if not isinstance(deep, Deep):
         raise TypeError(f"deep must be a Deep, got {deep!r:.80}")
-    strings, said = checked_metadata(metadata), Slate.of(slate)
+    strings, said = checked_metadata(metadata), given("slate", slate, Slate)
     library, target = openimageio(), os.fspath(path)
     height, width = deep.counts.shape
     kinds = [library.TypeDesc("half" if half else "float")] * 4 + [library.TypeDesc("float")] * 2

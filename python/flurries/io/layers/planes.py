@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from flurries._contract import mapping
 from flurries.io.color import Array, to_half, to_single
-from flurries.io.files import Budget
+from flurries.io.files import Budget, given
 from flurries.io.oiio import openimageio
 from flurries.io.pictures.header import Opened, opened_picture
 from flurries.io.pictures.slate import Slate, checked_metadata
@@ -92,7 +92,7 @@ def _write(
     metadata: Mapping[str, object] | None, slate: Slate | None,
 ) -> None:  # fmt: skip
     """Write a part for each view; one without a name is not marked."""
-    strings, said = checked_metadata(metadata), Slate.of(slate)
+    strings, said = checked_metadata(metadata), given("slate", slate, Slate)
     parts = []
     for name, layers in views.items():
         parts.append(part := _part_of(layers, half))

@@ -87,15 +87,6 @@ class Slate:
     crop: tuple[slice, slice] | None = None
     video: tuple[str, str] = ("Unspecified video", "ITU-R 709-4")
 
-    @staticmethod
-    def of(slate: object) -> Slate:
-        """Return a slate that a writer is given, or one that says nothing."""
-        if slate is None:
-            return Slate()
-        if not isinstance(slate, Slate):
-            raise TypeError(f"slate must be a flurries.io.Slate, got {type(slate).__name__}")
-        return slate
-
     def value(self, name: str) -> Any:
         return next((value for known, _, value in self.attributes if known == name), None)
 
@@ -163,11 +154,6 @@ class Slate:
                 left, top, width, height = self.display
                 specification.full_x, specification.full_y = left, top
                 specification.full_width, specification.full_height = width, height
-
-    @property
-    def profile(self) -> bytes | None:
-        value = self.value("ICCProfile")
-        return None if value is None or not self.colored else bytes(value)
 
 
 def read_slate(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Slate:

@@ -35,7 +35,7 @@ from flurries.io.color import (
     to_single,
     to_unit,
 )
-from flurries.io.files import Budget
+from flurries.io.files import Budget, given
 from flurries.io.oiio import last_error, openimageio, packing_threads
 from flurries.io.pictures.header import opened_picture
 from flurries.io.pictures.slate import Slate, checked_metadata, description
@@ -156,7 +156,7 @@ def write_picture(
         What the plate that it was made of says of itself, see :func:`read_slate`.
     """
     form = format_of(path)
-    strings, said = checked_metadata(metadata), Slate.of(slate)
+    strings, said = checked_metadata(metadata), given("slate", slate, Slate)
     color, opacity = _checked_pixels(pixels, alpha)
     encoding = encoding_of(encoding, color)
     if premultiplied is None:
@@ -240,10 +240,15 @@ def _encode_jpeg(pixels: Array, quality: int, strings: Mapping[str, str], slate:
     if (turned := slate.value("Orientation") or 1) != 1:
         tags[_ORIENTATION] = turned
     tags[_SOFTWARE], tags[_MOMENT] = "flurries", strings["DateTime"]
-    profile = slate.profile if slate.encoding == "display" else None
+    profile = slate.value("ICCProfile") if slate.colored and slate.encoding == "display" else None
     buffer = io.BytesIO()
     image.save(
-        buffer, "JPEG", quality=quality, subsampling=0, exif=tags.tobytes(), icc_profile=profile
+        buffer,
+        "JPEG",
+        quality=quality,
+        subsampling=0,
+        exif=tags.tobytes(),
+        icc_profile=profile and bytes(profile),
     )
     return buffer.getvalue()
 
