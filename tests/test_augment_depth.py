@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.augment import Fog, Ground, Snowfall, Weathered, occlusion
+from flurries.augment import Fog, Ground, Snowfall, occlusion
 from test_augment import DTYPES, EACH, KINDS, PICTURE
 
 
@@ -174,7 +174,6 @@ def test_labels_come_along(kind: str):
     seen = KINDS[kind](severity=5, seed=1, **sharp).apply(
         np.zeros(shape), index=0, boxes=boxes, masks=masks, depth=depth, flow=flow, motion=True
     )
-    assert isinstance(seen, Weathered)
     assert seen.boxes is boxes and seen.masks is masks
     assert np.array_equal(flow, kept[0]) and np.array_equal(depth, kept[1])
     assert seen.occlusion == pytest.approx([seen.alpha[2:40, 1:30].mean()], rel=1e-6)

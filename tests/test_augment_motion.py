@@ -69,16 +69,6 @@ def test_slices_carried_by_their_own_motions_are_the_next_frame(
     assert found[0] >= 0.8 > 0.6 > found[1], found
 
 
-def test_weather_drawn_anew_for_each_frame_does_not_move():
-    # What the usual libraries do to a clip.
-    rain = fl.augment.Rainfall(severity=3, seed=5)
-    picture = np.zeros((512, 512), np.uint8)
-    now = rain.apply(picture, index=0, motion=True)
-    then = rain.apply(picture, index=1)
-    carried, there = moved(now.alpha.astype(np.float64) - now.alpha.min(), now.motion)
-    assert abs(np.corrcoef(carried[there], then.alpha[there])[0, 1]) < 0.1
-
-
 @pytest.mark.parametrize("kind", ["Snowfall", "Rainfall"])
 def test_vectors_are_focal_over_depth(kind: str):
     """At every flake that hides what is behind it: its own exact motion, by finite differences."""

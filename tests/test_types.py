@@ -95,6 +95,7 @@ def test_help_of_an_effect_shows_fields_and_what_users_call(kind: type[Any]):
     (lambda: fl.Scene(efects=()), "Scene has no 'efects'; did you mean 'effects'?"),
     (lambda: fl.Camera(foccal=3.0), "Camera has no 'foccal'; did you mean 'focal'?"),
     (lambda: fl.CameraPath(velocty=3.0), "CameraPath has no 'velocty'; did you mean 'velocity'?"),
+    (lambda: fl.augment.Fog(patchs=0.1), "Fog has no 'patchs'; did you mean 'patches'?"),
     (lambda: fl.Wind(gust=3.0), "Wind has no 'gust'; did you mean 'gusts'?"),
     (lambda: fl.scene.Sun(directon=3.0), "Sun has no 'directon'; did you mean 'direction'?"),
 ])  # fmt: skip

@@ -19,8 +19,16 @@ from flurries.motion.keys import Keys, value_at
 from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.scene import Scene
 from flurries.viewer.charts import field_of
-from flurries.viewer.control import COLOR, Control, color_control, dressed, preset_of
-from flurries.viewer.surroundings import surrounded, surroundings
+from flurries.viewer.rows import (
+    COLOR,
+    PRESET,
+    Control,
+    color_control,
+    dressed,
+    preset_of,
+    surrounded,
+    surroundings,
+)  # fmt: skip
 
 DIRECTION, SPEED, GUSTS, SEED = "direction", "speed", "gusts", "seed"
 OCTAVES, LONGEST = "octaves", "longest"
@@ -57,11 +65,12 @@ _FASTEST_CAMERA = 12.0
 
 def controls_of(scene: Scene, values: Mapping[str, Any] | None = None) -> list[Control]:
     """Return the rows of a scene, each where the scene stands at frame 0."""
-    scene = dressed(scene, values or {})
-    found: list[Control] = []
+    scene, found, most = dressed(scene, values or {}), list[Control](), _FASTEST_CAMERA
     for index, group in enumerate(names(scene)):
-        found += _of_effect(scene, index, group, values or {})
-    most = _FASTEST_CAMERA
+        stands = (values or {}).get(f"{index}.{PRESET}")
+        looks = preset_of(scene, index, group, stands), color_control(index, group, scene)
+        found += [row for row in looks if row is not None]
+        found += _of_effect(scene, index, group)
     velocity = np.clip(_velocity(scene), -most, most)
     for key, (label, axis, sign) in CAMERA.items():
         value = float(sign * velocity[axis]) + 0.0
@@ -73,17 +82,12 @@ def controls_of(scene: Scene, values: Mapping[str, Any] | None = None) -> list[C
     return found + surroundings(scene)
 
 
-def _of_effect(
-    scene: Scene, index: int, group: str, values: Mapping[str, Any]
-) -> Iterator[Control]:
+def _of_effect(scene: Scene, index: int, group: str) -> Iterator[Control]:
     effect: Any = scene.effects[index]
 
     def row(name: str, *about: Any) -> Control:
         return Control(f"{index}.{name}", group, *about)
 
-    for choices in (preset_of(scene, index, values, group), color_control(index, group, effect)):
-        if choices is not None:
-            yield choices
     if moves(effect):
         x, y, _ = air_of(effect)
         speed = math.hypot(x, y)
@@ -190,30 +194,27 @@ def _changed(
 ) -> Any:  # fmt: skip
     own = {key.removeprefix(prefix): v for key, v in checked.items() if key.startswith(prefix)}
     changes: dict[str, Any] = {}
-    for name in own.keys() & _FIELDS.keys():
-        whole = isinstance(getattr(effect, name), int)
+    for name in own.keys() & {*_FIELDS, SEED}:
+        whole = name == SEED or isinstance(getattr(effect, name), int)
         changes[name] = round(own[name]) if whole else own[name]
     wind = getattr(effect, "wind", None)
     rest = {name: getattr(wind, name) for name in FIELDS} if isinstance(wind, Wind) else {}
+    mean: Any = rest.get("mean", wind)
     if DIRECTION in own or SPEED in own:
         angle, speed = math.radians(stands[prefix + DIRECTION]), stands[prefix + SPEED]
         across, down = speed * math.cos(angle), speed * math.sin(angle)
         # What falls keeps to falling, and its wind is level.
         falls = hasattr(effect, "fall")
-        mean: Any = (across, 0.0 if falls else down, air_of(effect)[2])
+        mean = (across, 0.0 if falls else down, air_of(effect)[2])
         changes |= {"fall": down} if falls else {}
         changes["wind"] = Wind(**{**rest, "mean": mean}) if rest else mean
     if GUSTS in own:
-        wind = changes.get("wind", wind)
-        mean = wind.mean if isinstance(wind, Wind) else wind
         changes["wind"] = Wind(**{**rest, "mean": mean, "gusts": own[GUSTS]})
     for name in own.keys() & _SIZES.keys():
         factor = own[name] / float(known[prefix + name].value)
         changes[name] = tuple(factor * size for size in getattr(effect, name))
     if COLOR in own:
         changes[COLOR] = own[COLOR]
-    if SEED in own:
-        changes[SEED] = round(own[SEED])
     if OCTAVES in own or LONGEST in own:
         longest = stands[prefix + LONGEST]
         shortest = max(longest / 2.0 ** stands[prefix + OCTAVES], 2.0)

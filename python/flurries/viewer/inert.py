@@ -8,9 +8,8 @@ from typing import Any
 from flurries.frame.needs import has_keys, needs_of
 from flurries.scene.scene import Scene
 from flurries.viewer import controls
-from flurries.viewer.control import COLOR, PRESET
 from flurries.viewer.controls import DIRECTION, LONGEST, OCTAVES, SEED, SPEED
-from flurries.viewer.surroundings import LAMP, ON, OPENING
+from flurries.viewer.rows import COLOR, LAMP, ON, OPENING, PRESET
 
 # Rows that shape one part of an effect alone, by the part's name in the plan.
 _SHAPES = {
