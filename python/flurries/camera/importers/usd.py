@@ -91,11 +91,11 @@ class Stage:
             stage = Usd.Stage.Open(str(file))
         cameras = {str(one.GetPath()): one for one in stage.Traverse() if one.IsA(UsdGeom.Camera)}
         names = ", ".join(cameras) or "none"
-        if prim is not None and prim not in cameras:
+        if prim is not None and str(prim) not in cameras:
             raise Refused(f"prim {prim!r} is no camera of the stage; it has {names}")
         if prim is None and len(cameras) != 1:
             raise Refused(f"one camera is wanted, as {file.name}:/its/path; it has {names}")
-        chosen = cameras[prim or names]
+        chosen = cameras[names if prim is None else str(prim)]
         times, found = _times(chosen, UsdGeom), UsdGeom.Camera(chosen)
         unit = UsdGeom.GetStageMetersPerUnit(stage)
         world = AXES[str(UsdGeom.GetStageUpAxis(stage))]
