@@ -50,18 +50,14 @@ class OutputFields(TypedDict, total=False):
 @suggesting
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """The way in which a scene's frames are written.
-
-    Arguments of :meth:`Scene.write` and options of the command line replace these values. A codec
-    counts for films only, a compression for EXR only.
+    """The way in which a scene's frames are written, where :meth:`Scene.write` does not say.
 
     Parameters
     ----------
     bits : 8, 10, 16, "half" or "float", optional
         Bits of a color: in EXR "half" or "float", in PNG 8 or 16, in TIFF also "float", in DPX 8,
         10 or 16, in a film what its codec has. If not given, half in EXR, 10 in DPX, and else what
-        the background has: a film that holds fewer is refused. A background of fewer bits is mixed
-        in 16, so that the weather has their steps.
+        the background has: a film that holds fewer is refused.
     codec : str, optional
         Codec of a film: "h264", "h265", "vp9", "ffv1", "prores-hq", "prores-4444" (with alpha for
         `alone`) or "dnxhr"; the extension's own if not given.
@@ -71,21 +67,20 @@ class Output:
         Color space of the files, by its name in ``$OCIO``; the scene's own if not given. EXR holds
         linear ones, integers and films encoded ones; layers stay in the light of their mixture.
     compression : {"zip", "zips", "piz", "rle", "none", "dwaa", "dwab"}
-        How an EXR packs its pixels. The last two lose bits that are hard to see, and take half the
-        bytes or less of a frame of snow; they are not for layers and eyes.
+        How an EXR packs its pixels; the last two lose bits that are hard to see, and half the bytes
+        or more. Not for layers and eyes.
     quality : {"high", "medium", "draft"}
         Quality of a film.
     layers : bool
         EXR only: all layers, depths and motions as named channels beside the composite.
     alone : bool
-        The weather alone as RGBA, without background and foreground's picture: premultiplied linear
-        light in EXR, straight display values in PNG and in a film of ProRes 4444.
+        The weather alone as RGBA: premultiplied linear light in EXR, straight display values in PNG
+        and in a film of ProRes 4444.
     deep : bool
-        EXR only: the weather alone as deep samples in linear light, with the depths between which
-        each lies. The frame is drawn 32 times.
+        EXR only: the weather alone as deep samples in linear light; the frame is drawn 32 times.
     damaged : {"stop", "skip", "hold"}
-        What happens to a frame whose background is missing or damaged: "stop" is an error, "skip"
-        leaves the frame out, "hold" renders it over the last good background before it.
+        What happens where the background is missing or damaged: "stop" is an error, "skip" leaves
+        the frame out, "hold" renders it over the last good background before it.
     sound : bool
         Keep the sound of a background's film, where frames follow each other at its own rate.
 

@@ -151,8 +151,7 @@ class Rendering(Sources):
         -------
         (H, W, 3), or the region's; (H, W, 4) where the background has alpha
             uint8 or uint16 where the background is, else float32. The same bits whatever was
-            rendered before, in any process and number of threads; on processors with other vector
-            instructions in the reproducible mode (:func:`flurries.settings`).
+            rendered before, in any process and number of threads; see :func:`flurries.settings`.
         """
         time, window, eyes = self._asked(t, region, [eye])
         return images(self._program, time, eyes, window)[0]
@@ -180,8 +179,7 @@ class Rendering(Sources):
     ) -> tuple[Array, Array]:  # fmt: skip
         """Return the frame at `t` as the left and the right eye see it.
 
-        The weather lies in depth; the background and what stands in front of the weather are flat
-        pictures at the depth of convergence, the same for both.
+        The weather lies in depth; background and foreground are flat, at the depth of convergence.
 
         Parameters
         ----------
@@ -193,14 +191,12 @@ class Rendering(Sources):
         Returns
         -------
         left, right
-            Each with the bits that :meth:`render` returns for that eye; what does not depend on the
-            eye is found once for both. One and the same at distance 0.
+            Each with the bits that :meth:`render` returns for that eye.
 
         Warns
         -----
         UserWarning
-            If an effect's texture begins so near that its disparity is half a wavelength or more:
-            it is then ambiguous, and only flakes tell the depth.
+            If a texture begins so near that its disparity, half a wavelength or more, is ambiguous.
         """
         pair = eyes(self.camera.camera, distance=distance, convergence=convergence)
         for index, effect in enumerate(self.effects):
@@ -230,7 +226,7 @@ class Rendering(Sources):
         return None if self._distance is None else self._program.depth_at(self._time_of(t))
 
     def plan(self, frames: Frames = None, *, probe: bool = True, accuracy: bool = False) -> Plan:
-        """Return the plan of rendering: its steps, their times and memory, and what is left out.
+        """Return the steps of rendering, their times and memory, and what is left out.
 
         Parameters
         ----------
@@ -238,8 +234,7 @@ class Rendering(Sources):
             As for :meth:`write`, but one for a still. Of a film a few stand for all: the first, the
             middle and the last, and some where something is keyed.
         probe : bool
-            Whether to render these frames, at most five, twice each: for their memory, and for
-            their times on this machine. Without it nothing is rendered.
+            Whether to render these, at most five, twice each, for memory and times on this machine.
         accuracy : bool
             Whether to say what the middle one takes and looks like with the hand-over of Snow and
             Rain at half, once and twice its depth, and with every flake drawn.
@@ -276,21 +271,20 @@ class Rendering(Sources):
         ----------
         pattern : str or path
             ``frames/%04d.png`` (also ``####`` and ``$F4``) or ``.exr``, ``.tif``, ``.jpg``: one
-            file a frame. A name that ends in .mp4, .mov, .webm or .mkv is a video; one that ends in
-            .usd, .usda or .usdc a USD stage with the flakes as points; a picture's name without a
-            token a still. A file of this very scene stays; what somebody has changed, another
-            scene's or another background's is refused. Pictures also go to a url, such as
+            file a frame; without a token a still. A name in .mp4, .mov, .webm or .mkv is a video;
+            one in .usd, .usda or .usdc a USD stage with the flakes as points. A file of this very
+            scene stays; any other is refused. Pictures also go to a url, such as
             ``s3://bucket/frames/%04d.png`` (``flurries[stores]`` and the store's own driver).
         frames : str, int or iterable of int, optional
-            "1-60", "1-100x2", "7", or numbers; not negative: those of the background's files. Else
-            all that the background has, else camera or depth, else three seconds from 1 on.
+            "1-60", "1-100x2", "7", or numbers: those of the background's files. If not given, all
+            that the background has, else camera or depth, else three seconds from 1 on.
         eyes : mapping of str to Camera, optional
             EXR only: views such as ``{"left": ..., "right": ...}``, a part of the file for each.
         overwrite : bool
             Replace what is there, whatever it is.
         dask : True, str or distributed.Client, optional
-            Render on a Dask cluster: one made on this machine, one by the address of its scheduler,
-            such as ``tcp://host:8786``, or a client's. Needs ``flurries[dask]``.
+            Render on a Dask cluster (``flurries[dask]``): one made on this machine, that of an
+            address, such as ``tcp://host:8786``, or a client's.
         dask_patience : float
             How long to wait for a worker, and for one that is silent, seconds.
         progress : callable, optional
@@ -305,8 +299,8 @@ class Rendering(Sources):
         Raises
         ------
         ValueError, TypeError
-            For an unusable pattern or range, a frame number that a file or the camera does not
-            have, or where something else is in the way.
+            For an unusable pattern or range, frame numbers that a file or the camera lacks, or
+            where something else is in the way.
         OSError
             If something cannot be read or written, or files that serve all frames change meanwhile.
         TimeoutError

@@ -76,21 +76,20 @@ class Scene(Rendering):
     effects : sequence
         The weather, back to front; 1,000 at most.
     fps : float, optional
-        Frames per second. If not given, the rate of a film in the background, else 30. A scene
-        without it over a still picture is a still: snow and rain that have no `shutter` are exposed
-        for 1/250 s in it, and for half a frame in a film.
+        Frames per second; that of a film in the background if not given, else 30. A scene without
+        it over a still picture is a still: snow and rain without a `shutter` are exposed for
+        1/250 s, and in a film for half a frame.
     seed : int
         Seed of all random numbers; each effect draws its own numbers.
     foreground : path, array or Foreground, or a list of them, optional
-        What stands in front of the weather: a mask (H, W), 1 in front, or a picture with alpha, as
-        the `source` of a :class:`Foreground`, which gives one a depth of its own.
+        What stands in front of the weather: a mask (H, W), 1 in front, or a picture with alpha; at
+        a depth of its own as a :class:`Foreground`.
     space : {"auto", "display", "linear"}
         Where layers are mixed; "auto" is display values for integers, linear light for floats.
     depth : float, array, path or DepthMap, optional
-        Planar depth of the background in world units: a wall at one depth; an array (H, W) of float
-        with infinity where nothing stands; an EXR or float TIFF, or a sequence of them, with a
-        channel "Z" or "depth"; or a grey picture, see :class:`DepthMap`. Files are fitted to the
-        frame as the background is, each pixel with the depth of one.
+        Planar depth of the background in metres: a wall at one depth; an array (H, W) of float with
+        infinity where nothing stands; an EXR or float TIFF, or a sequence of them, with a channel
+        "Z" or "depth"; or greys, see :class:`DepthMap`. Files are fitted as the background is.
     sun : Sun, optional
         The sun that lights gas.
     lights : sequence of Lamp
@@ -99,13 +98,11 @@ class Scene(Rendering):
         The light of the shot, for what is "ambient" or "local" and for mist; found in nine frames
         of the background if not given, see :func:`find_light`.
     lens : Lens, "usual" or None
-        A lens with an opening: flakes and drops that are out of focus are soft. "usual" is f/5.6
-        focused at 10 m over a photograph or a film of integers, and no lens over a color or linear
-        light. Without a lens everything is sharp.
+        A lens with an opening: flakes and drops out of focus are soft; without one all is sharp.
+        "usual" is f/5.6 at 10 m over a photograph or a film of integers, else none.
     extend : {"stop", "hold", "loop"}
-        What happens at a frame number that a sequence, a film or a camera's file does not have:
-        "stop" is an error, "hold" takes the first or last frame, "loop" begins again (not for
-        cameras).
+        What stands for frame numbers that a sequence, a film or a camera's file lacks: "stop" is an
+        error, "hold" the first or last frame, "loop" begins again (not for cameras).
     colorspace : str, optional
         The background's color space by its name in ``$OCIO`` or the built-in configuration, such as
         "ACEScg". Layers are mixed in it if it is linear, else in the configuration's scene_linear,
@@ -113,12 +110,11 @@ class Scene(Rendering):
     start : int, optional
         The number of films' first frame; if not given that of the background's files, else 0.
     loop : int, optional
-        Number of frames, 2 or more, after which the film begins again without a jump, from the
-        background's first frame on, else from 0: frame `loop` is the first one to the bit. Flakes,
-        drops and puffs of one round give way, one by one, to those of the next; waves of a texture
-        and a cone's tiles are bent to the nearest whole number of turns; what is keyed goes back to
-        its first value over the last quarter; a camera ends as it began where that is seen.
-        :attr:`bent` says what was changed.
+        Number of frames, 2 or more, after which the film begins again without a jump, to the bit,
+        from the background's first frame on, else from 0. Flakes, drops and puffs of one round give
+        way, one by one, to those of the next; waves of a texture and a cone's tiles are bent to
+        whole turns; what is keyed goes back to its first value over the last quarter; a camera ends
+        as it began where that is seen. :attr:`bent` says what was changed.
     output : Output, optional
         How frames are written where :meth:`write` does not say.
 
