@@ -11,8 +11,6 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-__all__ = ["Trace", "current", "tracing"]
-
 
 @dataclass
 class Span:

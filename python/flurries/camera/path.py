@@ -29,8 +29,6 @@ from flurries.motion.keys import (
     value_at,
 )
 
-__all__ = ["CameraPath"]
-
 
 @suggesting
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,6 @@ from flurries import __version__
 from flurries._contract import suggestion
 from flurries.cli.words import plain_warnings, say
 
-__all__ = ["main"]
-
 DEFECT, MISTAKE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
 
 # Each command is a file with a function of its name, imported when it is asked for.

@@ -13,8 +13,6 @@ from flurries._contract import Float64, flag, real, suggesting, vector
 from flurries.io.color import parse_hex
 from flurries.motion.keys import Keys, Number, as_number, as_vector, value_at
 
-__all__ = ["Lamp", "Sun"]
-
 # Numbers of a lamp in a row for kernels: kind, place, way, color, two cosines, radius, and the
 # extinction of the air from the lamp to a particle and from there to the eye.
 ROW = 15

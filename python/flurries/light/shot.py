@@ -12,8 +12,6 @@ from flurries._contract import Array, Float64, suggesting
 from flurries.light.lamp import as_light
 from flurries.motion.keys import Keys, value_at
 
-__all__ = ["Light"]
-
 # What pictures reflect on average, the grey of exposure meters; and fresh snow.
 _GREY, _SNOW = 0.18, 0.9
 # The share of places that are darker than the shot's white.

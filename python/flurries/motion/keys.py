@@ -16,8 +16,6 @@ import numpy as np
 
 from flurries._contract import Float64, real, suggesting, table, vector
 
-__all__ = ["Course", "Keys", "Number", "Vector", "as_number", "as_vector"]
-
 
 @suggesting
 @dataclass(frozen=True)

@@ -17,8 +17,6 @@ from flurries._contract import Float64, integer, real, rows_of, seed_of, suggest
 from flurries.motion.keys import Keys, Vector, as_vector
 from flurries.motion.waves import Waves, eddies, strongest
 
-__all__ = ["Wind"]
-
 # Lengths of the waves, in units of `scale`.
 GUST_LENGTHS = (2.0, 8.0)
 SWIRL_LENGTHS = (0.25, 1.0)

@@ -19,8 +19,6 @@ from flurries.io.files import file_of
 from flurries.io.pictures.reader import luminance
 from flurries.scene.numbered import Display, Planes, pixels_of, placed, read_only
 
-__all__ = ["DepthMap"]
-
 White: TypeAlias = Literal["near", "far"]
 Law: TypeAlias = Literal["linear", "inverse"]
 

@@ -21,8 +21,6 @@ from flurries.io.sources import open_matte
 from flurries.scene.depth import distance_of
 from flurries.scene.numbered import Display, Planes, pixels_of, placed, read_only
 
-__all__ = ["Foreground"]
-
 MOST_MATTES = 64
 
 

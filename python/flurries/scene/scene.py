@@ -19,7 +19,6 @@ from flurries.camera.optics import USUAL, Lens
 from flurries.camera.path import CameraPath, as_path
 from flurries.effects.drawn import FLAKE, drawn_of
 from flurries.frame.needs import Effect
-from flurries.frame.truth import Rendered
 from flurries.io import open_background
 from flurries.io.sequences import EXTEND
 from flurries.io.sequences import MOST_FRAMES as LAST
@@ -34,8 +33,6 @@ from flurries.scene.foreground import Foreground, frozen, mattes_of
 from flurries.scene.output import Output
 from flurries.scene.rendering import Rendering, Space
 from flurries.scene.words import line_of, page_of
-
-__all__ = ["Rendered", "Scene"]
 
 Background: TypeAlias = str | Path | Sequence[float] | Array | Source
 Depth: TypeAlias = float | Array | str | Path | DepthMap
