@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -68,6 +68,14 @@ class Air:
     patches: Patches | None = None
     visible: float | None = None  # Visibility in place of the amount's, metres.
 
+    @classmethod
+    def of(cls, kind: Kind, record: dict[str, Any]) -> Air:
+        own = record["weather_seed"], kind, record["amount"] or 0.0, record["profile"]
+        if kind == "fog":
+            patches = Patches(record["patches"], (record["wind"], 0.0))
+            return cls(*own, patches=patches, visible=record["visibility"])
+        return cls(*own, (record["wind"], record["fall"]), record["exposure"], record["veil"])
+
 
 def uniforms(seed: int, stream: int, count: int) -> Float64:
     """Return numbers in [0, 1) that belong to a seed and a stream."""
@@ -95,11 +103,13 @@ class Here:
             thick = calibration.natural("fog", air.amount)
             seen = reach(air.visible or (visibility(thick) if thick else 0.0))
             hard = air.visible is None and air.profile == "hard"
-            distances = distances.until(distances.end if hard else seen)
+            plane = np.minimum(distances.plane, np.float32(distances.end if hard else seen))
+            distances = replace(distances, plane=plane)
         self.air, self.view, self.distances, self.time = air, view, distances, time
         self.moving = fps is not None or view.eyes > 0.0
-        # Whether nothing stands in what falls.
-        self.open = air.kind != "fog" and distances.beyond(self.far)
+        # Whether nothing is known to stand in what falls: an even picture says so.
+        plane = distances.plane
+        self.open = air.kind != "fog" and plane.size == 1 and float(plane[0, 0]) >= self.far
 
     @cached_property
     def extinction(self) -> float:

@@ -93,10 +93,9 @@ def strength(amount: float, profile: Profile, kind: Kind, focal: float) -> Stren
     if kind == "fog":
         return Strength(seen, loss)
     if profile == "natural":
-        rate = _between((0.0, *RATES[kind]), amount)
-        return Strength(
-            seen, loss, rate, extinction / area_of(MATTERS[kind].sizes(max(rate, 1e-3)))
-        )
+        rate = _rate(kind, amount)
+        area = area_of(MATTERS[kind].sizes(max(rate, LOWEST)))
+        return Strength(seen, loss, rate, extinction / area)
     sizes = sizes_of(kind, 0)
     density = extinction / (GAINS[kind] * _APART[kind] * area_of(sizes))
     return Strength(seen, loss, density * MATTERS[kind].flux(sizes), density)
@@ -114,14 +113,14 @@ def natural(kind: Kind, amount: float) -> float:
     """Return the extinction of natural weather, per metre."""
     if kind == "fog":
         return _between((0.0, *(gas.visibility(seen) for seen in VISIBILITIES)), amount)
-    return _extinction(kind, _between((0.0, *RATES[kind]), amount))
+    return _extinction(kind, _rate(kind, amount))
 
 
 def sizes_of(kind: Kind, tenths: int) -> Sizes:
     """Return the sizes of natural weather at tenths of the amount; at 0 the hard profile's."""
     matter = MATTERS[kind]
     if tenths:
-        return matter.sizes(_between((0.0, *RATES[kind]), 0.1 * tenths))
+        return matter.sizes(_rate(kind, 0.1 * tenths))
     smallest, largest = _ENDS[kind]
     return Sizes.with_slope(smallest, matter.slope(RATES[kind][-1]), largest)
 
@@ -129,6 +128,10 @@ def sizes_of(kind: Kind, tenths: int) -> Sizes:
 def area_of(sizes: Sizes) -> float:
     """Return what one flake covers on average, square metres."""
     return OPACITY * 0.25 * math.pi * sizes.moment(2.0)
+
+
+def _rate(kind: Kind, amount: float) -> float:
+    return _between((0.0, *RATES[kind]), amount)
 
 
 def _between(levels: Sequence[float], amount: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -57,7 +57,7 @@ class Ground:
     def __post_init__(self) -> None:
         limits = {"horizon": (-10.0, 10.0), "height": (1e-3, 1e6), "far": (1e-3, 1e9)}
         for name, (low, high) in limits.items():
-            object.__setattr__(self, name, real(name, getattr(self, name), low=low, high=high))
+            vars(self)[name] = real(name, vars(self)[name], low=low, high=high)
 
     def rows(self, shape: tuple[int, int], focal: float) -> Array:
         """Return the depth of each row, (H, 1) float32 metres; `focal` in pixels."""
@@ -93,7 +93,7 @@ class Ground:
             )
         lens = real("focal", focal, low=0.05, high=1e3) * max(given.shape)
         plane = given.astype(np.float64)
-        plane[np.isnan(plane) | (plane == 0.0)] = np.nan
+        plane[plane == 0.0] = np.nan
         if (plane < 0.0).any():
             raise ValueError(f"depth must not be negative, got {np.nanmin(plane):g}")
         height = len(plane)
@@ -159,26 +159,18 @@ class Distances:
         ranks = (np.arange(QUANTILES) + 0.5) / QUANTILES
         return np.asarray(np.quantile(np.minimum(sample, _FARTHEST), ranks), np.float64)
 
-    def beyond(self, depth: float) -> bool:
-        """Return whether everything is known to stand beyond a depth: an even picture does."""
-        return self.plane.size == 1 and float(self.plane[0, 0]) >= depth
-
     @property
     def end(self) -> float:
         """The depth of a sky: twice the farthest finite depth, metres."""
         finite = float(np.max(self.plane, where=self.plane < np.inf, initial=0.0))
         return max(SKY, 2.0 * finite)
 
-    def until(self, end: float) -> Distances:
-        """Return these depths for air that ends there."""
-        return replace(self, plane=np.minimum(self.plane, np.float32(end)))
-
     def full(self, shape: tuple[int, int]) -> Array:
         """Return (H, W) float32, contiguous."""
-        kept = vars(self).get("_full")
+        kept: Array | None = vars(self).get("_full")
         if kept is None or kept.shape != shape:
             kept = vars(self)["_full"] = np.ascontiguousarray(np.broadcast_to(self.plane, shape))
-        return np.asarray(kept)
+        return kept
 
 
 def distances_of(
@@ -194,13 +186,12 @@ def distances_of(
     elif not isinstance(depth, (np.ndarray, list, tuple)) and np.ndim(depth) == 0:
         plane = np.full((1, 1), real("depth", depth, low=1e-6, high=1e9), np.float32)
         return Distances(plane, plane)
+    elif (given := rectangular("depth", depth)).dtype.kind != "f":
+        raise TypeError(
+            "depth must be a number, an array of float in metres or a DepthMap, got "
+            f"{given.dtype}; relative depths become metres through flurries.scene.DepthMap"
+        )
     else:
-        given = rectangular("depth", depth)
-        if given.dtype.kind != "f":
-            raise TypeError(
-                "depth must be a number, an array of float in metres or a DepthMap, got "
-                f"{given.dtype}; relative depths become metres through flurries.scene.DepthMap"
-            )
         with np.errstate(over="ignore"):
             plane = np.ascontiguousarray(given, np.float32)
     if plane.shape != shape:

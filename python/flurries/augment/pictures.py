@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Array, _came, aligned
+from flurries._contract import Array, _came, aligned, rectangular
 from flurries._warnings import warn_of_levels
 
 DTYPES = ("uint8", "uint16", "float16", "float32", "float64")
@@ -41,10 +41,7 @@ def _shaped(name: str, given: Array, first: int) -> Array:
 
 
 def _numbers(name: str, value: object) -> Array:
-    try:
-        given = np.asarray(value)
-    except ValueError:
-        raise ValueError(f"{name} must be a rectangular array, got {_came(value)}") from None
+    given = rectangular(name, value)
     if given.dtype.type not in _TYPES:
         raise TypeError(f"{name} must be {', '.join(DTYPES[:-1])} or {DTYPES[-1]}, got "
                         f"{_came(value)}")  # fmt: skip

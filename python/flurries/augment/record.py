@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import secrets
 import zlib
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any, ClassVar, TypeAlias
@@ -16,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Array, choice, int64, real
-from flurries.augment.air import Air, uniforms
+from flurries.augment.air import uniforms
 from flurries.augment.calibration import PROFILES, Kind, Profile, strength
 from flurries.augment.distance import Ground, ground_of
 from flurries.augment.pictures import picture_of
@@ -33,7 +32,7 @@ _SAMPLES = 4096
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Recorded(ABC):
+class Recorded:
     """The fields of a weather, which are described in the weathers themselves."""
 
     amount: Range | None = None
@@ -143,10 +142,6 @@ class Recorded(ABC):
         drawn["ground"] = None if self.ground is None else asdict(self.ground)
         kept = {name: v for name, v in vars(self).items() if name not in ("severity", "seed")}
         return {"transform": type(self).__name__, "version": VERSION, **kept, **drawn}
-
-    @abstractmethod
-    def _air(self, record: dict[str, Any]) -> Air:
-        """Return the air that a record describes."""
 
 
 def range_of(name: str, value: object, limits: Limits) -> Limits:

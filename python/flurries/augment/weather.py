@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Array, choice, flag, int64, mapping, output, rate_of, real
-from flurries.augment.air import FPS, Here, View
+from flurries.augment.air import FPS, Air, Here, View
 from flurries.augment.distance import Depth, Distances, distances_of
 from flurries.augment.labels import Weathered, boxes_of, flow_of, hidden
 from flurries.augment.pictures import layer_of, mixed, picture_of, stack_of
@@ -243,7 +243,7 @@ class Weather(Recorded):
             view = View(shape, self.focal * max(shape), *eye)
             if several or far is None:
                 far = distances_of(depths[k], shape, self.ground, view.focal)
-            here = Here(self._air(record), view, far, times[k], rate)
+            here = Here(Air.of(self.WEATHER, record), view, far, times[k], rate)
             if sides == (-1, 1):
                 first = first or here
                 here.extinction = first.extinction

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from flurries._contract import Array, suggesting
-from flurries.augment.air import Air, uniforms
+from flurries.augment.air import uniforms
 from flurries.augment.calibration import Kind
-from flurries.augment.patches import Patches
 from flurries.augment.record import Limits, Range, Recorded, between, range_of
 from flurries.augment.weather import Weather
 from flurries.effects.strength import BACKDROP, Strength
@@ -32,20 +31,14 @@ class Precipitation(Weather):
     }  # fmt: skip
     FIXED: ClassVar[Mapping[str, Limits]] = {**Recorded.FIXED, "veil": (0.0, 1.0)}
 
-    def _air(self, record: dict[str, Any]) -> Air:
-        return Air(
-            record["weather_seed"], self.WEATHER, record["amount"], record["profile"],
-            (record["wind"], record["fall"]), record["exposure"], record["veil"],
-        )  # fmt: skip
-
 
 @suggesting
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Snowfall(Precipitation):
     """Falling snow, as a function of pictures, clips, batches and stereo pairs.
 
-    Numbers that are drawn take a number or a range (low, high), and are drawn evenly from it, anew
-    for each index. The camera stands still; for one that moves see :class:`flurries.Scene`.
+    Numbers take a number or a range (low, high), and are drawn evenly from it, anew for each index.
+    The camera stands still; for one that moves see :class:`flurries.Scene`.
 
     Parameters
     ----------
@@ -203,9 +196,3 @@ class Fog(Weather):
             u = float(uniforms(record["weather_seed"], _STREAM, 1)[0])
             record["amount"], record["visibility"] = None, between(self.visibility, u)
         return record
-
-    def _air(self, record: dict[str, Any]) -> Air:
-        return Air(
-            record["weather_seed"], "fog", record["amount"] or 0.0, record["profile"],
-            patches=Patches(record["patches"], (record["wind"], 0.0)), visible=record["visibility"],
-        )  # fmt: skip
