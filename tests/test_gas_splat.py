@@ -67,25 +67,15 @@ def test_every_model_is_its_twin(footprint, inside):
         options = {"footprint": footprint, "edge": edge, "near_mode": near_mode}
         through = check(cloud(inside=inside), options, camera)
         assert through.min() < 0.5 < through.max()
-
-
-@every("footprint", MODELS)
-def test_occlusion_is_the_twins(footprint):
-    for inside in (False, True):
-        free, _ = twin.transmittance(SHAPE, *cloud(inside=inside), FOCAL, footprint=footprint)
-        for occlusion in ("soft", "hard"):
-            # A depth that both types hold exactly.
-            depth = ground().astype(np.float32)
-            options = {"footprint": footprint, "occlusion": occlusion, "depth": depth}
-            through = check(cloud(inside=inside), options)
-            assert np.abs(through - free).max() > 0.2
-
-
-@every("shape", [(1, 1), (64, 64), (65, 63), (3, 200)])
-@every("footprint", MODELS)
-def test_tiles_at_the_border(shape, footprint):
-    for inside in (False, True):
+    # Pictures that end beside a tile, with one, and far from one.
+    for shape in ((1, 1), (64, 64), (65, 63), (3, 200)):
         check(cloud(60, inside=inside), {"footprint": footprint}, shape=shape)
+    free, _ = twin.transmittance(SHAPE, *cloud(inside=inside), FOCAL, footprint=footprint)
+    for occlusion in ("soft", "hard"):
+        # A depth that both types hold exactly.
+        depth = ground().astype(np.float32)
+        options = {"footprint": footprint, "occlusion": occlusion, "depth": depth}
+        assert np.abs(check(cloud(inside=inside), options) - free).max() > 0.2
 
 
 @every("footprint", MODELS)

@@ -173,23 +173,17 @@ def twice(
         raise TypeError("numbers must be numbers")
     if mistake != "takes all" and (array.ndim != 2 or not array.size or np.isnan(array).any()):
         raise ValueError("numbers must be (H, W)")
-    if mistake == "leaves" and size == 0:
-        raise SystemExit
-    if mistake == "another error" and size == 0:
-        raise KeyError(size)
+    if mistake in ("leaves", "another error") and size == 0:
+        raise SystemExit if mistake == "leaves" else KeyError
     if mistake != "any size" and (type(size) is not int or not 0 <= size < 2**31):
         if mistake == "asks first":
             np.zeros(2**25)
         raise ValueError(f"size must be small, got {size}"[: None if mistake == "long" else 200])
     if mistake == "memory order":
         array = np.frombuffer(array.tobytes("A"), array.dtype).reshape(array.shape)
-    if mistake == "byte order":
-        array = array.view(array.dtype.newbyteorder("="))
     if mistake == "writes" and array.flags.writeable:
         array += 1
     made = array + array if mistake == "wraps" else 2.0 * array
-    if mistake == "half" and array.dtype == np.float16:
-        raise ValueError("numbers are too short")
     if size > 3:
         np.zeros(size)
     if out is None:
@@ -206,9 +200,9 @@ def twice(
 
 
 MISTAKES = {
-    "memory order": (of_layouts, "differs from C order"), "byte order": (of_layouts, "big-endian"),
+    "memory order": (of_layouts, "differs from C order"),
     "wraps": (of_layouts, "not the answer of float64"), "writes": (of_layouts, "written to"),
-    "half": (of_layouts, "refused, but not as float64"), "takes all": (of_no_arrays, "is taken"),
+    "takes all": (of_no_arrays, "is taken"),
     "names nothing": (of_no_arrays, "not named"), "any out": (of_output, "read-only"),
     "keeps dirt": (of_output, "differs from a new one"),
     "returns another": (of_output, "not returned"), "any size": (of_arguments, "is taken"),
