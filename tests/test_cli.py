@@ -141,7 +141,7 @@ def test_files_sizes_and_threads(run: Run, here: Path):
     assert (code, out) == (0, "still.jpg\n")
     want = Scene(PLATE, effects=[Snow("light")], fps=30).render(6)
     assert np.abs(pixels("still.jpg").astype(int) - want).mean() <= 8
-    # What is in an EXR is judged in `test_render.py`; here, that the options arrive.
+    # What is in an EXR is judged in `test_sequence.py`; here, that the options arrive.
     for name, options in (("a.exr", []), ("b.exr", ["--layers", "--bits", "float"])):
         assert run("render", "light.exr", "--snow", "-o", name, "--frames", "3", *options)[0] == 0
         spec = oiio.ImageInput.open(name).spec()

@@ -27,17 +27,17 @@ FULL = Snow(
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Plates in `sub`, and the working folder elsewhere, so that a wrong base would show."""
-    (tmp_path / "sub").mkdir()
-    write_picture(tmp_path / "sub" / "plate.png", PLATE)
-    write_picture(tmp_path / "sub" / "grey.png", PLATE)
-    write_picture(
-        tmp_path / "sub" / "mask.png", RNG.integers(0, 2, (40, 60)).astype(np.uint8) * 255
-    )
-    write_picture(tmp_path / "sub" / "light.exr", (PLATE / 100.0).astype(np.float32))
+    sub = tmp_path / "sub"
+    sub.mkdir()
+    mask = RNG.integers(0, 2, (40, 60)).astype(np.uint8) * 255
     depth = RNG.uniform(1.0, 50.0, (40, 60)).astype(np.float32)
-    write_layers(tmp_path / "sub" / "depth.exr", {"depth": depth})
-    for number in (4, 5):
-        write_picture(tmp_path / "sub" / f"film.{number}.png", np.roll(PLATE, number, axis=0))
+    for name, pixels in {
+        "plate.png": PLATE, "grey.png": PLATE, "mask.png": mask,
+        "light.exr": (PLATE / 100.0).astype(np.float32),
+        "film.4.png": np.roll(PLATE, 4, axis=0), "film.5.png": np.roll(PLATE, 5, axis=0),
+    }.items():  # fmt: skip
+        write_picture(sub / name, pixels)
+    write_layers(sub / "depth.exr", {"depth": depth})
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -158,9 +158,7 @@ def load(folder: Path, text: str | bytes) -> fl.Scene:
 
 
 def test_a_file_by_hand(folder: Path):
-    scene = load(
-        folder,
-        """
+    scene = load(folder, """
         size = [60, 40]
         background = "sub/plate.png"
         fps = 25
@@ -171,13 +169,14 @@ def test_a_file_by_hand(folder: Path):
         preset = "heavy"
         flakes = 50
         amount = {keys = [[0, 0.0], [10, 1.0]]}
-        """,
-    )
+    """)  # fmt: skip
     assert scene.effects == (Snow("heavy", flakes=50, amount=Keys([(0, 0.0), (10, 1.0)])),)
     assert scene.camera.velocity == Keys([(0, (0, 0, 1)), (10, (0, 0, 2))])
     assert scene.camera.camera.focal == 72.0
     assert np.array_equal(scene.render(0), PLATE)
     assert load(folder, "").size == Scene().size
+    # A file of just a mebibyte is read.
+    assert load(folder, "#" * ((1 << 20) - 1 - len("format = 3\n")) + "\n").size == Scene().size
 
 
 SNOW = "[[effects]]\nkind = 'tent_snow'\n"
@@ -228,10 +227,6 @@ def test_a_mistake_is_told_with_its_place(number: int, folder: Path):
     assert "scene.toml" in message or words == "nope.png"
     assert len(message) < 1000 and "\n" not in message
     assert line is None or f"line {1 + line}" in message
-
-
-def test_a_file_of_just_a_mebibyte_is_read(folder: Path):
-    assert load(folder, "#" * ((1 << 20) - 1 - len("format = 3\n")) + "\n").size == Scene().size
 
 
 def test_a_file_of_another_format_says_how_to_convert_it(tmp_path: Path):

@@ -1,4 +1,4 @@
-"""Sequences that cannot be lost: journals, damaged plates."""
+"""Scenes to files: what is in them, journals, damaged plates; no other scene is mixed in."""
 
 import os
 from hashlib import sha256
@@ -10,15 +10,74 @@ import pytest
 
 import flurries as fl
 from flurries.cli import main
-from flurries.io import read_picture, read_video, write_picture
+from flurries.io import read_picture, read_video, srgb_to_linear, write_picture
 from flurries.io.stores import Store
 from flurries.output.frames import Frames
 from flurries.output.journal import NAME, Journal
 from flurries.output.store import check
 from flurries.scene.fingerprint import BITS, Settings
+from stills import header_of
+from test_nothing_wrong import contents
 
 PLATE = np.random.default_rng(3).integers(0, 220, (50, 66, 3)).astype(np.uint8)
 SCENE = fl.Scene("#304050", size=(96, 64), effects=fl.effects.TentSnow("heavy", flakes=100))
+
+
+@pytest.mark.parametrize("ending", ["png", "tif", "exr"])
+def test_a_sequence_holds_the_frames(ending: str, tmp_path: Path):
+    options = {"bits": "float"} if ending == "exr" else {}
+    files = [tmp_path / "new" / f"000{n}.{ending}" for n in (2, 4, 6)]
+    done = SCENE.write(tmp_path / "new" / f"%04d.{ending}", "2-6x2", **options)
+    assert (done.written, done.kept, done.files) == ([2, 4, 6], [], files)
+    assert sorted(contents(tmp_path / "new")) == [file.name for file in files]
+    for number, file in zip(done.written, files, strict=True):
+        got, want = read_picture(file).pixels, SCENE.render(number)
+        if ending == "exr":
+            # More bits are made of the same levels in 16.
+            deep = np.full((64, 96, 3), (0x3030, 0x4040, 0x5050), np.uint16)
+            light = srgb_to_linear(SCENE.replace(background=deep).render(number) / 65535.0)
+            assert np.abs(got - light).max() < 1e-6
+        else:
+            assert np.array_equal(got, want)
+
+
+@pytest.mark.parametrize("bits", ["half", "float"])
+def test_an_exr_holds_the_light(bits: str, tmp_path: Path):
+    light = np.random.default_rng(3).gamma(1.0, 1.0, (50, 66, 3)).astype(np.float32)
+    bright = fl.Scene(light, effects=SCENE.effects)
+    bright.write(tmp_path / "still.exr", "7", bits=bits)
+    want = bright.render(7)
+    assert want.max() > 1.5
+    stored = want.astype(np.float16) if bits == "half" else want
+    assert np.array_equal(read_picture(tmp_path / "still.exr").pixels, stored)
+
+
+def test_a_film_is_not_its_own_background(tmp_path: Path):
+    film = fl.Scene(PLATE, fps=24).write(tmp_path / "film.mkv", "1-2").files[0]
+    before = film.read_bytes()
+    with pytest.raises((ValueError, OSError), match=r"film\.mkv"):
+        fl.Scene(film, effects=SCENE.effects).write(film)
+    assert film.read_bytes() == before
+
+
+def test_headers_say_which_frame_and_nothing_private(tmp_path: Path):
+    SCENE.write(tmp_path / "%d.png", [12])
+    found = header_of(tmp_path / "12.png")
+    assert found["frame"] == "12" and found["version"] == fl.__version__
+    assert len(found["scene"]) >= 16
+    assert str(tmp_path) not in (tmp_path / "12.png").read_bytes().decode("latin-1")
+
+
+def test_frames_that_were_not_named(tmp_path: Path):
+    still = fl.Scene("#102030", size=(8, 8), fps=1.5)
+    assert still.write(tmp_path / "still" / "%d.png").written == [1, 2, 3, 4, 5]  # 3 s and a bit
+    assert still.write(tmp_path / "one.png").written == [1]
+    for number in (3, 4, 5):
+        write_picture(tmp_path / f"plate.{number}.png", np.roll(PLATE, number, axis=1))
+    done = fl.Scene(tmp_path / "plate.%d.png").write(tmp_path / "out" / "%d.png")
+    assert done.written == [3, 4, 5]
+    got = read_picture(tmp_path / "out" / "4.png").pixels
+    assert np.array_equal(got, np.roll(PLATE, 4, axis=1))
 
 
 def test_the_two_modes_are_never_mixed(tmp_path: Path):

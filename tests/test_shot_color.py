@@ -21,21 +21,19 @@ def turned(pixels: np.ndarray, matrix: np.ndarray = AP1) -> np.ndarray:
     return np.ascontiguousarray(pixels @ matrix.T, dtype=np.float32)
 
 
-def test_snow_over_an_acescg_plate_is_that_over_one_of_rec_709():
-    plain = fl.Scene(LIGHT, effects=SNOW).render(4)
-    wide = fl.Scene(turned(LIGHT), effects=SNOW, colorspace="ACEScg").render(4)
-    np.testing.assert_allclose(turned(wide, np.linalg.inv(AP1)), plain, atol=2e-5)
-    # The control: without the name it is another color.
-    other = fl.Scene(turned(LIGHT), effects=SNOW).render(4)
-    assert np.abs(turned(other, np.linalg.inv(AP1)) - plain).max() > 0.02
+LIT = [fl.effects.TentSnow("heavy", color="ambient"), fl.Mist("clouds")]
+SUN = fl.scene.Sun((0.3, 1.0, 0.2), (1.0, 0.8, 0.6), 0.3)
 
 
-def test_ambient_light_and_lit_fog_know_the_space():
-    effects = [fl.effects.TentSnow("heavy", color="ambient"), fl.Mist("clouds")]
-    sun = fl.scene.Sun((0.3, 1.0, 0.2), (1.0, 0.8, 0.6), 0.3)
-    plain = fl.Scene(LIGHT, effects=effects, sun=sun).render(4)
-    wide = fl.Scene(turned(LIGHT), effects=effects, sun=sun, colorspace="ACEScg").render(4)
+@pytest.mark.parametrize(("effects", "sun"), [(SNOW, None), (LIT, SUN)], ids=["plain", "lit"])
+def test_snow_over_an_acescg_plate_is_that_over_one_of_rec_709(effects: list[object], sun: object):
+    given = {"effects": effects, "sun": sun}
+    plain = fl.Scene(LIGHT, **given).render(4)
+    wide = fl.Scene(turned(LIGHT), **given, colorspace="ACEScg").render(4)
     np.testing.assert_allclose(turned(wide, np.linalg.inv(AP1)), plain, atol=5e-5)
+    # The control: without the name it is another color.
+    other = fl.Scene(turned(LIGHT), **given).render(4)
+    assert np.abs(turned(other, np.linalg.inv(AP1)) - plain).max() > 0.02
 
 
 @pytest.mark.parametrize("name", ["ACEScct", "sRGB - Display", "Gamma 2.4 Encoded Rec.709"])
