@@ -53,9 +53,10 @@ class DoubleCone:
     name = "cone"
 
     def needs(self, frame: Frame, amount: float) -> Needs:
-        if self.look.gain == 0.0 or self.make is None:
-            why = "its gain is 0" if self.look.gain == 0.0 else "it has no flakes"
-            return Needs.none("cone", why)
+        if self.look.gain == 0.0:
+            return Needs.none("cone", "its gain is 0")
+        if self.make is None:
+            return Needs.none("cone", "it has no flakes")
         return Needs((Step("cone"),), most=1.0)
 
     def state(self, frame: Frame) -> cone.State:
@@ -71,16 +72,13 @@ class DoubleCone:
         return _beyond(_path(self, path, fps), fps, lap)
 
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
-        shape = frame.size
-        way_of = rays(frame)
+        way_of, shape = rays(frame), frame.size
         along = way_of @ frame.camera.matrix().T @ np.array(self.state(frame).axis)
         aside = np.sqrt(np.maximum((way_of**2).sum(axis=-1) - along**2, 1e-12))
         nearest = self.look.radius / np.maximum(aside + self.look.slope * np.abs(along), 1e-3)
         depth, through, shown = np.zeros(shape), np.ones(shape), np.zeros(shape)
-        for number, gain in enumerate(self.gains):
-            gains = np.zeros(len(self.gains))
-            gains[number] = self.look.gain * gain
-            alpha = self._drawn(frame, gains)
+        for number, gains in enumerate(np.diag(self.gains)):
+            alpha = self._drawn(frame, self.look.gain * gains)
             share = through * alpha
             depth += share * nearest * 2.0**number
             shown += share
@@ -109,14 +107,10 @@ class DoubleCone:
 def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
     """Return the cone over a whole film; times are seconds."""
     motion, look = part.motion, part.look
-    air, camera = air_course(fps, motion.fall, motion.mean_wind), path.course(fps)
-    shutter = motion.shutter
-    knots = np.union1d(air.knots, camera.knots)
-    at: Any = [0.0]
-    exposures: Any = [shutter]
-    if isinstance(shutter, Keys):
-        at, exposures = zip(*shutter.keys, strict=True)
-        knots = np.union1d(knots, at)
+    courses = air_course(fps, motion.fall, motion.mean_wind), path.course(fps)
+    shutter: Any = motion.shutter
+    at, exposures = shutter.columns if isinstance(shutter, Keys) else ([0.0], [shutter])
+    knots = np.concatenate([*(one.knots for one in courses), at if isinstance(shutter, Keys) else []])
     # Frames between the first and the last knot, at which the axis is looked at; what lies outside
     # does not change.
     ends = np.array([*knots, 0.0])
@@ -124,7 +118,7 @@ def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
     # Both sides of every time, since a velocity may jump.
     twice = np.repeat(frames, 2)
     inside = twice + np.tile([-1e-6, 1e-6], len(frames))
-    velocity = [course.line(twice, inside)[0] * fps for course in (air, camera)]
+    velocity = [course.line(twice, inside)[0] * fps for course in courses]
     return cone.path(
         twice / fps, *velocity, damping=look.damping,
         exposure=np.interp(twice, at, exposures) / fps, length=part.length, radius=look.radius,
