@@ -259,7 +259,8 @@ def shares(name: str, array: Array) -> None:
 
 def finite(name: str, array: Array) -> None:
     """Refuse float32 or float64 that hold NaN or infinity."""
-    if not _core.all_finite(array.ravel()):
+    limits = np.finfo(array.dtype)
+    if not _core.all_within(array.ravel(), float(limits.min), float(limits.max)):
         require(name, array, np.isfinite(array), "finite")
 
 

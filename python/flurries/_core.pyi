@@ -13,17 +13,18 @@ from flurries.spectral.volume import Film
 
 __all__ = [
     "BallImages", "FlakeSheet", "InternalError", "SortedFlakes", "SortedGas", "advance_phase",
-    "all_finite", "all_within", "band_amplitude", "blend_tiles", "cone_basis", "cone_chart",
-    "cone_footprints", "cone_layer", "cone_needed", "cone_rays", "cone_shown", "cone_stack",
-    "cone_table", "cone_tile", "encode_bytes", "fall", "field", "flake_choices", "flake_frame",
-    "flake_patterns", "flake_rows", "gas_alpha", "gas_draw", "gas_glow", "gas_light", "gas_slices",
-    "gas_sort", "gas_splat", "inverse_transform", "join", "lamp_light", "layer_finish",
-    "layer_rgba", "layer_seen", "opacity", "over", "particle_draw", "particle_draw_lit",
-    "particle_edge_fade", "particle_ids", "particle_positions", "particle_splat",
-    "particle_sway_offsets", "plate_cells", "random_phase", "reproducible", "set_reproducible",
-    "set_scope", "set_threads", "shade_add", "shade_over", "sheet_bent", "sheet_read", "smooth",
-    "snow", "temporal_filter", "temporal_gain", "tent_rate", "threads", "tile_count", "tile_shares",
-    "to_half", "uniform", "veil", "volume", "wave_depth", "whiten", "wind_waves",
+    "all_within", "band_amplitude", "blend_tiles", "cone_chart", "cone_footprints",
+    "cone_layer", "cone_needed", "cone_rays", "cone_shown", "cone_stack", "cone_table",
+    "cone_tile", "denser", "encode_bytes", "fall", "field", "flake_choices", "flake_frame",
+    "flake_patterns", "flake_rows", "gas_alpha", "gas_draw", "gas_glow", "gas_light",
+    "gas_slices", "gas_sort", "gas_splat", "inverse_transform", "join", "lamp_light",
+    "layer_finish", "layer_rgba", "layer_seen", "opacity", "over", "particle_draw",
+    "particle_draw_lit", "particle_edge_fade", "particle_ids", "particle_positions",
+    "particle_splat", "particle_sway_offsets", "plate_cells", "random_phase", "reproducible",
+    "set_reproducible", "set_scope", "set_threads", "shade_add", "shade_over", "sheet_bent",
+    "sheet_read", "smooth", "snow", "temporal_filter", "temporal_gain", "tent_rate", "threads",
+    "tile_count", "tile_shares", "to_half", "uniform", "veil", "volume", "wave_depth", "whiten",
+    "wind_waves",
 ]  # fmt: skip
 
 _Array = npt.NDArray[Any]
@@ -81,7 +82,6 @@ def flake_choices(
     pattern: _Int32, shift: _Float64, seed: int, patterns: int, tile: int
 ) -> None: ...
 def flake_frame(out: _Array, spectra: _Array, request: FlakeRequest) -> None: ...
-def all_finite(values: _Array) -> bool: ...
 def all_within(values: _Array, low: float, high: float) -> bool: ...
 def volume(out: _Array, film: Film, times: _Float64) -> int: ...
 def snow(out: _Array, background: _Array, alpha: _Array, intensity: list[float]) -> None: ...
@@ -159,12 +159,12 @@ def particle_draw(
 ) -> None: ...  # fmt: skip
 def particle_sway_offsets(out: _Float64, seed: int, time: float, sway: _Pair) -> None: ...
 def smooth(out: _Float64, t: _Float64) -> None: ...
+def denser(out: _Float64, s: _Float64, strength: float) -> None: ...
 def particle_edge_fade(
     out: _Float64, points: _Float64, sides: _Vector, center: _Vector
 ) -> None: ...
 def particle_ids(out: _Int32, flakes: _Listed, lens: _Lens, depth: _Array | None) -> None: ...
 def particle_splat(out: _Array, flakes: _Listed, lens: _Lens, depth: _Array | None) -> None: ...
-def cone_basis(axis: _Vector) -> tuple[list[float], list[float], list[float]]: ...
 def cone_rays(out: _Float64, places: _Float64, pose: Pose) -> None: ...
 def cone_layer(
     out: _Array, texture: _Float64, pose: Pose, sheet: tuple[int, float, float, _Pair, float]

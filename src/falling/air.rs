@@ -72,7 +72,12 @@ pub struct Class {
     pub profile: Vec<[Table; 2]>,
 }
 
-/// Where flakes are denser than on the mean: by 1 + strength s / sqrt(1 + s^2), with s a sum of waves.
+/// How many times as dense as on the mean it is where the waves of clumps sum to `s`.
+pub fn denser(strength: f64, s: f64) -> f64 {
+    1.0 + strength * s / (1.0 + s * s).sqrt()
+}
+
+/// Where flakes are denser than on the mean, as `denser` says.
 #[derive(Debug, Clone)]
 pub struct Clumps {
     /// (m, 3): cycles per metre, along the house's axes.

@@ -5,7 +5,7 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2};
 
-use super::air::{Air, CLOSE, Class, NOW, OPEN, Vector};
+use super::air::{Air, CLOSE, Class, NOW, OPEN, Vector, denser};
 use super::cells::{Born, Cells, side};
 use super::law::{presence, ramp};
 use super::sight::{Line, Sight, parts};
@@ -128,7 +128,7 @@ impl List {
         at(&mut points, &|places, born| places.resting(NOW, born));
         let sums = sums(&points, &clumps.waves, &clumps.weights, 1, cancel)?;
         for (index, ((places, born), s)) in found.iter().zip(sums).enumerate() {
-            let denser = 1.0 + clumps.strength * s / (1.0 + s * s).sqrt();
+            let denser = denser(clumps.strength, s);
             let own = (channels > 0).then(|| &blown[channels * index..][..channels]);
             self.see(places, born, own, denser / (1.0 + clumps.strength))?;
         }

@@ -31,13 +31,6 @@ fn view_of(pose: Pose) -> Result<View, Error> {
     Ok(View { basis, focal, center: [x, y], slope, eye })
 }
 
-/// The axis and two directions across it.
-#[pyfunction]
-pub fn cone_basis(axis: [f64; 3]) -> PyResult<([f64; 3], [f64; 3], [f64; 3])> {
-    let basis = Basis::of(axis)?;
-    Ok((basis.axis, basis.first, basis.second))
-}
-
 /// Fills `out` (n, 5): azimuth, height, azimuth's and height's step per pixel, fade, of positions.
 #[pyfunction]
 pub fn cone_rays(

@@ -25,8 +25,8 @@ mod core {
 
     #[pymodule_export]
     use super::cone::{
-        cone_basis, cone_chart, cone_footprints, cone_layer, cone_needed, cone_rays, cone_shown,
-        cone_stack, cone_table, cone_tile,
+        cone_chart, cone_footprints, cone_layer, cone_needed, cone_rays, cone_shown, cone_stack,
+        cone_table, cone_tile,
     };
     #[pymodule_export]
     use super::falling::{BallImages, FlakeSheet, fall, flake_rows, sheet_bent, sheet_read};
@@ -47,7 +47,7 @@ mod core {
     };
     #[pymodule_export]
     use super::numbers::{
-        all_finite, all_within, lamp_light, particle_edge_fade, particle_positions,
+        all_within, denser, lamp_light, particle_edge_fade, particle_positions,
         particle_sway_offsets, smooth, to_half, uniform, wind_waves,
     };
     #[pymodule_export]

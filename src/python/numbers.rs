@@ -91,6 +91,16 @@ pub fn smooth(mut out: PyReadwriteArray1<'_, f64>, t: PyReadonlyArray1<'_, f64>)
     gate::each(&mut out, &t, smoothstep)
 }
 
+/// Fills `out` with the density over its mean where the waves of clumps sum to `s`.
+#[pyfunction]
+pub fn denser(
+    mut out: PyReadwriteArray1<'_, f64>,
+    s: PyReadonlyArray1<'_, f64>,
+    strength: f64,
+) -> PyResult<()> {
+    gate::each(&mut out, &s, |s| crate::falling::air::denser(strength, s))
+}
+
 /// Fills `out` (n, c) with sums of plane waves at points (n, 3).
 #[pyfunction]
 pub fn wind_waves(
@@ -127,14 +137,6 @@ pub fn uniform(mut out: PyReadwriteArray1<'_, f64>, seed: i64, stream: i64) -> P
 arrays! {
     /// A flat array of either precision.
     pub enum Flat by try_readonly, PyArray1 as PyReadonlyArray1 { Single: f32, Double: f64 }
-}
-
-#[pyfunction]
-pub fn all_finite(py: Python<'_>, values: Flat<'_>) -> PyResult<bool> {
-    match values {
-        Flat::Single(values) => inside(py, &values, f32::MIN, f32::MAX),
-        Flat::Double(values) => inside(py, &values, f64::MIN, f64::MAX),
-    }
 }
 
 /// Whether all numbers are from `low` to `high`.

@@ -1,7 +1,7 @@
 """Snow and rain that are denser in some places than in others: clumps, and the fronts of gusts.
 
-The density is the mean times 1 + strength s / sqrt(1 + s^2), which is odd in s, a sum of waves: the
-mean over the air stays. Waves ride with flakes of the mean size, fronts ahead of them.
+The density is the mean times a function of a sum of waves (`denser` in `src/falling/air.rs`), which
+is odd but for its mean of 1. Waves ride with flakes of the mean size, fronts ahead of them.
 """
 
 from __future__ import annotations
@@ -98,10 +98,10 @@ def denser(
         seen *= np.exp(-0.5 * (math.pi * apart * length) ** 2)
         weights = np.ascontiguousarray(clumps.weights * seen[:, None])
         points = slab.depth * rays.reshape(-1, 3) + turn @ np.array(camera.offset)
-        s = np.empty((len(points), 1))
+        s, more = np.empty((len(points), 1)), np.empty(len(points))
         _core.wind_waves(s, np.ascontiguousarray(points), waves, weights)
-        more = 1.0 + clumps.strength * s / np.sqrt(1.0 + s * s)
-        found.append(np.asarray(more).reshape(rays.shape[:2]))
+        _core.denser(more, s[:, 0], clumps.strength)
+        found.append(more.reshape(rays.shape[:2]))
     return found
 
 

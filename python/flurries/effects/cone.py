@@ -110,7 +110,9 @@ def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
     courses = air_course(fps, motion.fall, motion.mean_wind), path.course(fps)
     shutter: Any = motion.shutter
     at, exposures = shutter.columns if isinstance(shutter, Keys) else ([0.0], [shutter])
-    knots = np.concatenate([*(one.knots for one in courses), at if isinstance(shutter, Keys) else []])
+    knots = np.concatenate(
+        [*(one.knots for one in courses), at if isinstance(shutter, Keys) else []]
+    )
     # Frames between the first and the last knot, at which the axis is looked at; what lies outside
     # does not change.
     ends = np.array([*knots, 0.0])
