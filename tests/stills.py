@@ -10,20 +10,28 @@ import OpenImageIO as oiio
 from flurries.io import read_picture
 
 
-def write_exr(path, pixels, names, *, data=(0, 0), display=None, kind="float", header=None):
-    """An EXR straight from OpenImageIO; a value of its header alone, or after its type."""
-    height, width, channels = pixels.shape
-    spec = oiio.ImageSpec(width, height, channels, kind)
-    spec.channelnames = tuple(names)
-    spec.x, spec.y = data
-    for key, value in (header or {}).items():
-        typed = isinstance(value, tuple)
-        spec.attribute(key, *((oiio.TypeDesc(value[0]), value[1]) if typed else (value,)))
-    if display:
-        spec.full_x, spec.full_y, spec.full_width, spec.full_height = display
+def write_exr(
+    path, pixels, names, *, then=(), data=(0, 0), display=None, kind="float", header=None
+):
+    """An EXR from OpenImageIO; parts are (pixels, names, data), a header's values may be typed."""
+    parts = [(pixels, names, data), *then]
+    specs = []
+    for number, (values, channels, data) in enumerate(parts):
+        spec = oiio.ImageSpec(*values.shape[1::-1], values.shape[2], kind)
+        spec.channelnames, (spec.x, spec.y) = tuple(channels), data
+        for key, value in (header or {}).items():
+            typed = isinstance(value, tuple)
+            spec.attribute(key, *((oiio.TypeDesc(value[0]), value[1]) if typed else (value,)))
+        if display:
+            spec.full_x, spec.full_y, spec.full_width, spec.full_height = display
+        if then:
+            spec.attribute("oiio:subimagename", f"part {number}")
+        specs.append(spec)
     output = oiio.ImageOutput.create("x.exr")
-    assert output.open(str(path), spec), output.geterror()
-    assert output.write_image(pixels), output.geterror()
+    assert output.open(str(path), specs), output.geterror()
+    for number, (values, _, _) in enumerate(parts):
+        assert not number or output.open(str(path), specs[number], "AppendSubimage")
+        assert output.write_image(values), output.geterror()
     assert output.close()
 
 

@@ -4,13 +4,14 @@ import struct
 import zlib
 
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 import skimage.data
 import tifffile
 from PIL import Image, ImageOps
 
+from flurries import io
 from flurries.io import read_header, read_layers, read_picture, srgb_to_linear, write_picture
+from flurries.io.layers.deep import Deep, write_deep
 from flurries.io.pictures.reader import luminance
 from stills import assert_reads_as, levels, noise, png_chunk, write_exr
 
@@ -94,34 +95,25 @@ def test_the_right_channels_are_found(tmp_path):
             np.testing.assert_array_equal(picture.alpha, pixels[..., alpha])
 
 
-def test_the_part_with_colors_is_found(tmp_path):
-    path = str(tmp_path / "parts.exr")
-    depth, color = noise((5, 6, 1)), noise((5, 6, 3))
-    specs = [oiio.ImageSpec(6, 5, 1, "float"), oiio.ImageSpec(6, 5, 3, "float")]
-    specs[0].channelnames = ("Z",)
-    for name, spec in zip(("depth", "beauty"), specs, strict=True):
-        spec.attribute("oiio:subimagename", name)
-    output = oiio.ImageOutput.create(path)
-    assert output.open(path, specs)
-    assert output.write_image(depth)
-    assert output.open(path, specs[1], "AppendSubimage")
-    assert output.write_image(color)
-    assert output.close()
-    assert_reads_as(path, color, None, "linear")
+@pytest.mark.parametrize("overscan", [False, True])
+def test_colors_and_depth_are_found_in_parts_and_lie_where_their_own_data_are(tmp_path, overscan):
+    color, depth = noise((9, 12, 3)), 1.0 + np.abs(noise((4, 5, 1)))
+    write_exr(tmp_path / "a.exr", depth, "Z", data=(3, 2), display=(0, 0, 8, 7),
+              then=[(color, "RGB", (-2, -1))])  # fmt: skip
+    wanted = np.full((9, 12), np.inf, np.float32)
+    wanted[3:7, 5:10] = depth[..., 0]
+    cut = np.s_[:, :] if overscan else np.s_[1:8, 2:10]
+    found = io.read_depth(tmp_path / "a.exr", overscan=overscan)
+    np.testing.assert_array_equal(found, wanted[cut])
+    shown = read_picture(tmp_path / "a.exr", overscan=overscan)
+    assert np.array_equal(shown.pixels, color[cut]) and shown.encoding == "linear"
 
 
 def test_pictures_of_other_kinds_are_refused(tmp_path):
     write_exr(tmp_path / "chroma.exr", noise((4, 4, 3)), ("Y", "RY", "BY"))
     with pytest.raises(ValueError, match=r"chroma\.exr: .*luminance and chroma"):
         read_picture(tmp_path / "chroma.exr")
-    spec = oiio.ImageSpec(2, 2, 2, "float")
-    spec.channelnames, spec.deep = ("Z", "A"), True
-    deep = oiio.DeepData()
-    deep.init(spec)
-    output = oiio.ImageOutput.create("x.exr")
-    assert output.open(str(tmp_path / "deep.exr"), spec)
-    assert output.write_deep_image(deep)
-    output.close()
+    write_deep(tmp_path / "deep.exr", Deep(np.ones((2, 2), int), np.ones((4, 6), np.float32)))
     with pytest.raises(ValueError, match=r"deep\.exr: deep pictures"):
         read_picture(tmp_path / "deep.exr")
 

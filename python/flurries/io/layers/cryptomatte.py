@@ -33,11 +33,13 @@ class Group(NamedTuple):
     ranks: list[tuple[int, list[int]]]  # The part and the places of every four channels.
 
     def planes(self, opened: Opened) -> Iterator[tuple[Array, Array]]:
-        """Yield pairs of planes (h, w): numbers as uint32, and shares."""
-        for part, places in self.ranks:
-            [values] = opened.at(part).read("float", places)
+        """Yield pairs of planes (H, W): numbers as uint32, and shares."""
+        for number, places in self.ranks:
+            part = opened.at(number)
+            [values] = part.read("float", places)
+            shown = part.shown(values)
             for k in (0, 2):
-                yield np.ascontiguousarray(values[..., k]).view(np.uint32), values[..., k + 1]
+                yield np.ascontiguousarray(shown[..., k]).view(np.uint32), shown[..., k + 1]
 
     def has(self, opened: Opened, name: str) -> bool:
         """Whether a thing of that name is in the manifest; without one, in the picture."""
@@ -81,18 +83,18 @@ def read_matte(path: Path, things: Iterable[tuple[str, str]], *, overscan: bool)
     """Return what things, each a group and a name of it, cover together, (H, W) float32."""
     with opened_picture(path, overscan=overscan) as opened:
         groups = _groups(opened)
-        total = np.zeros((opened.specification.height, opened.specification.width, 1), np.float32)
+        total = np.zeros(opened.size[::-1], np.float32)
         for kind, name in things:
             if kind not in groups:
                 raise ValueError(f"{path}: has no Cryptomatte called {kind}")
             for ids, shares in groups[kind].planes(opened):
-                total[..., 0] += np.where(ids == hash_of(name), shares, 0.0)
-        return np.ascontiguousarray(np.clip(opened.shown(total)[..., 0], 0.0, 1.0))
+                total += np.where(ids == hash_of(name), shares, 0.0)
+        return np.clip(total, 0.0, 1.0)
 
 
 def things_of(path: Path, names: Iterable[str]) -> tuple[dict[str, tuple[str, str]], set[str]]:
     """Return the group and name of each thing that a file has, and all names that it knows."""
-    with opened_picture(path) as opened:
+    with opened_picture(path, overscan=True) as opened:
         groups, found = _groups(opened).values(), dict[str, tuple[str, str]]()
         for name in names:
             # Of one thing, or with the group before it, where several have one of that name.

@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -76,21 +76,18 @@ class Opened:
     path: Path
     reader: Any
     budget: Budget
-    overscan: bool
+    frame: Window  # What comes, as the header counts: the display window, or overscan too.
+    orientation: int
     part: int
     specification: Any
     color: tuple[int, ...]
     alpha: int | None
 
-    @classmethod
-    def of(cls, path: Path, reader: Any, budget: Budget, overscan: bool, part: int) -> Opened:
-        spec = reader.spec(part)
-        color, alpha = _channels(spec)
-        return cls(path, reader, budget, overscan, part, spec, color, alpha)
-
     def at(self, part: int) -> Opened:
-        """Return another part."""
-        return Opened.of(self.path, self.reader, self.budget, self.overscan, part)
+        """Return another part, of which the same window comes."""
+        spec = self.reader.spec(part)
+        color, alpha = _channels(spec)
+        return replace(self, part=part, specification=spec, color=color, alpha=alpha)
 
     @property
     def parts(self) -> list[Any]:
@@ -108,42 +105,25 @@ class Opened:
         return "linear" if self.stored_type in FLOATS else "display"
 
     @property
-    def orientation(self) -> int:
-        stated = self.specification.get_int_attribute("Orientation", 1)
-        return stated if 1 <= stated <= 8 else 1
-
-    @property
     def is_exr(self) -> bool:
         return bool(self.reader.format_name() == "openexr")
 
     @property
     def window(self) -> Window:
-        """The window of what comes, from the first stored pixel: the display's, or overscan too."""
-        left, top, width, height = self._display
-        if self.orientation != 1 or not self.overscan:
-            return left, top, width, height
-        spec, first, above = self.specification, min(left, 0), min(top, 0)
-        last, below = max(left + width, spec.width), max(top + height, spec.height)
-        return first, above, last - first, below - above
-
-    @property
-    def _display(self) -> Window:
-        spec = self.specification
-        if not self.is_exr:
-            # Offsets in other formats are about printing several pictures on one page.
-            return 0, 0, spec.width, spec.height
-        return spec.full_x - spec.x, spec.full_y - spec.y, spec.full_width, spec.full_height
+        """The window of what comes, from the part's first stored pixel."""
+        (left, top, *size), spec = self.frame, self.specification
+        first, above = (spec.x, spec.y) if self.is_exr else (0, 0)
+        return left - first, top - above, size[0], size[1]
 
     @property
     def display(self) -> Window | None:
         """The display window's place in the picture with its overscan; None without any."""
-        (left, top, *size), (first, above, *whole) = self._display, self.window
-        place = left - first, top - above
-        return None if place == (0, 0) and size == whole else (*place, size[0], size[1])
+        (left, top, *_), shown = self.frame, _display_of(self.specification, self.is_exr)
+        return None if shown == self.frame else (shown[0] - left, shown[1] - top, *shown[2:])
 
     @property
     def size(self) -> tuple[int, int]:
-        _, _, width, height = self.window
+        _, _, width, height = self.frame
         return (height, width) if self.orientation >= 5 else (width, height)
 
     def read(self, kind: str, *groups: Sequence[int]) -> list[Array]:
@@ -248,11 +228,20 @@ def opened_picture(
     with libraries_silent():
         reader = _reader_of(found, limits)
         try:
-            opened = Opened.of(found, reader, limits, overscan, 0)
+            opened = Opened(found, reader, limits, (0, 0, 0, 0), 1, 0, None, (), None).at(0)
             names = [{*spec.channelnames} for spec in opened.parts] if opened.is_exr else []
             if places := [place for place, own in enumerate(names) if {"R", "G", "B"} <= own]:
                 opened = opened.at(places[0])
             spec = opened.specification
+            turned = spec.get_int_attribute("Orientation", 1)
+            turned = turned if 1 <= turned <= 8 else 1
+            frame = _display_of(spec, opened.is_exr)
+            if overscan and turned == 1 and opened.is_exr:
+                first, above = min(frame[0], spec.x), min(frame[1], spec.y)
+                last = max(frame[0] + frame[2], spec.x + spec.width)
+                below = max(frame[1] + frame[3], spec.y + spec.height)
+                frame = first, above, last - first, below - above
+            opened = replace(opened, frame=frame, orientation=turned)
             if spec.deep and not deep:
                 raise ValueError(f"{found}: deep pictures, with many samples in a pixel, are not "
                                  "supported")  # fmt: skip
@@ -271,6 +260,12 @@ def opened_picture(
             ) from error
         finally:
             reader.close()
+
+
+def _display_of(spec: Any, is_exr: bool) -> Window:
+    # Offsets in other formats are about printing several pictures on one page.
+    shown = spec.full_x, spec.full_y, spec.full_width, spec.full_height
+    return shown if is_exr else (0, 0, spec.width, spec.height)
 
 
 def _reader_of(path: Path, budget: Budget) -> Any:
