@@ -254,7 +254,7 @@ def _own_field(asked: Request, texture: Texture, time: float, result: Array) -> 
     # A wave of half a cycle is its own mirror, and moves neither way.
     fy, fx = (np.where(f == -0.5, 0.0, f) for f in (fy, fx))
     longest = asked.wavelengths[1]
-    turns = texture.own_rate * time
+    turns = texture._own_rate * time
     turns -= np.rint(turns)
     filtered = asked.alias != "keep" or asked.shutter > 0.0
     rows, cols = (
@@ -269,11 +269,11 @@ def _own_field(asked: Request, texture: Texture, time: float, result: Array) -> 
         raise ValueError(f"shortest must have shape {(rows, cols)}, got {nearest.shape}")
     tiles = np.empty((rows, cols, *asked.tile), result.dtype)
     for place in np.ndindex(rows, cols):
-        waves = texture.own_amplitude
+        waves = texture._own_amplitude
         if filtered:
             across, down = motion["shift_rate"][place]
             rate = tent_rate(asked.tile, motion["velocity"][place], wavelength_max=longest)
-            rate += texture.own_rate
+            rate += texture._own_rate
             rate -= fx * across + fy * down
             waves = waves * temporal_gain(
                 rate, alias=asked.alias, soft_from=asked.soft_from, shutter=asked.shutter

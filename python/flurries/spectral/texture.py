@@ -133,7 +133,7 @@ class Texture:
             raise ValueError("jitter must be False beside envelope or rate, got True")
         if self.ring_edges is not None:
             raise ValueError("ring_edges must be None beside envelope or rate, which have all")
-        _ = self.own_rate, self.envelope is None or self.own_amplitude  # They refuse.
+        _ = self._own_rate, self.envelope is None or self._own_amplitude  # They refuse.
 
     @property
     def sides(self) -> tuple[int, int]:
@@ -146,7 +146,7 @@ class Texture:
         return self.envelope is not None or self.rate is not None
 
     @cached_property
-    def own_amplitude(self) -> Float64:
+    def _own_amplitude(self) -> Float64:
         """Amplitudes of a tile's waves, even in k, 0 at dc, whose squares sum to 1."""
         if self.envelope is None:
             return band_amplitude(self.sides, wavelengths=self.wavelengths, exponent=self.exponent)
@@ -163,7 +163,7 @@ class Texture:
         return np.asarray(even / np.sqrt((even**2).sum()))
 
     @cached_property
-    def own_rate(self) -> Float64:
+    def _own_rate(self) -> Float64:
         """Cycles per frame of a tile's waves, of which pairs of a real field turn alike."""
         if self.rate is None:
             return np.zeros(self.sides)
