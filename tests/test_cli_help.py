@@ -1,6 +1,5 @@
 """What the command line offers: help, examples that run, completion in shells."""
 
-import importlib
 import re
 import shlex
 import subprocess
@@ -13,7 +12,7 @@ import pytest
 
 import flurries as fl
 from flurries.cli import main
-from flurries.cli.main import COMMANDS
+from flurries.cli.main import COMMANDS, commands
 from flurries.io import write_picture
 from test_cli import PLATE, RENDER, Run, here, run
 
@@ -31,7 +30,7 @@ def test_the_examples_of_the_help_run(name: str, run: Run, here: Path):
     )
     if name == "check":
         assert run(*RENDER[:-1], "frames/%04d.png", "--frames", "1")[0] == 0
-    command = getattr(importlib.import_module(f"flurries.cli.{name}"), name)
+    command = commands.get_command(click.Context(commands), name)
     for line in command.examples:
         words = shlex.split(line.split(" #")[0].split(">")[0].strip())
         words = shlex.split(words[1].strip("$()")) if words[0] == "eval" else words
@@ -44,7 +43,7 @@ def test_the_examples_of_the_help_run(name: str, run: Run, here: Path):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_says_each_option_its_default_and_an_example(name: str, run: Run):
-    command = getattr(importlib.import_module(f"flurries.cli.{name}"), name)
+    command = commands.get_command(click.Context(commands), name)
     options = [one for one in command.params if isinstance(one, click.Option)]
     code, out, err = run(name, "--help")
     words = " ".join(out.split())

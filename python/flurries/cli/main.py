@@ -19,7 +19,8 @@ from flurries.cli.words import plain_warnings, say
 
 DEFECT, MISTAKE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
 
-# Each command is a file with a function of its name, imported when it is asked for.
+# Each command is a function of its name, whose file is imported when it is asked for: that of its
+# name or `LOOK`'s.
 COMMANDS = {
     "render": "weather over a picture, a film or a scene, to files",
     "plan": "what rendering takes: steps, times, memory, and what is left out",
@@ -32,6 +33,8 @@ COMMANDS = {
     "completion": "the shell's completion: bash, zsh or fish",
 }
 
+LOOK = ("plan", "light", "view")
+
 # Where a shell leaves the line that it wants completed.
 COMPLETE = "_FLURRIES_COMPLETE"
 
@@ -43,8 +46,11 @@ class Commands(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        module = importlib.import_module(f"flurries.cli.{name}") if name in COMMANDS else None
-        return getattr(module, name, None)
+        if name not in COMMANDS:
+            return None
+        file = "look" if name in LOOK else name
+        found: click.Command = getattr(importlib.import_module(f"flurries.cli.{file}"), name)
+        return found
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         if not ctx.resilient_parsing and (not args or args[0] == "help"):

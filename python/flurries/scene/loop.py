@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -41,18 +41,9 @@ Axes = tuple[bool, bool, bool]
 _NOTHING = 1e-9
 
 
-class Looped(NamedTuple):
-    """The parts of a scene that repeats."""
-
-    effects: tuple[Any, ...]  # Those that draw one by one stand twice, a round apart.
-    path: CameraPath
-    lights: tuple[Any, ...]
-    light: Any
-    lens: Any
-    bent: tuple[str, ...]  # What does not end as it began, and what becomes of it.
-
-
-def looped_scene(scene: Rendering, lap: Lap) -> Looped:
+def looped_scene(scene: Rendering, lap: Lap) -> tuple[Rendering, tuple[str, ...]]:
+    """Return what runs of a scene that repeats, and in words what does not end as it began."""
+    # Effects that draw one by one stand twice, a round apart.
     path, fps = scene._path, scene.fps
     bent: list[str] = []
 
@@ -100,7 +91,8 @@ def looped_scene(scene: Rendering, lap: Lap) -> Looped:
     for name, effect in zip(names, scene.effects, strict=True):
         if words := _bending(effect, path, fps, lap):
             bent.append(f"{name}: {words}")
-    return Looped(tuple(shown), path, lamps, light, lens, tuple(bent))
+    parts = {"effects": tuple(shown), "lights": lamps, "light": light, "lens": lens}
+    return scene._derive(_path=path, **parts), tuple(bent)
 
 
 def _bending(effect: Any, path: CameraPath, fps: float, lap: Lap) -> str:

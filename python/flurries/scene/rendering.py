@@ -25,7 +25,7 @@ from flurries.light.lamp import Lamp, Sun
 from flurries.light.shot import Light
 from flurries.scene.arguments import parse_region
 from flurries.scene.files import Frames, Sources, frames_of
-from flurries.scene.loop import Looped, looped_scene
+from flurries.scene.loop import looped_scene
 from flurries.scene.numbered import Display
 from flurries.scene.output import OutputFields, takes_output
 from flurries.stereo import eyes
@@ -33,7 +33,7 @@ from flurries.stereo import eyes
 if TYPE_CHECKING:
     import dask.array
     from distributed import Client
-    from typing_extensions import Unpack
+    from typing_extensions import Self, Unpack
 
     from flurries.frame.plan import Plan
     from flurries.output.write import Summary
@@ -103,36 +103,45 @@ class Rendering(Sources):
 
     def _time_of(self, t: float) -> float:
         """Return the time that is shown at `t`: another one where a scene has a `loop`."""
-        time = real("t", t)
-        return time if self._lap is None else self._lap.place(time)
+        lap, time = self._lap, real("t", t)
+        return time if lap is None else lap.place(time)
 
     @cached_property
-    def _looped(self) -> Looped:
-        """What runs: the parts of the scene, bent where they are to begin again."""
-        if self._lap is not None:
-            return looped_scene(self, self._lap)
-        return Looped(self.effects, self._path, self.lights, self.light, self.lens, ())
+    def _looped(self) -> tuple[Rendering, tuple[str, ...]]:
+        assert self._lap is not None
+        return looped_scene(self, self._lap)
 
     @property
     def bent(self) -> tuple[str, ...]:
         """The changes to a scene with a `loop` so that it begins again, in words."""
-        return self._looped.bent
+        return () if self.loop is None else self._looped[1]
 
     @cached_property
     def _program(self) -> Program:
         """The program of each frame, resolved when it is first asked for."""
-        effects, path, lights, light, lens, _ = self._looped
+        # What runs is bent where it is to begin again; light is mixed as the scene itself says.
+        one = self if self.loop is None else self._looped[0]
         base = Frame(
             shape=self.shape, window=(0, self.size[1], 0, self.size[0]), t=0.0, fps=self.fps,
-            camera=path.camera, path=path, seed=0, sun=self.sun, lights=lights, lens=lens,
-            lap=self._lap, still=self._still,
+            camera=one._path.camera, path=one._path, seed=0, sun=self.sun, lights=one.lights,
+            lens=one.lens, lap=self._lap, still=self._still,
         )  # fmt: skip
         return Program(
-            effects=effects, base=base, seed=self.seed, backdrop=self._backdrop,
+            effects=one.effects, base=base, seed=self.seed, backdrop=self._backdrop,
             distance=self._distance, mattes=self._mattes, linear=self._linear,
             primaries=None if self._color is None else self._color.working.from_rec709(),
-            light=light, found=self._found,
+            light=one.light, found=self._found,
         )  # fmt: skip
+
+    def _derive(self, **changes: Any) -> Self:
+        """Return the scene with some attributes changed, without checks."""
+        made = object.__new__(type(self))
+        if "camera" in changes:
+            changes["_path"] = changes["camera"]
+        # What runs belongs to the scene that it was found for.
+        found = {"_program", "_fine", "_looped"}
+        vars(made).update({k: v for k, v in vars(self).items() if k not in found}, **changes)
+        return made
 
     def render(self, t: float, *, region: Region | None = None, eye: Camera | None = None) -> Array:
         """Return the frame at `t`.
@@ -216,10 +225,11 @@ class Rendering(Sources):
                 raise TypeError(f"eye must be a Camera, got {eye!r}")
         window = self._program.base.window
         window = window if region is None else parse_region(region, self.shape)
+        eyes = [None if eye is None else self._in_frame(eye) for eye in views]
         time = self._time_of(t)
         if self.camera.extend == "stop":
             self._require([math.floor(time)], gaps=False)
-        return time, window, [None if eye is None else self._in_frame(eye) for eye in views]
+        return time, window, eyes
 
     def _depth_at(self, t: float) -> Array | None:
         """Return the background's planar depth at `t`, (H, W) float32, or None."""

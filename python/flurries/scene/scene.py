@@ -209,16 +209,6 @@ class Scene(Rendering):
         # A still stays one, unless it gets a rate or becomes a film.
         return replace(self, **({"fps": None} if self._still else {}) | changes)
 
-    def _derive(self, **changes: Any) -> Scene:
-        """Return the scene with some attributes changed, without checks."""
-        made = object.__new__(Scene)
-        if "camera" in changes:
-            changes["_path"] = changes["camera"]
-        # What runs belongs to the scene that it was found for.
-        found = {"_program", "_fine", "_looped"}
-        vars(made).update({k: v for k, v in vars(self).items() if k not in found}, **changes)
-        return made
-
     @cached_property
     def _fine(self) -> Scene:
         """The scene with a background of 8 bits in 16: weather over it has their steps."""
