@@ -88,7 +88,7 @@ def write_deep(
     specification.attribute("compression", "zips")
     starts = np.concatenate([[0], np.cumsum(deep.counts.sum(axis=1))])
     with replacing(path) as temporary:
-        with output_of(target, temporary, specification) as output:
+        with output_of(target, temporary, [specification]) as output:
             for top in range(0, height, _ROWS):
                 last = min(top + _ROWS, height)
                 values = deep.values[starts[top] : starts[last]]

@@ -313,9 +313,9 @@ def write_parts(
     """Write a picture of one or several parts atomically, and verify it."""
     target = os.fspath(path)
     with replacing(path) as temporary:
+        sums = [("uint8", 0)]
         if encoded:
             temporary.write_bytes(encoded)
-            sums = [("uint8", 0)]
         else:
             sums = _write(target, temporary, parts)
         if temporary.suffix.lower() == ".dpx":
@@ -331,10 +331,10 @@ def write_parts(
 def _write(target: str, temporary: Path, parts: Sequence[Part]) -> list[tuple[str, int]]:
     """Write all bands of all parts; return the type of each part's numbers and their checksum."""
     sums: list[tuple[str, int]] = []
-    first, *_ = specifications = tuple(part.specification for part in parts)
-    large = temporary.suffix.lower() == ".exr" and first.width * first.height >= _LARGE
+    specs = tuple(part.specification for part in parts)
+    large = temporary.suffix.lower() == ".exr" and specs[0].width * specs[0].height >= _LARGE
     threads = packing_threads() if large else nullcontext()
-    with threads, output_of(target, temporary, specifications if parts[1:] else first) as output:
+    with threads, output_of(target, temporary, specs) as output:
         for spec, band, _ in parts:
             if sums and not output.open(str(temporary), spec, "AppendSubimage"):
                 raise unwritten(target, output)
@@ -351,23 +351,21 @@ def _write(target: str, temporary: Path, parts: Sequence[Part]) -> list[tuple[st
 
 
 @contextmanager
-def output_of(target: str, temporary: Path, wanted: Any) -> Iterator[Any]:
-    """Open a file for a specification, or one for each part, and close it."""
+def output_of(target: str, temporary: Path, wanted: Sequence[Any]) -> Iterator[Any]:
+    """Open a file for a specification for each part, and close it."""
     output = openimageio().ImageOutput.create(str(temporary))
     if output is None:
         raise ValueError(f"{target}: cannot be written: {last_error()}")
-    closed = False
     try:
         if not output.open(str(temporary), wanted):
             raise unwritten(target, output)
         yield output
-        closed = True
-        if not output.close():
-            raise unwritten(target, output)
-    finally:
-        if not closed:
-            output.close()
-            last_error(output)
+    except BaseException:
+        output.close()
+        last_error(output)
+        raise
+    if not output.close():
+        raise unwritten(target, output)
 
 
 def unwritten(target: str, output: Any) -> OSError:
