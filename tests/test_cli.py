@@ -70,62 +70,66 @@ def pixels(path: str | Path) -> np.ndarray:
 
 def test_a_picture_becomes_frames_and_again_only_what_is_missing(run: Run, here: Path):
     command = ["render", "plate.png", "--snow", "heavy", "-o", "frames/%04d.png", "--frames", "1-3"]
-    code, out, err = run(*command)
     names = [f"frames/000{n}.png" for n in (1, 2, 3)]
-    assert (code, out.splitlines()) == (0, names)
-    assert "3 frames rendered" in err
-    first = files(here / "frames")
-    assert sorted(first) == ["0001.png", "0002.png", "0003.png", "flurries.jsonl"]
+    for said in ("3 frames rendered", "0 frames rendered, 3 were", "1 frame rendered, 2 were"):
+        code, out, err = run(*command)
+        assert (code, out.splitlines()) == (0, names), "data, as if it had made them"
+        assert said in err
+        if said.startswith("0"):
+            (here / "frames" / "0002.png").unlink()
     scene = Scene(PLATE, effects=[Snow("heavy")], fps=30)
     assert all(np.array_equal(pixels(n), scene.render(i)) for i, n in enumerate(names, 1))
-
-    code, out, err = run(*command)
-    assert (code, out.splitlines()) == (0, names), "data, as if it had made them"
-    assert "0 frames rendered, 3 were there already" in err
-    (here / "frames" / "0002.png").unlink()
-    code, _, err = run(*command)
-    assert code == 0 and "1 frame rendered, 2 were there already" in err
-    del first["flurries.jsonl"]
-    assert files(here / "frames").items() > first.items()
-
+    first = files(here / "frames")
     other = ["light" if word == "heavy" else word for word in command]
     code, out, err = run(*other)
     assert (code, out) == (2, "")
     assert err.startswith("flurries: frames/0001.png") and err.count("\n") == 1
-    assert files(here / "frames").items() > first.items()
+    assert files(here / "frames") == first
     assert run(*other, "--overwrite")[0] == 0
-    found = files(here / "frames")
-    assert all(found[name] != data for name, data in first.items())
+    assert all(data != first[name] for name, data in files(here / "frames").items())
 
 
 LENS = Camera(1.2 * W)
 WAY = CameraPath(LENS, position=[(0, 0, n) for n in range(12)])
-OPTIONS: dict[str, tuple[list[str], dict[str, Any], dict[str, Any]]] = {
-    # The options, what they mean for the scene, and for the snow.
-    "nothing": ([], {}, {}),
-    "seed": (["--seed", "-7"], {"seed": -7}, {}),
-    "fps": (["--fps", "12.5"], {"fps": 12.5}, {}),
-    "wind": (["--wind", "1,0.5,-2"], {}, {"wind": (1.0, 0.5, -2.0)}),
-    "fly back": (["--fly=-1,0,-2"], {"camera": CameraPath(LENS, velocity=(-1, 0, -2))}, {}),
-    "amount": (["--amount", "0.5"], {}, {"amount": 0.5}),
-    "foreground": (["--foreground", "mask.png"], {"foreground": MASK}, {}),
-    "lens": (["--lens", "4,2"], {"lens": fl.camera.Lens(4.0, f_stop=2.0)}, {}),
-    "linear": (["--linear"], {"space": "linear"}, {}),
-    "quiet": (["--quiet"], {}, {}),
-    "depth": (["--depth", "2.5"], {"depth": 2.5}, {}),
-    "camera": (["--camera", "way.csv"], {"camera": WAY}, {}),
+ON_ITS_WAY = {"wind": (1.0, 0.0, 0.0)}
+# What is asked for: the weather that it is, and what it means for the scene.
+OPTIONS: dict[str, tuple[list[Any], dict[str, Any]]] = {
+    "--snow light": ([Snow("light")], {}), "--snow light --quiet": ([Snow("light")], {}),
+    "--snow light --seed -7": ([Snow("light")], {"seed": -7}),
+    "--snow --fps 12.5": ([Snow()], {"fps": 12.5}),
+    "--snow light --wind 1,0.5,-2": ([Snow("light", wind=(1.0, 0.5, -2.0))], {}),
+    "--snow --fly=-1,0,-2": ([Snow()], {"camera": CameraPath(LENS, velocity=(-1, 0, -2))}),
+    "--snow light --amount 0.5": ([Snow("light", amount=0.5)], {}),
+    "--snow --foreground mask.png": ([Snow()], {"foreground": MASK}),
+    "--snow --lens 4,2": ([Snow()], {"lens": fl.camera.Lens(4.0, f_stop=2.0)}),
+    "--snow --linear": ([Snow()], {"space": "linear"}),
+    "--snow --depth 2.5": ([Snow()], {"depth": 2.5}),
+    "--snow --camera way.csv": ([Snow()], {"camera": WAY}),
+    "--severity 3": ([Snow(severity=3)], {}), "--rate 2.5": ([Snow(rate=2.5)], {}),
+    "--rain --rate 4": ([fl.Rain(rate=4.0)], {}),
+    "--mist --rain --severity 2": ([fl.Mist(severity=2), fl.Rain(severity=2)], {}),
+    "--snow light --method tent --color #ff8000": (
+        [fl.effects.TentSnow("light", color="#ff8000")], {}),
+    "--rain --method cone": ([fl.effects.ConeRain()], {}),
+    "--snow --density 90 --shutter 0.2 --near 0.5": (
+        [Snow(density=90.0, shutter=0.2, near=0.5)], {}),
+    "--snow 'big flakes'": ([Snow("big flakes")], {}),
+    "--mist fog --rain downpour --wind 1,0,0": (
+        [fl.Mist("fog", **ON_ITS_WAY), fl.Rain("downpour", **ON_ITS_WAY)], {}),
+    "--mist mist --visibility 30": ([fl.Mist("mist", visibility=30.0)], {}),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", OPTIONS)
-def test_what_an_option_means(name: str, run: Run):
-    options, of_scene, of_snow = OPTIONS[name]
-    code, _, err = run(*RENDER, "--frames", "9", *options)
+@pytest.mark.parametrize("asked", OPTIONS)
+def test_what_options_mean(asked: str, run: Run):
+    # What does not look like a preset is the picture, also behind a bare option.
+    code, _, err = run("render", *shlex.split(asked), "plate.png", "-o", "a.png", "--frames", "9")
     assert code == 0, err
-    scene = Scene(PLATE, effects=[Snow("light", **of_snow)], **{"fps": 30, **of_scene})
-    assert np.array_equal(pixels("out/0009.png"), scene.render(9))
-    plain = Scene(PLATE, effects=[Snow("light")], fps=30).render(9)
-    assert np.array_equal(scene.render(9), plain) is (name in ("nothing", "quiet"))
+    effects, more = OPTIONS[asked]
+    scene = Scene(PLATE, **{"effects": effects, "fps": 30, **more})
+    assert np.array_equal(pixels("a.png"), scene.render(9))
+    if more:
+        assert not np.array_equal(pixels("a.png"), Scene(PLATE, effects=effects, fps=30).render(9))
 
 
 def test_files_sizes_and_threads(run: Run, here: Path):
@@ -162,32 +166,6 @@ def test_a_scene_file(run: Run, here: Path):
         code, out, _ = run(*command, *words.split())
         assert (code, out.split()) == (0, ["1.png", "4.png", "7.png"])
         assert np.array_equal(pixels("4.png"), wanted.render(4))
-
-
-WIND = {"wind": (1.0, 0.0, 0.0)}
-# What is asked for, and the weather that it is.
-WEATHER: dict[str, list[Any]] = {
-    "--severity 3": [Snow(severity=3)],
-    "--rate 2.5": [Snow(rate=2.5)],
-    "--rain --rate 4": [fl.Rain(rate=4.0)],
-    "--mist --rain --severity 2": [fl.Mist(severity=2), fl.Rain(severity=2)],
-    "--snow light --method tent --color #ff8000": [fl.effects.TentSnow("light", color="#ff8000")],
-    "--rain --method cone": [fl.effects.ConeRain()],
-    "--snow --density 90 --shutter 0.2 --near 0.5": [Snow(density=90.0, shutter=0.2, near=0.5)],
-    "--snow 'big flakes'": [Snow("big flakes")],
-    "--mist fog --rain downpour --wind 1,0,0": [
-        fl.Mist("fog", **WIND), fl.Rain("downpour", **WIND)
-    ],
-    "--mist mist --visibility 30": [fl.Mist("mist", visibility=30.0)],
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("asked", WEATHER)
-def test_the_weather_that_is_asked_for(asked: str, run: Run):
-    # What does not look like a preset is the picture, also behind a bare option.
-    code, _, err = run("render", *shlex.split(asked), "plate.png", "-o", "a.png", "--frames", "4")
-    assert code == 0, err
-    assert np.array_equal(pixels("a.png"), Scene(PLATE, effects=WEATHER[asked], fps=30).render(4))
 
 
 def test_a_terminal_sees_a_bar(here: Path):

@@ -183,30 +183,40 @@ class Own:
 
 
 @dataclass(frozen=True)
-class Priced(Own):
-    """Somebody's effect that says what it needs."""
+class Large(Own):
+    """An effect whose step takes memory and time that are known, and tells when it was rendered."""
 
+    NAME = "large"
+    rendered: Any = None
     amount: Any = 1.0
 
     def needs(self, frame: fl.effects.Frame) -> Needs:
-        if self.amount == 0.0:
-            return Needs((), (LeftOut("priced", "its amount is 0"),), most=0.0)
-        return Needs((Step("paint"),))
+        amount = self.amount.at(frame.t) if isinstance(self.amount, fl.Keys) else self.amount
+        gone = LeftOut("large", "its amount is 0")
+        return Needs((Step("work"),)) if amount else Needs((), (gone,), most=0.0)
 
     def render(self, frame: fl.effects.Frame) -> fl.effects.Layer:
-        layer = frame.run(self, "paint", lambda: Own.render(self, frame))
+        if self.rendered is not None:
+            self.rendered.append(int(frame.t))
+
+        def work() -> fl.effects.Layer:
+            time.sleep(0.02)
+            assert np.ones(50_000_000, np.uint8)[-1] == 1
+            return Own.render(self, frame)
+
+        layer = frame.run(self, "work", work)
         assert layer is not None
         return layer
 
 
 def test_effects_of_others():
-    scene = fl.Scene(BYTES, effects=[Own(), Priced(), Priced(0.0)])
+    scene = fl.Scene(BYTES, effects=[Own(), Large(), Large(amount=0.0)])
     _, trace = traced(scene)
     assert trace.sums("calls")["own"] == 1
     assert [step.name for step in scene.plan(1).steps] == [
-        "background", "own", "priced: paint", "composite",
+        "background", "own", "large: work", "composite",
     ]  # fmt: skip
-    assert left_out(scene)["priced"] == "its amount is 0"
+    assert left_out(scene)["large"] == "its amount is 0"
     wrong = type("Wrong", (Own,), {"needs": lambda self, frame: ["paint"]})
     with pytest.raises(TypeError, match=r"Wrong\.needs must return Needs, got list"):
         fl.Scene(BYTES, effects=[wrong()]).render(0)
@@ -244,33 +254,6 @@ def test_a_plan_names_the_steps_that_run(case: str):
     assert plan.rest is not None and plan.milliseconds is not None
     times = [step.milliseconds or 0.0 for step in plan.steps if not step.once]
     assert plan.milliseconds == pytest.approx(sum(times) + plan.rest)
-
-
-@dataclass(frozen=True)
-class Large(Own):
-    """An effect whose step takes memory and time that are known, and tells when it was rendered."""
-
-    NAME = "large"
-    rendered: Any = None
-    amount: Any = 1.0
-
-    def needs(self, frame: fl.effects.Frame) -> Needs:
-        amount = self.amount.at(frame.t) if isinstance(self.amount, fl.Keys) else self.amount
-        gone = LeftOut("large", "its amount is 0")
-        return Needs((Step("work"),)) if amount else Needs((), (gone,), most=0.0)
-
-    def render(self, frame: fl.effects.Frame) -> fl.effects.Layer:
-        if self.rendered is not None:
-            self.rendered.append(int(frame.t))
-
-        def work() -> fl.effects.Layer:
-            time.sleep(0.02)
-            assert np.ones(50_000_000, np.uint8)[-1] == 1
-            return Own.render(self, frame)
-
-        layer = frame.run(self, "work", work)
-        assert layer is not None
-        return layer
 
 
 def test_times_and_bytes_are_those_of_the_step():

@@ -80,6 +80,6 @@ def test_keys_follow_a_sky_that_changes_and_no_lamp(tmp_path: Path):
     assert np.array_equal(keyed.render(5), plain.render(5))
 
 
-def test_a_light_without_sides_has_those_of_snow(tmp_path: Path):
+def test_a_light_without_sides_has_those_of_snow():
     snow, sky, ground = fl.scene.Light((0.9, 0.45, 0.0)).at(3.0)
     np.testing.assert_allclose((sky, ground), (snow / 0.9, 0.2 * snow))
