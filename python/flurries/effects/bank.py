@@ -21,7 +21,7 @@ from flurries.effects.bank_texture import COARSE, MARGIN
 from flurries.effects.color import Base, base_of, even_shade
 from flurries.effects.vapor import lit_by_sun, moved_with, needs_of_gas, optics_of
 from flurries.frame.layer import Layer, Shade
-from flurries.frame.needs import LeftOut, Needs
+from flurries.frame.needs import Needs
 from flurries.frame.view import Frame
 from flurries.gas.optics import phase
 from flurries.io.color import srgb_to_linear
@@ -65,11 +65,9 @@ class Bank:
 
     def needs(self, frame: Frame) -> Needs:
         mist = self.mist
-        drawn = LeftOut(f"{mist.NAME}: particles", "it has a visibility, and is drawn in slices")
-        out: tuple[LeftOut, ...] = (drawn,)
+        out = {"particles": "it has a visibility, and is drawn in slices"}
         if mist.center is None and not frame.deep:
-            why = f"nobody gave one: mist takes a wall at {mist.backdrop:g} m (backdrop)"
-            out += (LeftOut(f"{mist.NAME}: depth", why),)
+            out["depth"] = f"nobody gave one: mist takes a wall at {mist.backdrop:g} m (backdrop)"
         shows = self.extinction(frame.t) > 0.0
         return needs_of_gas(mist, frame, out, shows=shows, most=1.0, by_rows=False)
 
@@ -89,12 +87,9 @@ class Bank:
             return Layer(mist.NAME, np.zeros(frame.size, np.float32), color)
         alpha, light, depth = (None if plane is None else frame.crop(plane) for plane in made)
         assert alpha is not None
-        shade: Shade | None = None
-        if lit:
-            # All of its light is a glow, which is mixed as light.
-            shade = even_shade(frame, (0.0, 0.0, 0.0))
-        elif local or light is not None:
-            shade = even_shade(frame, color)
+        # All light of what is lit is a glow, which is mixed as light.
+        own = even_shade(frame, (0.0, 0.0, 0.0) if lit else color)
+        shade = own if lit or local or light is not None else None
         layer = Layer(mist.NAME, alpha, color, shade=shade, glow=light)
         if depth is None:
             return layer

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -183,9 +183,10 @@ def _flow(
 ) -> tuple[tuple[Float64, Float64], tuple[Float64, Float64]]:
     """Return motion since frame 0 and per frame: pixels times metres, and pixels at all depths."""
     path, camera = frame.path, frame.camera
-    moved = motion.travel(frame) if path.turns or path.zooms else way.moved
-    rate, shift = way.rate, np.array(camera.center_shift).reshape(1, 1, 2)
-    shift_rate = np.zeros((1, 1, 2))
+    moved, rate, _ = way
+    if path.turns or path.zooms:
+        moved = frame.travel(fall=motion.fall, wind=motion.mean_wind)
+    shift, shift_rate = np.array(camera.center_shift).reshape(1, 1, 2), np.zeros((1, 1, 2))
     if path.turns:
         # An eye beside the axis is carried round it; its place in the air stays that of the camera
         # plus the offset, so that two eyes keep their disparities.
@@ -209,30 +210,26 @@ def _layout(
     focal: float, fps: float,
 ) -> Layout:  # fmt: skip
     """Return the tiles of a film, the same for all its frames and windows."""
-    motion, band = field.motion, field.band(shape)
-    spreads = motion.spreads(path, rotation)
-    needed = 0.0
+    motion, band, needed, edges = field.motion, field.band(shape), 0.0, None
     if field.streaks and not (field.alias == "keep" or field.jitter):
         cycles = focal * motion.fastest(path, fps) / field.near_depth / band[1]
         needed = streaks_tile(cycles, band)
     tile = field.tile or max(8 * math.ceil(band[1] / 3.0 - 1e-9), 16)
-    gusty = motion.varied is not None and motion.varied.waves is not None
     # The flow differs from tile to tile when the camera goes forward: mix more of them.
-    overlap = tile // 2 if (spreads or gusty) else tile // 6
+    gusty = motion.varied is not None and motion.varied.waves is not None
+    overlap = tile // 2 if gusty or motion.spreads(path, rotation) else tile // 6
     if field.streaks and field.tile is None:
         tile = max(tile, 8 * math.ceil(min(needed, LARGEST_TILE) / 8.0))
         overlap = tile // 6
     if field.overlap is not None:
         overlap = min(field.overlap, tile - 1)
-    tiling = (tile, tile), overlap
-    edges = None
     if motion.varied is not None:
         # Rings of a half or a quarter octave.
         finer = 4.0 if motion.varied.profile is not None else 2.0
         rings = max(round(finer * math.log2(band[1] / band[0])), 1)
         edges = np.asarray(band[0] * (band[1] / band[0]) ** (np.arange(rings + 1) / rings))
     small = field.tile is not None and field.tile < needed
-    return Layout(tiling, shape, band, edges, needed if small else 0.0)
+    return Layout(((tile, tile), overlap), shape, band, edges, needed if small else 0.0)
 
 
 # The share of what is left of rain's texture that stands still is 13.5 c / M for wavelengths of 4
@@ -243,12 +240,8 @@ PIXELS_PER_CYCLE = 144.0 / (28.0 / math.log(8.0))
 LARGEST_TILE = 2048
 
 
-# Tiles of (rows, cols) pixels, and the pixels that neighbours share.
-Tiling: TypeAlias = tuple[tuple[int, int], int]
-
-
 class Layout(NamedTuple):
-    tiling: Tiling
+    tiling: tuple[tuple[int, int], int]  # (rows, cols) of a tile, and what neighbours share, px.
     shape: tuple[int, int]  # (H, W) of the picture.
     band: tuple[float, float]  # Wavelengths in pixels.
     edges: Float64 | None  # Wavelengths between rings, for a wind of places.

@@ -18,12 +18,14 @@ from flurries._kept import kept
 from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion, air_course
 from flurries.frame.view import Frame
-from flurries.motion.keys import Course, Integral, course_of, integral_to, value_at
+from flurries.motion.keys import course_of, integral_of, integral_to, value_at
 from flurries.motion.waves import Waves, carry
 from flurries.motion.wind import Wind
 
 # Frames that the integral of a profile takes together.
 _TOGETHER = 4096
+
+_way_of = kept(32)(integral_of)
 
 
 def wind_at(motion: Motion, frame: Frame, ahead: Float64) -> tuple[Float64, Float64]:
@@ -122,12 +124,3 @@ def _middles(t: float) -> Iterator[tuple[Float64, Float64]]:
         numbers = np.arange(first, min(first + _TOGETHER, abs(whole)), dtype=np.float64)
         yield (numbers + 0.5) * sign, np.full(len(numbers), sign)
     yield np.array([0.5 * (whole + t)]), np.array([t - whole])
-
-
-@kept(32)
-def _way_of(course: Course) -> Integral:
-    def ways(start: Float64, end: Float64, inside: Float64) -> Float64:
-        values, _ = course.line(0.5 * (start + end), inside)
-        return np.asarray(values * (end - start)[:, None])
-
-    return Integral.of(ways, course.knots)

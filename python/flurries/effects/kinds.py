@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import is_dataclass
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 from typing import Any
 
 from flurries._contract import _came, choice
@@ -73,7 +72,7 @@ def class_of(kind: object) -> type[Any]:
     known = {**OURS, **_registered}
     if isinstance(kind, str) and kind in known:
         return known[kind]
-    others = {point.name: point for point in _entry_points()}
+    others = {point.name: point for point in entry_points(group=GROUP)}
     if isinstance(kind, str) and kind in others:
         found: type[Any] = others[kind].load()
         register(kind, found)
@@ -88,8 +87,4 @@ def kind_of(effect: object) -> str | None:
         if known is own:
             return kind
     here = f"{own.__module__}:{own.__qualname__}"
-    return next((point.name for point in _entry_points() if point.value == here), None)
-
-
-def _entry_points() -> Iterator[EntryPoint]:
-    return iter(entry_points(group=GROUP))
+    return next((point.name for point in entry_points(group=GROUP) if point.value == here), None)

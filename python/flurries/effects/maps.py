@@ -33,7 +33,7 @@ TUNED = 1024
 
 # Hermite polynomials in which maps are expanded, and steps of Newton's.
 _TERMS = 24
-_STEPS = 40
+_STEPS, _TINY = 40, 1e-5
 
 
 @kept(64)
@@ -63,10 +63,8 @@ def map_at(mean: float, spread: float, power: float, share: float) -> tuple[floa
     """Return mean and spread of a map for a picture that shows a share of the tuned one's power."""
     if share == 1.0:
         return mean, spread
-    deviation = 0.5 / spread
-    smaller = min(share, 1.0)
-    target = _moments(mean, deviation, power, smaller)
-    of = 1.0 if share < 1.0 else 1.0 / share
+    deviation, of = 0.5 / spread, 1.0 if share < 1.0 else 1.0 / share
+    target = _moments(mean, deviation, power, min(share, 1.0))
     if share <= 1e-6 or target[1] <= 1e-12:
         # Nothing but the mean is seen.
         return target[0] ** (1.0 / power), 1e3
@@ -75,9 +73,8 @@ def map_at(mean: float, spread: float, power: float, share: float) -> tuple[floa
         now = _errors(guess, power, of, target)
         if np.abs(now).max() < 1e-10:
             break
-        tiny = 1e-5
-        ahead = [_errors(guess + step, power, of, target) for step in tiny * np.eye(2)]
-        slopes = (np.stack(ahead, axis=1) - now[:, None]) / tiny
+        ahead = [_errors(guess + step, power, of, target) for step in _TINY * np.eye(2)]
+        slopes = (np.stack(ahead, axis=1) - now[:, None]) / _TINY
         try:
             step = np.linalg.solve(slopes, now)
         except np.linalg.LinAlgError:
@@ -98,13 +95,12 @@ def _errors(guess: Float64, power: float, of: float, target: tuple[float, float]
 def _moments(mean: float, deviation: float, power: float, share: float) -> tuple[float, float]:
     """Return the mean of a map, and the variance of its mean given a share of the field's power."""
     z, weights = _hermite()
-    coefficients = weights @ np.clip(mean + deviation * z, 0.0, 1.0) ** power
+    value = np.clip(mean + deviation * z, 0.0, 1.0)
+    first, *others = (weights @ value**power).tolist()
     if share == 1.0:
         # All there are, without cutting the series.
-        square = float(weights[0] @ np.clip(mean + deviation * z, 0.0, 1.0) ** (2.0 * power))
-        return float(coefficients[0]), max(square - float(coefficients[0]) ** 2, 0.0)
-    powers = share ** np.arange(1, _TERMS)
-    return float(coefficients[0]), float((coefficients[1:] ** 2) @ powers)
+        return first, max(float(weights[0] @ value ** (2.0 * power)) - first**2, 0.0)
+    return first, float((np.array(others) ** 2) @ share ** np.arange(1, _TERMS))
 
 
 def variances(mean: float, deviation: float, power: float, shares: Float64) -> Float64:

@@ -199,9 +199,8 @@ class Mist(metaclass=Described):
     def of_preset(cls, name: str, changes: dict[str, Any]) -> dict[str, Any]:
         """Return the fields of a preset with changes."""
         values = cls.PRESETS[choice("preset", name, tuple(cls.PRESETS))]
-        own = changes.get("method") == "particles" or any(part in changes for part in PARTICLES)
-        if own and name in PAPER_MIST:
-            values = PAPER_MIST[name]
+        if changes.get("method") == "particles" or set(PARTICLES) & set(changes):
+            values = PAPER_MIST.get(name, values)
         elif changes.get("severity"):
             values = {key: value for key, value in values.items() if key != "visibility"}
         return {**values, **changes}

@@ -69,7 +69,9 @@ class Motion:
 
     def exposure(self, frame: Frame) -> float:
         """Return how long the shutter is open at a frame, frames."""
-        return usual(frame) if self.shutter is None else value_at(self.shutter, frame.t)
+        if self.shutter is None:
+            return float(frame.fps) * STILL if frame.still else HALF_OPEN
+        return float(value_at(self.shutter, frame.t))
 
     def places(self, path: CameraPath, fps: float, times: list[float]) -> list[Any]:
         """Return the camera's places (3,) in the air that falls so, house axes, metres."""
@@ -94,10 +96,6 @@ class Motion:
             return line[1]
         return path.relative(t, fps=fps, fall=self.fall, wind=self.mean_wind)[1]
 
-    def travel(self, frame: Frame) -> Float64:
-        """Return the way since frame 0 as a camera that turns or zooms felt it, eye's axes."""
-        return frame.travel(fall=self.fall, wind=self.mean_wind)
-
     def spreads(self, path: CameraPath, rotation: tuple[float, float, float]) -> bool:
         """Whether the air ever comes nearer a camera or recedes: the flow of tiles then differs."""
         if path.turns or path.zooms:
@@ -107,8 +105,7 @@ class Motion:
 
     def fastest(self, path: CameraPath, fps: float) -> float:
         """Return the largest speed of the camera through the air, metres per frame."""
-        air = air_courses(self.mean_wind, self.fall, -1.0 / fps)
-        course = sum_of([path.course(fps), *air])
+        course = sum_of([path.course(fps), *air_courses(self.mean_wind, self.fall, -1.0 / fps)])
         times = np.concatenate([course.knots, [0.0]])
         before = course.line(times, times - 1e-6)[0]
         speeds = np.concatenate([before, course.line(times, times + 1e-6)[0], course.values])
@@ -132,11 +129,6 @@ def product(first: Number, second: Number) -> Number:
         at = np.linspace(0.0, len(frames) - 1.0, _PIECES * (len(frames) - 1) + 1)
         frames = np.interp(at, np.arange(len(frames)), frames).tolist()
     return Keys([(t, float(value_at(first, t)) * float(value_at(second, t))) for t in frames])
-
-
-def usual(frame: Frame | Any) -> float:
-    """Return the exposure of a still or of a frame of a film where none is given, frames."""
-    return float(frame.fps) * STILL if frame.still else HALF_OPEN
 
 
 def comes_nearer(path: CameraPath, axis: Float64, fall: Number, wind: Vector) -> bool:

@@ -140,8 +140,8 @@ class Precipitation:
             color = bright(light, brightness)
             shade = None if glow is None else even_shade(frame, color)
             layer = Layer(self.name, alpha, color, shade=shade, glow=glow)
-        known = back is None or hasattr(back, "passes")
-        if frame.whole and known and (front is not None or back is not None):
+        known = hasattr(front if back is None else back, "passes")
+        if frame.whole and known:
             layer = replace(layer, **passes_of(back, front, frame, amount, (behind, near), alpha))
         return (*far, layer) if far else layer
 

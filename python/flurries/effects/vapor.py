@@ -54,7 +54,7 @@ def lit_by_sun(mist: Any, frame: Frame) -> bool:
 
 
 def needs_of_gas(
-    mist: Any, frame: Frame, out: tuple[LeftOut, ...], *, shows: bool, most: float, by_rows: bool
+    mist: Any, frame: Frame, out: dict[str, str], *, shows: bool, most: float, by_rows: bool
 ) -> Needs:
     """Return the needs of a frame: one step, "gas", or "lit gas" with its colors and a sort."""
     if not shows:
@@ -68,8 +68,9 @@ def needs_of_gas(
     still = not (moves or (by_places and isinstance(mist.color, str)))
     bright = max(LAMPS if frame.lights else 1.0, brightest(mist) if sunny else 1.0)
     step = Step("lit gas" if lit else "gas", once=still)
+    less = tuple(LeftOut(f"{mist.NAME}: {what}", why) for what, why in out.items())
     reads = reads_of(mist.color)
-    return Needs((step,), out, reads, most=most, by_rows=by_rows, brightest=bright)
+    return Needs((step,), less, reads, most=most, by_rows=by_rows, brightest=bright)
 
 
 def moved_with(layer: Layer, depth: Array, frame: Frame, wind: Vector) -> Layer:
@@ -97,9 +98,7 @@ class Vapor:
 
     def needs(self, frame: Frame) -> Needs:
         density = self.density(frame.t)
-        out: tuple[LeftOut, ...] = ()
-        if not frame.lights:
-            out = (LeftOut(f"{self.mist.NAME}: sort", "its particles have one color"),)
+        out = {} if frame.lights else {"sort": "its particles have one color"}
         shows = density > 0.0 and self.mist.count > 0
         most = min(density * self.mist.count, 1.0)
         return needs_of_gas(self.mist, frame, out, shows=shows, most=most, by_rows=True)

@@ -69,11 +69,7 @@ class Light:
     def at(self, t: float) -> tuple[Float64, Float64, Float64]:
         """Return the light of snow, sky and ground at `t`, each (3,) and linear."""
         snow, sky, ground = (
-            part
-            if part is None
-            else np.broadcast_to(value_at(part, t) if isinstance(part, Keys) else part, 3).astype(
-                float
-            )
+            None if part is None else np.broadcast_to(value_at(part, t), 3).astype(float)
             for part in (self.snow, self.sky, self.ground)
         )
         assert snow is not None
@@ -100,14 +96,11 @@ def light_of(frames: Mapping[int, Array], *, keyed: bool = False) -> Light:
     if not (keyed and frames):
         return Light(**{name: tuple(part.tolist()) for name, part in sides.items()})
     there = (bright >= low) & (bright > 0.0)
-    shares = {
-        number: float(
-            np.quantile(cells_of(one).reshape(-1, 3)[there].sum(axis=1) / bright[there], 0.5)
-        )
-        for number, one in frames.items()
-    }
+    own = [cells_of(one).reshape(-1, 3)[there].sum(axis=1) / bright[there] for one in sums]
+    shares = [float(np.quantile(one, 0.5)) for one in own]
+    pairs = [*zip(frames, shares, strict=True)]
     return Light(**{
-        name: Keys([(number, tuple((share * part).tolist())) for number, share in shares.items()])
+        name: Keys([(number, tuple((share * part).tolist())) for number, share in pairs])
         for name, part in sides.items()
     })  # fmt: skip
 
