@@ -13,7 +13,6 @@ displacement of all waves alike (a turning camera). What has a velocity moves by
 
 from __future__ import annotations
 
-from flurries.spectral.export import export_loop
 from flurries.spectral.flakes import flake_patterns, optical_depth
 from flurries.spectral.frame import alpha, field, movie
 from flurries.spectral.tables import (
@@ -27,7 +26,7 @@ from flurries.spectral.tables import (
 )
 from flurries.spectral.texture import Texture, cloud
 from flurries.spectral.tiles import blend_tiles, inverse_transform, opacity, tile_starts
-from flurries.spectral.volume import loop, volume
+from flurries.spectral.volume import export_loop, loop, volume
 
 __all__ = [
     "BANDS", "Texture", "advance_phase", "alpha", "band_amplitude", "blend_tiles", "cloud",
