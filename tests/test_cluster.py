@@ -6,9 +6,9 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -97,18 +97,14 @@ def test_a_sequence_has_the_same_bytes(client: Any, small_groups: None, tmp_path
 def test_a_worker_that_is_killed_loses_nothing(client: Any, small_groups: None, tmp_path: Path):
     SLOW.write(tmp_path / "here" / "%04d.png", "1-24")
     out = tmp_path / "there"
-    result: list[Any] = []
-    thread = threading.Thread(
-        target=lambda: result.append(SLOW.write(out / "%04d.png", "1-24", dask=client))
-    )
-    thread.start()
-    end = time.monotonic() + 60
-    while len(list(out.glob("*.png"))) < 5 and time.monotonic() < end:
-        time.sleep(0.005)
-    pid = next(iter(client.run(os.getpid).values()))
-    os.kill(pid, signal.SIGKILL)
-    thread.join(100)
-    assert result and sorted(result[0].written + result[0].kept) == list(range(1, 25))
+    with ThreadPoolExecutor(1) as aside:
+        writing = aside.submit(SLOW.write, out / "%04d.png", "1-24", dask=client)
+        end = time.monotonic() + 60
+        while len(list(out.glob("*.png"))) < 5 and time.monotonic() < end:
+            time.sleep(0.005)
+        os.kill(next(iter(client.run(os.getpid).values())), signal.SIGKILL)
+        result = writing.result(100)
+    assert sorted(result.written + result.kept) == list(range(1, 25))
     assert contents(out) == contents(tmp_path / "here"), "same bits, nothing left over"
     assert check(out)[1] == []
     client.wait_for_workers(2, timeout=180)

@@ -69,15 +69,10 @@ def test_headers_say_which_frame_and_nothing_private(tmp_path: Path):
 
 
 def test_frames_that_were_not_named(tmp_path: Path):
+    # Those of a sequence are in `test_shot_numbers.py`.
     still = fl.Scene("#102030", size=(8, 8), fps=1.5)
     assert still.write(tmp_path / "still" / "%d.png").written == [1, 2, 3, 4, 5]  # 3 s and a bit
     assert still.write(tmp_path / "one.png").written == [1]
-    for number in (3, 4, 5):
-        write_picture(tmp_path / f"plate.{number}.png", np.roll(PLATE, number, axis=1))
-    done = fl.Scene(tmp_path / "plate.%d.png").write(tmp_path / "out" / "%d.png")
-    assert done.written == [3, 4, 5]
-    got = read_picture(tmp_path / "out" / "4.png").pixels
-    assert np.array_equal(got, np.roll(PLATE, 4, axis=1))
 
 
 def test_the_two_modes_are_never_mixed(tmp_path: Path):

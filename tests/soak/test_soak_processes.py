@@ -6,8 +6,8 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -85,17 +85,13 @@ def test_dask_workers_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
             client.wait_for_workers(2, timeout=120)
             client.run(sys.path.insert, 0, str(Path(__file__).parents[1]))
             pids = list(client.run(os.getpid).values())
-            out, result = tmp_path / str(number), []
-
-            def work(out: Path = out, result: list[Any] = result, client: Any = client) -> None:
-                result.append(SLOW.write(out / "%04d.png", "1-32", dask=client))
-
-            thread = threading.Thread(target=work)
-            thread.start()
-            time.sleep(random.uniform(0.05, 1.0))
-            during += thread.is_alive()
-            os.kill(pids[int(random.integers(len(pids)))], signal.SIGKILL)
-            thread.join(120)
-            assert result and sorted(result[0].written + result[0].kept) == list(range(1, 33))
+            out = tmp_path / str(number)
+            with ThreadPoolExecutor(1) as aside:
+                writing = aside.submit(SLOW.write, out / "%04d.png", "1-32", dask=client)
+                time.sleep(random.uniform(0.05, 1.0))
+                during += writing.running()
+                os.kill(pids[int(random.integers(len(pids)))], signal.SIGKILL)
+                result = writing.result(120)
+            assert sorted(result.written + result.kept) == list(range(1, 33))
             assert contents(out) == want and check(out)[1] == []
     assert during > 0
