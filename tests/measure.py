@@ -1,7 +1,5 @@
-"""Velocities measured on rendered frames: of a band of waves, and of single flakes.
+"""Velocities of bands of waves, measured on rendered frames: nothing is told how fast they move.
 
-Nothing here is told how fast anything should move. The places of the flakes are asked for only to
-know which of them stand alone, and how deep they are; how they move is read off the pixels.
 Shifts are (x, y) in pixels between two frames. A parallax is depth times motion, m px per frame.
 """
 
@@ -32,10 +30,6 @@ TORUS = {"tile": SIZE, "overlap": 0}
 # Waves that stand for 16, 32 and 64 m.
 WAVES = (24.0, 12.0, 6.0)
 
-# A window of this many pixels on each side holds a flake in both frames of a pair; another flake
-# within ALONE pixels of it might come into the window.
-REACH, ALONE = 12, 36.0
-
 # Frames apart, to tell a jump from a motion: each half of the one before.
 STEPS = (0.04, 0.02, 0.01)
 
@@ -62,28 +56,21 @@ def cover(shown: fl.Scene, t: float) -> NDArray[np.float32]:
     return seen.alpha
 
 
-def band_shift(
-    pairs: Sequence[tuple[Floats, Floats]], wavelength: float, width: float, *, window: bool = False
-) -> tuple[Floats, float]:
-    """How far a band of waves moves between the pictures of a pair, and its mean wavelength.
+def band_shift(pair: tuple[Floats, Floats], wavelength: float) -> tuple[Floats, float]:
+    """How far a band of waves moves between two pictures that are tori, and its mean wavelength.
 
-    Least squares of the phase steps against the frequencies of the bins within the share `width`
-    of the wavelength, weighted by their power; the spectra of several pairs are averaged first. As
-    a wave's speed goes with its wavelength, the fit stands for one of sum(p f)/sum(p f^2) px.
-    The `window` cuts a part out of a larger picture; a torus needs none.
+    Least squares of the phase steps against the frequencies of the bins within 4 % of the
+    wavelength, weighted by their power. As a wave's speed goes with its wavelength, the fit stands
+    for one of sum(p f)/sum(p f^2) px.
     """
-    images = np.array(pairs) - np.mean(pairs, axis=(2, 3), keepdims=True)
-    height, across = images.shape[2:]
-    if window:
-        hann = [np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2 for n in (height, across)]
-        images *= np.outer(*hann)
-    first, second = np.fft.rfft2(images).transpose(1, 0, 2, 3)
+    height, across = pair[0].shape
+    first, second = (np.fft.rfft2(image - image.mean()) for image in pair)
     fy = np.fft.fftfreq(height)[:, None] + np.zeros(across // 2 + 1)
     fx = np.fft.rfftfreq(across) + np.zeros((height, 1))
     # The column fx = 0 stores both bins of a mirrored pair, all others one: count each pair once.
-    ring = (abs(np.hypot(fx, fy) * wavelength - 1.0) < width) & ((fx > 0.0) | (fy > 0.0))
-    step = -np.angle((second * first.conj()).sum(axis=0)[ring]) / (2.0 * np.pi)
-    power = (abs(first) ** 2).sum(axis=0)[ring]
+    ring = (abs(np.hypot(fx, fy) * wavelength - 1.0) < 0.04) & ((fx > 0.0) | (fy > 0.0))
+    step = -np.angle((second * first.conj())[ring]) / (2.0 * np.pi)
+    power = (abs(first) ** 2)[ring]
     f = np.stack([fx[ring], fy[ring]])
     length = np.hypot(*f)
     moved = np.linalg.solve((power * f) @ f.T, (power * f) @ step)
@@ -92,7 +79,7 @@ def band_shift(
 
 def parallax(pair: tuple[Floats, Floats]) -> Floats:
     """(3, 2): of the bands WAVES, m px."""
-    bands = [band_shift([pair], wavelength, 0.04) for wavelength in WAVES]
+    bands = [band_shift(pair, wavelength) for wavelength in WAVES]
     return np.array([moved * NEAR * LONGEST / mean for moved, mean in bands])
 
 

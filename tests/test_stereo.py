@@ -49,7 +49,7 @@ def test_disparity_times_depth_is_constant_and_the_slope_is_minus_one(t: float):
     pair = halves(scene(SHARP), t, distance=distance)
     depths, shifts = [], []
     for band in BANDS:
-        moved, mean = measure.band_shift([pair], band, 0.04)
+        moved, mean = measure.band_shift(pair, band)
         depths.append(NEAR * LONGEST / mean)
         shifts.append(-moved[0])
         assert abs(moved[1]) < 0.002 * abs(moved[0]) + 1e-3

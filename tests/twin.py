@@ -8,7 +8,6 @@ is spelled out per wave and per tile; nothing here is meant to be quick. Arrays 
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 
 import numpy as np
@@ -228,22 +227,6 @@ def opacity(
     """amount * clip(mean + z/(2 spread), 0, 1)^power."""
     z = np.asarray(field, dtype=np.float64)
     return amount * np.clip(mean + z / (2.0 * spread), 0.0, 1.0) ** power
-
-
-def opacity_mean(mean: float = 0.5, spread: float = 3.0) -> float:
-    """E[alpha] for exponent 2 and a unit Gaussian z: the integral of x^2 between the clips.
-
-    x = mean + sigma z, sigma = 1/(2 spread); above the upper clip alpha is 1. Unclipped it would be
-    mean^2 + sigma^2.
-    """
-    sigma = 1.0 / (2.0 * spread)
-    low, high = -mean / sigma, (1.0 - mean) / sigma
-    density = np.exp(-np.square([low, high]) / 2.0) / np.sqrt(2.0 * np.pi)
-    below = [0.5 * math.erfc(-z / math.sqrt(2.0)) for z in (low, high)]
-    inside = (mean**2 + sigma**2) * (below[1] - below[0])
-    inside += 2.0 * mean * sigma * (density[0] - density[1])
-    inside += sigma**2 * (low * density[0] - high * density[1])
-    return float(inside + 1.0 - below[1])
 
 
 def tile_starts(length: int, *, tile: int = 64, overlap: int = 10) -> NDArray[np.int64]:

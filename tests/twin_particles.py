@@ -10,13 +10,7 @@ from scipy.special import erf, erfc
 
 import twin
 
-MASK = 2**64 - 1
 STREAM = int.from_bytes(b"flakebox", "big")
-
-
-def mix64(value: int) -> int:
-    """Splitmix64's finalizer."""
-    return int(twin.mix64(value)[0])
 
 
 def unit(seed: int, index: int, word: int) -> float:
