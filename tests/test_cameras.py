@@ -175,19 +175,6 @@ def test_files_that_are_no_cameras(name: str, tmp_path: Path):
     assert given.name in str(caught.value) or "cameras.txt" in str(caught.value)
 
 
-def test_the_command_line_takes_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.chdir(tmp_path)
-    fov = np.linspace(30.0, 50.0, FRAMES)
-    np.savetxt("cam.chan", np.c_[np.arange(FRAMES), PLACES, ANGLES, fov])
-    words = ["render", "#304050", "--snow", "heavy", "--size", f"{W}x{H}", "--camera", "cam.chan"]
-    assert main([*words, "--frames", "3", "--quiet", "-o", "a.png"]) == 0
-    path = cameras.load("cam.chan", (H, W))
-    scene = fl.Scene("#304050", size=(W, H), camera=path, effects=fl.Snow("heavy"), fps=30)
-    assert np.array_equal(read_picture("a.png").pixels, scene.render(3))
-    scene.save("scene.toml")
-    assert np.array_equal(fl.open("scene.toml").render(3), scene.render(3))
-
-
 def test_what_files_do_not_say_is_an_option(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     np.savetxt("cam.chan", np.c_[np.arange(FRAMES), PLACES, ANGLES])

@@ -63,6 +63,10 @@ SCENES: dict[str, dict[str, Any]] = {
                    fl.camera.Camera(77.7, offset=(0.1, 0, 0), center_shift=(1, 2),
                                     rotation=(0, 0.1, 0)),
                    position=RNG.normal(size=(4, 3)))},
+    "zoom": {"size": (50, 40), "effects": [Snow(flakes=100)],
+             "camera": fl.CameraPath(fl.camera.Camera(80.0), velocity=(0, 0, 1),
+                                     orientation=Keys([(0, (0, 0, 0)), (9, (0.1, 0.2, -0.3))]),
+                                     focal=Keys([(0, 70.0), (9, 90.0)]))},
     "rain in lights": {
         "size": (50, 40), "light": fl.scene.Light(Keys([(0, 0.4), (9, 0.1)]), ground=(0.1, 0, 0)),
         "effects": [fl.Snow(color="local"), fl.effects.TentRain("downpour", fall=7.0, tile=512,
