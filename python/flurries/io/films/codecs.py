@@ -39,13 +39,12 @@ _X265 = {"x265-params": "log-level=error:frame-threads=1:pools=none:info=0"}
 _PRORES = {"vendor": "apl0", "alpha_bits": "0"}
 CODECS = {
     # With its macroblock tree x264 made other bytes in every run, even in one thread. Over snow its
-    # searches find little: "fast" takes a third of the time of "slow", loses .1 dB for 3 in 100
-    # more bytes, and cannot be told from it at 1:1; "veryfast" loses 1.6 dB, and small flakes with
-    # it (docs/internals/history.md).
+    # searches find little: at the same bytes "superfast" has what "fast" has in a quarter of the
+    # time, and "ultrafast" makes blocks (docs/internals/encoders.md).
     "h264": Codec("libx264", _MP4, _420, {"mbtree": "0"}, _qualities(
-        "preset", ("fast", "16"), ("fast", "21"), ("veryfast", "28"))),
+        "preset", ("superfast", "17"), ("superfast", "22"), ("superfast", "28"))),
     "h265": Codec("libx265", _MP4, _420, _X265, _qualities(
-        "preset", ("medium", "18"), ("medium", "24"), ("ultrafast", "30"))),
+        "preset", ("medium", "18"), ("medium", "24"), ("ultrafast", "26"))),
     "vp9": Codec("libvpx-vp9", (".webm", ".mkv"), {8: "yuv420p"}, {
         "b:v": "0", "deadline": "good", "row-mt": "1",
     }, _qualities("cpu-used", ("2", "18"), ("4", "28"), ("6", "38"))),
