@@ -185,21 +185,14 @@ def film_with_sound(path: Path, codec: str, frames: int = 40, fps: int = 20) -> 
         sound.codec_context.layout = "mono"
         for number in range(frames):
             image = np.full((48, 64, 3), 3 * number, np.uint8)
-            for packet in picture.encode(av.VideoFrame.from_ndarray(image, format="rgb24")):
-                container.mux(packet)
-        data = (tone * 32767).astype(np.int16)[None]
-        frame = av.AudioFrame.from_ndarray(data, format="s16", layout="mono")
-        frame.sample_rate, frame.pts = RATE, 0
-        resampler = av.AudioResampler(
-            format=sound.codec_context.format, layout="mono", rate=RATE,
-            frame_size=sound.codec_context.frame_size or 1024,
-        )  # fmt: skip
-        for part in [*resampler.resample(frame), *resampler.resample(None)]:
-            for packet in sound.encode(part):
-                container.mux(packet)
-        for stream in (picture, sound):
-            for packet in stream.encode(None):
-                container.mux(packet)
+            container.mux(picture.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
+        data = (tone * 32767).astype(np.int16)
+        for at in range(0, len(data), 1024):
+            part = data[None, at : at + 1024]
+            frame = av.AudioFrame.from_ndarray(part, format="s16", layout="mono")
+            frame.sample_rate, frame.pts = RATE, at
+            container.mux(sound.encode(frame))
+        container.mux([*picture.encode(None), *sound.encode(None)])
 
 
 def heard(path: Path) -> tuple[str, np.ndarray]:
