@@ -48,7 +48,6 @@ def mistakes() -> dict[str, tuple[list[str], str]]:
         "no output": (["render", "plate.png", "--snow", "light"], "output"),
         "bad command": (["rendr"], "'rendr'; did you mean 'render'?"),
         "near option": ([*RENDER, "--fames", "3"], "--frames"),
-        "near preset": ([*plan, "--rain", "drizle"], "mean 'drizzle'?"),
         "no mist": ([*plate, "--visibility", "30"], "--mist"),
         "near method": ([*RENDER, "--method", "tnet"], "mean 'tent'?"),
         "whose shutter": ([*plate, "--mist", "--shutter", "1"], "--shutter needs --snow"),
@@ -56,18 +55,14 @@ def mistakes() -> dict[str, tuple[list[str], str]]:
         "itself": ([*plate[:2], "--snow", "-o", "plate.png", "--overwrite"], "background itself"),
         "an angle": ([*RENDER, "--shutter", "180"], "shutter must be from 0 to 16"),
         "no depth": ([*RENDER, "--depth", "nope.exr"], "nope.exr"),
-        "near quality": ([*RENDER, "--quality", "hihg"], "mean 'high'?"),
         "no camera": ([*RENDER, "--camera", "no.chan"], "no.chan: camera: No such file"),
         "near kind": (["plan", "kind.toml"], "line 3.*mean 'snow'?"),
         "old file": (["plan", "old.toml"], "old.toml.*format must be 3"),
-        "near weather": (["corrupt", ".", "../w", "--weather", "sonw"], "mean 'snow'?"),
         "two ways": ([*RENDER, "--severity", "3"], "severity"),
         "no such knob": ([*plan, "--mist", "--rate", "3"], "--rate.*--snow"),
         "which weather": (["plan", "scene.toml", "--severity", "3"], "--severity.*--rain"),
         "video rate": ([*RENDER[:-1], "a.mp4", "--frames", "1", "--fps", "5000"], "fps"),
-        "demo size": (["demo", "-o", "d", "--size", "3"], "size"),
         "view": (["view", "missing.toml", "--no-browser"], "missing.toml"),
-        "view port": (["view", "plate.png", "--snow", "--port", "x"], "--port"),
     }
     return every
 

@@ -348,3 +348,14 @@ def test_what_is_copied_makes_the_same_picture(
     exec(text, made := dict[str, Any]())
     assert np.array_equal(made["scene"].render(7), want)
     assert made["scene"].output == scene.output
+
+
+@pytest.mark.parametrize("kind", ["a list", "at a depth"])
+def test_mattes_that_are_arrays_are_made_small(kind: str):
+    mask = np.zeros((480, 640), np.float32)
+    mask[200:] = 1.0
+    front = (
+        [mask] if kind == "a list" else fl.scene.Foreground(mask, depth=np.where(mask, 4.0, 9.0))
+    )
+    small = Preview(fl.Scene(size=(640, 480), foreground=front), 200).scene
+    assert small.layers(0).image.shape == (150, 200, 3)

@@ -18,7 +18,6 @@ from flurries.cli.words import Words
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-
 # Options by what they are about, where a command has more than a few; the others come first.
 _FEW = 20
 GROUPS = {title: frozenset(f"--{name}" for name in names.split()) for title, names in {

@@ -67,10 +67,9 @@ def effects_of(given: Effect | Sequence[Effect]) -> tuple[Effect, ...]:
 
 
 def lights_of(given: Lamp | Sequence[Lamp]) -> tuple[Lamp, ...]:
-    def fits(one: object) -> bool:
-        return isinstance(one, Lamp)
-
-    return _several("lights", given, fits, "flurries.scene.Lamp", MOST_LIGHTS)
+    return _several(
+        "lights", given, lambda one: isinstance(one, Lamp), "flurries.scene.Lamp", MOST_LIGHTS
+    )
 
 
 def _several(

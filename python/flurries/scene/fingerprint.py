@@ -39,7 +39,6 @@ BITS = 46
 # keep its time: clocks of file systems tick that slowly.
 _TICK = 2_000_000_000
 
-
 # What a frame sees of these, where they are keyed, is the value of its own time.
 _NOW = {
     "effects": ("amount", "color", "emission", "haze", "opacity"),

@@ -167,8 +167,7 @@ class Output:
 
     def changed(self) -> dict[str, Any]:
         """Return the values that differ from their defaults."""
-        values = ((f, getattr(self, f.name)) for f in fields(self))
-        return {f.name: value for f, value in values if value != f.default}
+        return {f.name: own for f in fields(self) if (own := getattr(self, f.name)) != f.default}
 
 
 def takes_output(write: _Method) -> _Method:

@@ -259,9 +259,8 @@ class Rendering(Sources):
 
         numbers = frames_of(self, frames)[: 1 if frames is None and self._still else None]
         plan = plan_of(self._program, numbers, probe=probe)
-        if not accuracy:
-            return plan
-        return replace(plan, accuracy=accuracy_of(self, numbers[(len(numbers) - 1) // 2]))
+        middle = numbers[(len(numbers) - 1) // 2]
+        return replace(plan, accuracy=accuracy_of(self, middle) if accuracy else None)
 
     @takes_output
     def write(

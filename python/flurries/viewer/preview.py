@@ -12,6 +12,7 @@ import numpy as np
 from flurries._contract import integer
 from flurries.io import fit, fit_nearest
 from flurries.scene.depth import DepthMap
+from flurries.scene.foreground import Foreground
 from flurries.scene.scene import Scene
 
 # Of an effect, what is counted in pixels of the picture, with the least that makes sense.
@@ -67,10 +68,14 @@ def scaled(effect: Any, scale: float) -> Any:
 
 
 def _small(value: Any, size: tuple[int, int]) -> Any:
-    """Return an array at a size: a picture filtered, a matte or a depth by its nearest pixels."""
+    """Return arrays at a size: a picture filtered, a matte or a depth by its nearest pixels."""
     if isinstance(value, DepthMap) and isinstance(value.source, np.ndarray):
         law = {key: getattr(value, key) for key in ("near", "far", "white", "law")}
         return DepthMap(fit_nearest(value.source, size), **law)
+    if isinstance(value, Foreground):
+        return Foreground(_small(value.source, size), _small(value.depth, size))
+    if isinstance(value, (list, tuple)):
+        return type(value)(_small(one, size) for one in value)
     if not isinstance(value, np.ndarray):
         return value
     return fit_nearest(value, size) if value.ndim == 2 else fit(value, size, "stretch")
