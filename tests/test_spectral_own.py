@@ -12,22 +12,11 @@ import twin
 SHAPE, TILE, OVERLAP = (26, 31), (16, 12), 4
 SIZES: dict[str, Any] = {"tile": TILE, "overlap": OVERLAP, "dtype": np.float64}
 
-
-def waves(tile: tuple[int, int] = TILE) -> tuple[np.ndarray, np.ndarray]:
-    fy, fx = np.meshgrid(np.fft.fftfreq(tile[0]), np.fft.fftfreq(tile[1]), indexing="ij")
-    return fx, fy
-
-
-def blob(tile: tuple[int, int] = TILE) -> np.ndarray:
-    """An envelope of one half of the plane, as a Gabor's."""
-    fx, fy = waves(tile)
-    return np.exp(-((fx - 0.2) ** 2 + (fy - 0.1) ** 2) / (2 * 0.06**2))
-
-
-def rates(tile: tuple[int, int] = TILE) -> np.ndarray:
-    """Waves of deep water that run to the right; odd in k but where k is its own mirror."""
-    fx, fy = waves(tile)
-    return -0.4 * np.sign(fx) * np.sqrt(np.hypot(fx, fy))
+FY, FX = np.meshgrid(*map(np.fft.fftfreq, TILE), indexing="ij")
+# An envelope of one half of the plane, as a Gabor's, and waves of deep water that run to the right,
+# odd in k but where k is its own mirror.
+BLOB = np.exp(-((FX - 0.2) ** 2 + (FY - 0.1) ** 2) / (2 * 0.06**2))
+RATES = -0.4 * np.sign(FX) * np.sqrt(np.hypot(FX, FY))
 
 
 def summed(envelope: np.ndarray, rate: np.ndarray, time: float, seed: int) -> np.ndarray:
@@ -48,12 +37,12 @@ def summed(envelope: np.ndarray, rate: np.ndarray, time: float, seed: int) -> np
 
 @pytest.mark.parametrize("time", [0.0, 12.25, -3e6])
 def test_a_field_is_the_sum_of_its_waves(time: float):
-    want = summed(blob(), rates(), time, 5)
-    got = textured.field(SHAPE, seed=5, envelope=blob(), rate=rates(), time=time, **SIZES)
+    want = summed(BLOB, RATES, time, 5)
+    got = textured.field(SHAPE, seed=5, envelope=BLOB, rate=RATES, time=time, **SIZES)
     # Phases of 1e6 cycles keep 1e-10 of one.
     assert np.abs(got - want).max() < 1e-12 + 1e-14 * abs(time)
     single = textured.field(
-        SHAPE, seed=5, envelope=3e-9 * blob(), rate=rates(), time=time, tile=TILE, overlap=OVERLAP
+        SHAPE, seed=5, envelope=3e-9 * BLOB, rate=RATES, time=time, tile=TILE, overlap=OVERLAP
     )
     assert single.dtype == np.float32 and np.abs(single - want).max() < 1e-5
 
