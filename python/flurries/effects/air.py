@@ -99,8 +99,9 @@ class Air(NamedTuple):
 
 def air_of(weather: Any, frame: Frame, amount: float, steps: tuple[float, ...] = ()) -> Air:
     """Return the flakes of a `Drawn` before a frame's camera, with places at steps of frames."""
-    motion, path, fps, wind = weather.motion, frame.path, frame.fps, weather.motion.varied
-    exposure, shares = motion.exposure(frame), weather.shares(frame)
+    clumps, path, fps = clumps_of(weather, frame), frame.path, frame.fps
+    exposure, wind = weather.motion.exposure(frame), weather.motion.varied
+    slope, shares, opacity = weather.law.slope, weather.shares(frame), weather.opacity_at(frame.t)
     after = (0.0, -0.5 * exposure, 0.5 * exposure, *steps)
     times = [frame.t + step for step in after]
     eyes = [_eye(frame.camera, frame)] * len(after)
@@ -120,9 +121,10 @@ def air_of(weather: Any, frame: Frame, amount: float, steps: tuple[float, ...] =
         # The round that goes has lost those of low ranks, which the next one shows.
         part = min(frame.lap.part(frame.t), 1.0 - 1e-9)
     swung = [weather.sway[1] / (2.0 * math.pi * fps) * t for t in times]
+    ways = [share.motion.places(path, fps, times) for share in shares]
     classes = []
-    for number, share in enumerate(shares):
-        at, end = share.motion.places(path, fps, times), share.reach * (1.0 + FADE)
+    for number, (share, at) in enumerate(zip(shares, ways, strict=True)):
+        end = share.reach * (1.0 + FADE)
         waves: Float64 | None = None
         profile, there = [], [weather.emission]
         if isinstance(weather.emission, Keys):
@@ -135,17 +137,16 @@ def air_of(weather: Any, frame: Frame, amount: float, steps: tuple[float, ...] =
             waves = wave_weights(share.motion, fps, times, np.array(at[0]))
         classes.append(Class(
             number=number, density=share.size.density * (1.0 + weather.clumps),
-            sizes=(share.size.smallest, share.size.largest), slope=weather.law.slope,
+            sizes=(share.size.smallest, share.size.largest), slope=slope,
             shown=share.shown, by_size=weather.by_size, heights=(-end, end),
             amounts=[min(amount * one / (1.0 - part), 1.0) for one in there], ranks=(part, 1.0),
             at=at, swung=swung, waves=waves, depths=(0.0, end), profile=profile,
         ))  # fmt: skip
-    opacity = weather.opacity_at(frame.t)
     return Air(
         seed=frame.seed, opacity=opacity, images=images_of(opacity), classes=classes, eyes=eyes,
         sway=weather.sway[0],
         waves=None if wind is None or wind.waves is None else cycles_of(wind.waves),
-        clumps=clumps_of(weather, frame), shape=frame.shape,
+        clumps=clumps, shape=frame.shape,
         window=frame.window if frame.shared is None else frame.shared.window,
         room=room, near=NEAREST, closeup=closeup,
     )  # fmt: skip
@@ -163,6 +164,10 @@ def _eye(camera: Camera, frame: Frame) -> Eye:
     return Eye(turn, camera.focals, camera.principal(frame.shape), camera.offset)
 
 
-@kept(8, by_mode=True)
 def images_of(opacity: float) -> _core.BallImages:
+    return _images(opacity, _core.reproducible())
+
+
+@kept(8)
+def _images(opacity: float, mode: bool) -> _core.BallImages:
     return _core.BallImages(opacity)

@@ -113,9 +113,8 @@ class Density:
             * wave[rows, columns]
             for number, wave in enumerate(long)
         )
-        per_metre = gas.visibility(visible)
+        per_metre, gain = gas.visibility(visible), 1.0
         thick, wanted = per_metre * slant * thick, np.exp(-per_metre * slant * reach).mean()
-        gain = 1.0
         for _ in range(STEPS):
             left = np.exp(-gain * thick)
             # Newton's steps come from below: the mean is a convex function of the gain.

@@ -112,7 +112,8 @@ def gains_of(weather: Any, frame: Frame, slabs: Sequence[Slab]) -> Any:
         return None
     rays, turn = rays_of(frame.camera, frame.shape)
     parts = [part for part in np.array_split(np.arange(len(slabs)), _GROUPS) if len(part)]
-    middles = [slabs[part[len(part) // 2]] for part in parts]
-    found = denser(clumps, frame.camera, turn, rays, middles)
-    counts, corner = [len(part) for part in parts], (frame.window[0], frame.window[2])
-    return np.asarray(found, np.float32), counts, corner
+    found = denser(
+        clumps, frame.camera, turn, rays, [slabs[part[len(part) // 2]] for part in parts]
+    )
+    corner = frame.window[0], frame.window[2]
+    return np.asarray(found, np.float32), [len(part) for part in parts], corner

@@ -135,9 +135,8 @@ def lamp_shade(
     cell = float(max(math.ceil(max(height, width) / CELLS), 1))
     rows, columns = math.ceil(height / cell), math.ceil(width / cell)
     (cx, cy), (fx, fy) = frame.camera.principal(frame.shape), frame.camera.focals
-    x = ((np.arange(columns) + 0.5) * cell - cx) / fx
-    y = ((np.arange(rows) + 0.5) * cell - cy) / fy
-    across, down = np.meshgrid(x, y)
+    x, y = ((np.arange(n) + 0.5) * cell for n in (columns, rows))
+    across, down = np.meshgrid((x - cx) / fx, (y - cy) / fy)
     ahead = np.stack([across, down, np.ones_like(across)], axis=-1).reshape(-1, 3)
     eye = np.array(frame.camera.offset)
     points = np.asarray(depths).reshape(-1, 1, 1) * ahead + eye

@@ -71,8 +71,10 @@ class Drawn:
         raise NotImplementedError
 
     def needs(self: Any, frame: Frame, amount: float) -> Needs:
-        there = any(one.size.density * one.reach > 0.0 for one in self.shares(frame))
-        if self.opacity_at(frame.t) == 0.0 or not there:
+        opacity, most = self.opacity_at(frame.t), 0.0
+        for one in self.shares(frame):
+            most = max(most, one.size.density * one.reach)
+        if opacity == 0.0 or most == 0.0:
             return Needs.none("flakes", "there are none")
         still = frame.settled and self.motion.still and 0.0 in self.sway
         # Shapes tumble.
@@ -83,8 +85,8 @@ class Drawn:
     def alpha(self, frame: Frame, amount: float) -> Array:
         if frame.whole:
             return self.seen(frame, amount)[0]
-        result = plane(frame.size)
-        _core.particle_draw(result, self._sorted(frame, amount), frame.window, frame.depth, None)
+        flakes, result = self._sorted(frame, amount), plane(frame.size)
+        _core.particle_draw(result, flakes, frame.window, frame.depth, None)
         return result
 
     def lit(

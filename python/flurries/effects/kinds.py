@@ -61,8 +61,8 @@ def register(kind: str, effect: type[Any]) -> None:
         )
     if kind in OURS:
         raise ValueError(f"kind must not be one of flurries' own, got {_came(kind)}")
-    shows = hasattr(effect, "render") or hasattr(effect, "parts")
-    if not (isinstance(effect, type) and is_dataclass(effect) and shows):
+    shows = is_dataclass(effect) and (hasattr(effect, "render") or hasattr(effect, "parts"))
+    if not (isinstance(effect, type) and shows):
         raise TypeError(f"effect must be a dataclass with parts or a method render, got {effect!r}")
     _registered[kind] = effect
 

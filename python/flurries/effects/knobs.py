@@ -15,9 +15,7 @@ _Kind = TypeVar("_Kind")
 METHODS: dict[type, dict[str, type]] = {}
 
 # What frames ask of an effect, and users do not.
-INNER = {
-    "CHECKS", "KNOBS", "MATTER", "NAME", "NATURAL", "OPTICS", "SIZES", "of_preset", "parts",
-}  # fmt: skip
+INNER = {"CHECKS", "KNOBS", "MATTER", "NAME", "NATURAL", "OPTICS", "SIZES", "of_preset", "parts"}
 
 
 class Described(type):

@@ -135,11 +135,8 @@ def comes_nearer(path: CameraPath, axis: Float64, fall: Number, wind: Vector) ->
     """Whether the air ever moves along a view's axis, (3,) of the house axes."""
     winds = wind.keys if isinstance(wind, Keys) else [(0.0, wind)]
     falls = fall.keys if isinstance(fall, Keys) else [(0.0, fall)]
-    return (
-        any(np.dot(axis, wind) != 0.0 for _, wind in winds)
-        or any(axis[1] * fall != 0.0 for _, fall in falls)
-        or path.goes_along(axis)
-    )
+    parts = [np.dot(axis, wind) for _, wind in winds] + [axis[1] * fall for _, fall in falls]
+    return any(part != 0.0 for part in parts) or path.goes_along(axis)
 
 
 @kept(64)

@@ -32,7 +32,7 @@ class Veil:
     def needs(self, frame: Frame, amount: float) -> Needs:
         haze = amount * float(value_at(self.haze, frame.t))
         if haze == 0.0:
-            return Needs.none("veil", "its opacity is 0")
+            return Needs((), (LeftOut("veil", "its opacity is 0"),), most=0.0)
         deep = frame.deep or frame.depth is not None
         return Needs((Step("veil"),) if deep else (), most=haze)
 
@@ -90,13 +90,14 @@ class Precipitation:
         lamps = frame.lights and hasattr(self.flakes, "lit") and hasattr(self.texture, "lamp_shade")
         if lamps and any(step.name == "texture" for step in steps):
             steps.append(Step("lamps"))
-        steps += [Step("join")] + [Step("local light")] * is_local(self.color)
         out = tuple(LeftOut(f"{self.name}: {one.what}", one.why) for one in needs.left_out)
-        return replace(needs, steps=tuple(steps), left_out=out, reads=reads_of(self.color))
+        reads = reads_of(self.color)
+        steps += [Step("join")] + [Step("local light")] * ("plate" in reads)
+        return replace(needs, steps=tuple(steps), left_out=out, reads=reads)
 
     def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
         """Return the layer of a frame; of local light the veil is one of its own, behind."""
-        back, front, local = self.texture, self.flakes, is_local(self.color)
+        back, front = self.texture, self.flakes
         amount = value_at(self.amount, frame.t)
         haze: Any = amount * value_at(self.veil.haze, frame.t)
         brightness = float(value_at(self.brightness, frame.t))
@@ -116,7 +117,9 @@ class Precipitation:
         elif front is not None:
             near = frame.run(self, "flakes", front.alpha, frame, amount)
         planes = [np.ascontiguousarray(one) for one in (behind, near) if one is not None]
+        local = is_local(self.color)
         light = None if local else color_at(self.color, frame)
+        color = None if light is None else bright(light, brightness)
         if frame.depth is not None:
             haze = frame.run(self, "veil", self.veil.alpha, frame, amount)
         shown = haze is not None and (frame.depth is not None or haze > 0.0)
@@ -133,11 +136,10 @@ class Precipitation:
         with current.get().stage("join"):
             even = haze if shown and frame.depth is None else 0.0
             _core.join(alpha, planes or [np.zeros_like(alpha)], even)
-        if light is None:
+        if color is None:
             shade = frame.run(self, "local light", local_shade, frame, self.optics)
             layer = Layer(self.name, alpha, shade=shade, glow=glow)
         else:
-            color = bright(light, brightness)
             shade = None if glow is None else even_shade(frame, color)
             layer = Layer(self.name, alpha, color, shade=shade, glow=glow)
         known = hasattr(front if back is None else back, "passes")

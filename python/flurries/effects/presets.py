@@ -28,8 +28,7 @@ SNOW_LOOKS: dict[str, dict[str, Any]] = {
         "sway": (0.05, 2.5),
     },
     "night flurry": {
-        "density": 16.0, "flake_size": (0.002, 0.006, 0.016),
-        "wind": (0.6, 0.0, 0.0),
+        "density": 16.0, "flake_size": (0.002, 0.006, 0.016), "wind": (0.6, 0.0, 0.0),
     },
 }  # fmt: skip
 
@@ -121,7 +120,7 @@ MIST: dict[str, dict[str, Any]] = {
     },
     "bank": {"visibility": 60.0, "structure": 0.7, "wind": (0.6, 0.0, 0.0)},
     "cumulus": {
-        "visibility": 10.0, "structure": 1.0, "box": (30.0, 14.0, 20.0),
-        "wind": (0.5, 0.0, 0.0), "forward": 0.6,
+        "visibility": 10.0, "structure": 1.0, "box": (30.0, 14.0, 20.0), "wind": (0.5, 0.0, 0.0),
+        "forward": 0.6,
     },
 }  # fmt: skip

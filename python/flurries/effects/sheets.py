@@ -103,10 +103,9 @@ def areas_of(film: Film, focals: tuple[float, float]) -> list[tuple[int, int]]:
 
 def read_sheets(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
     """Return the opacity of layers that move as they do in all frames, (h, w) float32."""
-    top, _, left, _ = frame.window
+    (top, _, left, _), camera = frame.window, frame.camera
     exposure, size = weather.motion.exposure(frame), frame.size
-    camera, blur = frame.camera, None if frame.lens is None else frame.blur
-    result = plane(size)
+    blur, result = None if frame.lens is None else frame.blur, plane(size)
     shown, focals = amount * float(weather.emission), camera.focals  # type: ignore[arg-type]
     x, y = camera.principal(frame.shape)
     keys, start, rate, places = _standing(
@@ -122,11 +121,11 @@ def read_sheets(weather: Weather, frame: Frame, film: Film, amount: float) -> Ar
     # What lies between whole pixels is a part of the way.
     moved += (u - (left - x + u - column), v - (top - y + v - row))
     moved = np.round(moved * places) / places
-    layers = []
-    sheets = sheets_of(keys)
-    for sheet, way, many, slab in zip(sheets, moved.tolist(), film.many, film.slabs, strict=True):
-        gain = (many**0.5, (many - many**0.5) * sheet.mean)
-        layers.append((sheet, way, gain, slab.near, slab.far))
+    made = zip(sheets_of(keys), moved.tolist(), film.many, film.slabs, strict=True)
+    layers = [
+        (sheet, way, (many**0.5, (many - many**0.5) * sheet.mean), slab.near, slab.far)
+        for sheet, way, many, slab in made
+    ]
     depth = None if frame.depth is None else frame.crop(frame.depth)
     gains = gains_of(weather, frame, film.slabs)
     _core.sheet_read(result, (row, column), layers, depth, True, gains=gains)

@@ -134,9 +134,8 @@ class Vapor:
             rounds.append((points, shown * part))
         points, shown = (np.concatenate(parts) for parts in zip(*rounds, strict=True))
         shown *= density
-        local = frame.to_camera(points)
         there = shown > 0.0
-        return np.ascontiguousarray(local[there]), shown[there]
+        return np.ascontiguousarray(frame.to_camera(points)[there]), shown[there]
 
     def _rounds(self, frame: Frame, count: int) -> list[tuple[float, Any]]:
         """Return the times that are shown, of a loop two, and how much of each particle then."""
@@ -158,8 +157,8 @@ class Vapor:
             points, shown = frame.once(self, "particles", lambda: self.places(frame, density))
             colored, colors = bool(frame.lights) and len(points) > 0, np.zeros(1)
             if colored:
-                eye = np.array(frame.camera.offset)
-                colors = radiance(points, frame.lamps(), optics_of(self.mist), eye)
+                optics, eye = optics_of(self.mist), np.array(frame.camera.offset)
+                colors = radiance(points, frame.lamps(), optics, eye)
             return self._sorted(frame, points, shown, colors), colored
 
         found, colored = frame.once(self, "gas", sort, eye=True)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Float64, flag, real, suggesting, vector
+from flurries._contract import LARGEST, Float64, flag, real, suggesting, vector
 from flurries.io.color import parse_hex
 from flurries.motion.keys import Keys, Number, as_number, as_vector, value_at
 
@@ -181,6 +181,9 @@ def as_light(name: str, value: Any, high: float = math.inf) -> Any:
         return value
     if not isinstance(value, (list, tuple)) and np.ndim(value) == 0:
         return real(name, value, low=0.0, high=high)
+    most, plain = min(high, LARGEST), isinstance(value, tuple) and len(value) == 3
+    if plain and all(isinstance(part, float) and 0.0 <= part <= most for part in value):
+        return value
     return tuple(real(name, part, low=0.0, high=high) for part in vector(name, value, 3).tolist())
 
 

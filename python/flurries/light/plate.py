@@ -46,11 +46,6 @@ class Levels:
     sums: dict[int, Float64]  # By level, (rows, columns, 4): light and cover of large cells.
     places: Float64  # (rows, columns): between which levels small cells lie.
 
-    @property
-    def counts(self) -> tuple[int, ...]:
-        """Rows and columns of large cells."""
-        return tuple(-(-count // COARSE) for count in self.places.shape)
-
     @staticmethod
     def of(sums: Array, cell: int, depth: Array) -> Levels:
         """Return the levels of sums of small cells, before a depth in metres, (H, W)."""
@@ -139,7 +134,7 @@ class PlateLight:
         """Return the sum of blurs by Gaussians, of weights and deviations in radians."""
         levels, px = self.levels, focal / self.cell
         if levels is not None:
-            rows, columns = levels.counts
+            rows, columns = (-(-count // COARSE) for count in levels.places.shape)
             sides = [(part, px * sigma / COARSE) for part, sigma in blurs]
             made = [(part, _gaussian(rows, s), _gaussian(columns, s)) for part, s in sides]
             return levels.blurred(made, 0.5 * (self.sky + self.ground))

@@ -10,7 +10,7 @@ import numpy as np
 
 from flurries._contract import Array, Float64, suggesting
 from flurries.light.lamp import as_light
-from flurries.motion.keys import Keys, value_at
+from flurries.motion.keys import Keys
 
 # What pictures reflect on average, the grey of exposure meters; and fresh snow.
 _GREY, _SNOW = 0.18, 0.9
@@ -68,9 +68,10 @@ class Light:
 
     def at(self, t: float) -> tuple[Float64, Float64, Float64]:
         """Return the light of snow, sky and ground at `t`, each (3,) and linear."""
+        parts = (self.snow, self.sky, self.ground)
+        now = [part.value(t) if isinstance(part, Keys) else part for part in parts]
         snow, sky, ground = (
-            None if part is None else np.broadcast_to(value_at(part, t), 3).astype(float)
-            for part in (self.snow, self.sky, self.ground)
+            None if one is None else np.resize(one, 3).astype(float) for one in now
         )
         assert snow is not None
         sky = snow / _SNOW if sky is None else sky
