@@ -40,8 +40,6 @@ COMPLETE = "_FLURRIES_COMPLETE"
 
 
 class Commands(click.Group):
-    """The commands, imported one by one."""
-
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
 

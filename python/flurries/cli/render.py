@@ -90,7 +90,6 @@ def _render(
     overwrite: bool, bits: str | None, no_sound: bool, output_colorspace: str | None,
     dask: str | None, dask_patience: float, **given: Any,
 ) -> int:  # fmt: skip
-    """Render the frames of one eye."""
     names = OutputFields.__annotations__
     files: Any = {name: given.pop(name) for name in names if name in given if name != "colorspace"}
     files["bits"] = int(bits) if bits is not None and bits.isdigit() else bits

@@ -209,7 +209,6 @@ def _resized(scene: Scene, text: str) -> Scene:
 
 
 def _effects(options: dict[str, Any]) -> list[Any]:
-    """Return the weather of the options, back to front."""
     knobs, common = _given(options, KNOBS), _given(options, FIELDS)
     falling = _given(options, FALLING)
     effects, used = [], set()

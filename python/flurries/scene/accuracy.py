@@ -31,7 +31,6 @@ NO_SAY = (
 
 
 def accuracy_of(scene: Rendering, number: int) -> Accuracy:
-    """Return what a frame takes and looks like with other hand-overs."""
     scene = expect_scene(scene)
     frame = scene._program.frame(scene._time_of(number))
     mixed = {

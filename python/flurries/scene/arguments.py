@@ -75,7 +75,6 @@ def lights_of(given: Lamp | Sequence[Lamp]) -> tuple[Lamp, ...]:
 def _several(
     name: str, given: Any, fits: Callable[[object], bool], wanted: str, most: int
 ) -> tuple[Any, ...]:
-    """Return one thing, or several, as a tuple."""
     listed = (given,) if fits(given) else given
     wrong = [given]
     if isinstance(listed, (list, tuple)):

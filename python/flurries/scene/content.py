@@ -123,7 +123,6 @@ class Content:
         return self.scene._color.working.convert_rgba(pixels, self.space)
 
     def levels(self, frame: Any, bits: int, path: Path) -> Array:
-        """Return a frame as the integers of a film."""
         if self.output.kind == "alone":
             whole = self._colored(weather(frame))
             colors = unmultiply(whole[..., :3], whole[..., 3:])
@@ -147,7 +146,6 @@ class Content:
 
 
 def without_alpha(image: Array, path: object) -> Array:
-    """Return an image for a file that holds no alpha."""
     if image.shape[2] == 3:
         return image
     if not (to_unit(image[..., 3]) == 1.0).all():

@@ -135,7 +135,6 @@ class Sources:
         return found.at(rate, None if code is None else code.later(beyond))
 
     def _tags(self, first: int) -> Tags:
-        """The tags of a film over the background: its own, where it is a film."""
         tags: Tags = Tags() if self._film is None else self._film.tags
         aspect = Fraction(self._backdrop.aspect).limit_denominator(1000)
         return replace(tags, aspect=aspect, timecode=self._slate(first).timecode)

@@ -69,7 +69,6 @@ class Mattes:
 
     @property
     def planes(self) -> dict[str, Planes]:
-        """The mattes and their depths, by what they are called."""
         found: dict[str, Planes | None] = {}
         for number, (part, far) in enumerate(self.parts, 1):
             found |= {called(number): part, f"{called(number)} depth": far}
@@ -107,7 +106,6 @@ def frozen(value: Any) -> Any:
 
 
 def listed(value: Any) -> list[Foreground]:
-    """Return a scene's `foreground` argument as a list."""
     several = isinstance(value, (list, tuple)) and any(
         isinstance(one, (Foreground, str, os.PathLike, np.ndarray)) for one in value
     )

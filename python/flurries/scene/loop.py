@@ -96,7 +96,6 @@ def looped_scene(scene: Rendering, lap: Lap) -> tuple[Rendering, tuple[str, ...]
 
 
 def _bending(effect: Any, path: CameraPath, fps: float, lap: Lap) -> str:
-    """Return in words how the waves or the tiles of an effect are bent."""
     if isinstance(effect, (ConeRain, ConeSnow)):
         rest, passed = effect.parts.texture.beyond(path, fps, lap)
         if abs(rest) < 1e-6:
@@ -156,7 +155,6 @@ def looped_path(
         return np.asarray(quaternions_of((path.rig(t) @ less)[None])[0])
 
     def rounds(value: Callable[[float, int], Float64]) -> Keys:
-        """Return keys of the round before, this one and the next."""
         moments = [(float(t), n) for n in (-1, 0, 1) for t in times[:-1]]
         return Keys([(t + n * frames, tuple(value(t, n).tolist())) for t, n in moments])
 

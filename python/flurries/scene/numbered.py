@@ -62,7 +62,6 @@ class Planes:
         return replace(self, steps=(*self.steps, step), kept=Kept(1))
 
     def frame(self, t: float) -> Any:
-        """Return what frame floor(t) has."""
         if self.source is None and not self.steps:
             return self.given
         place = self.place(t)
@@ -90,7 +89,6 @@ class Planes:
         return found
 
     def gaps(self, wanted: list[int]) -> list[int]:
-        """Return the wanted numbers whose file is missing."""
         if self.span is None or not hasattr(self.source, "gaps"):
             return []
         numbers = {number: self.span.number(number) for number in wanted}

@@ -135,7 +135,6 @@ class Output:
         return replace(self, **said)
 
     def require(self, text: str, space: ColorSpace | None, *, film: bool, eyes: bool) -> None:
-        """Refuse a kind of file that cannot hold what is asked for."""
         kind, suffix = self.kind, Path(text).suffix.lower()
         exr, tiff, alone = suffix == ".exr", suffix in (".tif", ".tiff"), kind == "alone"
         apart = kind in ("layers", "deep") or eyes
@@ -166,7 +165,6 @@ class Output:
                 raise ValueError(why)
 
     def changed(self) -> dict[str, Any]:
-        """Return the values that differ from their defaults."""
         return {f.name: own for f in fields(self) if (own := getattr(self, f.name)) != f.default}
 
 

@@ -71,7 +71,6 @@ class Rendering(Sources):
         return None if self.colorspace is None else ColorSpace.of("colorspace", self.colorspace)
 
     def _has_color(self, *names: str) -> bool:
-        """Whether an effect has a color of one of some names."""
         colors = [getattr(effect, "color", None) for effect in self.effects]
         return any(isinstance(color, str) and color in names for color in colors)
 

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 
 def line_of(scene: Scene) -> str:
-    """Return size, rate, background, camera and effects in one line."""
     width, height = scene.size
     rate = "a still" if scene._still else f"{scene.fps:g} fps"
     names = ", ".join(type(effect).__name__ for effect in scene.effects) or "none"
@@ -28,7 +27,6 @@ def line_of(scene: Scene) -> str:
 
 
 def page_of(scene: Scene) -> str:
-    """Return the frame after one second, and a table of what the scene is made of."""
     width, height = scene.size
     rows = [
         ("size", f"{width} x {height} px, {scene.fps:g} frames a second"),
@@ -42,7 +40,6 @@ def page_of(scene: Scene) -> str:
 
 
 def camera_of(path: CameraPath) -> str:
-    """Return a camera's motion in words, and its focal length."""
     moves = path.position is not None or path.velocity is not None
     does = {"moving": moves, "turning": path.turns, "zooming": path.zooms}
     words = " and ".join(word for word, yes in does.items() if yes)

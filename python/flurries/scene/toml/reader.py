@@ -154,7 +154,6 @@ def _effect(text: SceneText, table: Any, index: int) -> Any:
 
 
 def _depth(text: SceneText, value: Any, *at: str | int) -> Any:
-    """Return a depth: a number, a file, or a table of a grey picture."""
     if isinstance(value, str):
         return text.file(value)
     if not isinstance(value, dict):
@@ -192,7 +191,6 @@ def _camera(text: SceneText, table: Any, scene: Scene) -> CameraPath:
 
 
 def _value(text: SceneText, value: Any, *keys: str | int) -> Any:
-    """Return a number, a tuple, keys, or a wind."""
     if not isinstance(value, dict):
         return tuple(value) if isinstance(value, list) else value
     if keys[-1] == "wind" and "keys" not in value:

@@ -23,7 +23,6 @@ from flurries.scene.toml.reader import DEPTH, FORMAT, WAY
 def describe(
     scene: Scene, folder: Path | None = None, *, leave_out: tuple[str, ...] = ()
 ) -> dict[str, Any]:
-    """Return the scene as plain values, as a scene file holds them."""
     table: dict[str, Any] = {"format": FORMAT, "size": list(scene.size)}
     table |= ({} if scene._still else {"fps": scene.fps}) | {"seed": scene.seed}
     if "background" not in leave_out:
@@ -95,7 +94,6 @@ def _file(name: str, value: Any, folder: Path | None) -> Any:
 
 
 def _mattes(value: Any, folder: Path | None, leave_out: tuple[str, ...]) -> Any:
-    """Return the foreground: a file, or a table for each."""
     tables = []
     for number, matte in enumerate(listed(value), 1):
         name = called(number)
@@ -119,7 +117,6 @@ def _depth(
 
 
 def save(scene: Scene, path: str | os.PathLike[str]) -> None:
-    """Write a scene to a TOML file, under a temporary name first."""
     expect_scene(scene)
     import tomli_w
 
