@@ -32,11 +32,10 @@ def test_time_codes_count_as_clocks_do(begun: str, rate: Fraction, after: int, t
     if rate == 24:
         assert TimeCode.of_word(code.word, rate) == code
         assert TimeCode.of_word(0x01020304, rate).text == "01:02:03:04"
+        assert TimeCode.of_word(0x0102030A, rate) is None
 
 
 CODE = TimeCode.of_text("10:20:30:05", Fraction(24))
-
-
 FILMS: dict[str, tuple[str, dict[str, Any], Tags]] = {
     "709": ("a.mp4", {}, Tags(primaries=1, transfer=1, matrix=1, timecode=CODE)),
     "601": ("a.mp4", {}, Tags(primaries=6, transfer=6, matrix=6)),
