@@ -121,11 +121,10 @@ def read_sheets(weather: Weather, frame: Frame, film: Film, amount: float) -> Ar
     # What lies between whole pixels is a part of the way.
     moved += (u - (left - x + u - column), v - (top - y + v - row))
     moved = np.round(moved * places) / places
-    made = zip(sheets_of(keys), moved.tolist(), film.many, film.slabs, strict=True)
-    layers = [
-        (sheet, way, (many**0.5, (many - many**0.5) * sheet.mean), slab.near, slab.far)
-        for sheet, way, many, slab in made
-    ]
+    layers, sheets = [], sheets_of(keys)
+    for sheet, way, many, slab in zip(sheets, moved.tolist(), film.many, film.slabs, strict=True):
+        gain = (many**0.5, (many - many**0.5) * sheet.mean)
+        layers.append((sheet, way, gain, slab.near, slab.far))
     depth = None if frame.depth is None else frame.crop(frame.depth)
     gains = gains_of(weather, frame, film.slabs)
     _core.sheet_read(result, (row, column), layers, depth, True, gains=gains)
