@@ -1,4 +1,4 @@
-"""`flurries view` in a real browser: a slider is dragged, and the picture follows.
+"""The viewer in a real browser and in JupyterLab: a slider is dragged, and the picture follows.
 
 Run by `make test-browser`, which finds or installs chromium. Screenshots stay in
 ``build/screenshots`` to be looked at.
@@ -8,11 +8,17 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 import os
+import secrets
 import shutil
+import socket
+import subprocess
+import sys
 import threading
+import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -250,3 +256,74 @@ def test_a_scene_file_with_lamp_lens_and_depth_is_tuned_and_saved(browser: Any, 
     saved = fl.open(tmp_path / "b.toml")
     assert len(saved.lights) == 1 and saved.lens is not None and saved.depth is None
     assert abs(saved.effects[0].amount - 0.5) < 0.05
+
+
+CELLS = [
+    "import flurries as fl\nfrom skimage import data\n"
+    "snow = fl.effects.TentSnow('heavy', flakes=6000)\n"
+    "viewer = fl.view(fl.Scene(data.astronaut(), effects=[snow]))\nviewer",
+    "from pathlib import Path\nPath('amount').write_text(str(viewer.scene.effects[0].amount))",
+]
+
+
+def notebook() -> dict[str, Any]:
+    about = {"name": "python3", "display_name": "Python 3", "language": "python"}
+    cells = [
+        {"cell_type": "code", "id": f"c{i}", "metadata": {}, "source": text}
+        | {"outputs": [], "execution_count": None}
+        for i, text in enumerate(CELLS)
+    ]
+    return {"nbformat": 4, "nbformat_minor": 5, "metadata": {"kernelspec": about}, "cells": cells}
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
+    folder = tmp_path_factory.mktemp("lab")
+    (folder / "look.ipynb").write_text(json.dumps(notebook()), encoding="utf-8")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    token = secrets.token_hex(16)
+    words = [sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root"]
+    words += [f"--port={port}", f"--IdentityProvider.token={token}"]
+    words += [f"--ServerApp.root_dir={folder}"]
+    with (folder / "log").open("w") as log:
+        running = subprocess.Popen(words, stdout=log, stderr=log, cwd=folder)
+        try:
+            yield f"http://127.0.0.1:{port}/lab/tree/look.ipynb?token={token}", folder
+        finally:
+            running.terminate()
+            running.wait(timeout=30)
+
+
+def test_the_widget_in_a_notebook(browser: Any, lab: tuple[str, Path]):
+    """`fl.view` in JupyterLab."""
+    url, folder = lab
+    page = browser.new_page(viewport={"width": 1300, "height": 1300})
+    for _ in range(60):
+        with suppress(OSError), urllib.request.urlopen(url.replace("/lab/tree/look.ipynb", "/api")):
+            break
+        page.wait_for_timeout(500)
+    page.goto(url)
+    page.wait_for_selector(".jp-Cell", timeout=90_000)
+    # A cell that is run before the kernel is there is not run.
+    until(page, "document.body.innerText.includes('| Idle')", seconds=60)
+    page.locator(".jp-Cell").first.click()
+    page.keyboard.press("Shift+Enter")
+    until(page, f"{PICTURES} >= 3", seconds=90)
+    before = int(page.evaluate(PICTURES))
+    drag(page, "0.amount", 0.3)
+    assert int(page.evaluate(PICTURES)) >= before + 2
+    page.locator(".fl-play").click()
+    SHOTS.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=SHOTS / "notebook.png")
+    # The scene in Python is where the slider stands.
+    page.locator(".jp-Cell").nth(1).locator(".cm-content").click()
+    page.keyboard.press("Shift+Enter")
+    amount = folder / "amount"
+    for _ in range(200):
+        if amount.exists() and amount.read_text():
+            break
+        page.wait_for_timeout(100)
+    assert abs(float(amount.read_text()) - 0.3) < 0.05
+    page.close()

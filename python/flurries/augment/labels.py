@@ -148,22 +148,25 @@ def _means(plane: Array, corners: Float64, *laws: Callable[[Array], Array]) -> t
     """Return the mean of a plane, and of what laws make of it, over each box."""
     found = np.full((1 + len(laws), len(corners)), np.nan)
     for number, (x0, y0, x1, y1) in enumerate(corners.tolist()):
-        rows, tall = _covered(y0, y1, plane.shape[0])
-        columns, wide = _covered(x0, x1, plane.shape[1])
-        area = tall.sum() * wide.sum()
+        rows, down, tall = _covered(y0, y1, plane.shape[0])
+        columns, across, wide = _covered(x0, x1, plane.shape[1])
+        area = tall * wide
         if area > 0.0:
             part = plane[rows, columns]
             for row, one in enumerate((part, *(law(part) for law in laws))):
-                found[row, number] = float(tall @ (one @ wide)) / area
+                found[row, number] = float(down @ (one @ across)) / area
     return tuple(np.clip(found, 0.0, 1.0))
 
 
-def _covered(first: float, last: float, length: int) -> tuple[slice, Float64]:
-    """Return the pixels that an interval covers, and how much it covers of each."""
+def _covered(first: float, last: float, length: int) -> tuple[slice, Float64, float]:
+    """Return the pixels of an interval, how much it covers of each, and of all of them."""
     low, high = min(max(first, 0.0), length), min(max(last, 0.0), length)
     start, end = int(low), math.ceil(high)
-    at = np.arange(start, end)
-    return slice(start, end), np.minimum(at + 1.0, high) - np.maximum(at, low)
+    covered = np.ones(max(end - start, 0))
+    if len(covered):
+        covered[0] -= low - start
+        covered[-1] -= end - high
+    return slice(start, end), covered, max(high - low, 0.0)
 
 
 def boxes_of(boxes: npt.ArrayLike) -> Float64:

@@ -125,23 +125,23 @@ class Recorded:
             assert image is not None
             # The system's numbers are never shared by forked workers.
             number = secrets.randbits(62) if self.seed is None else _index_of(image)
-        u = uniforms(self.seed or 0, number, 4 + len(self.DRAWN))
-        drawn: dict[str, Any] = {
-            name: between(getattr(self, name), share)
-            for name, share in zip(self.DRAWN, u[4:], strict=True)
-        }
+        u = uniforms(self.seed or 0, number, 4 + len(self.DRAWN)).tolist()
+        record = {"transform": type(self).__name__, "version": VERSION, **vars(self)}
+        del record["severity"], record["seed"]
+        if self.weather_seed is None:
+            record["weather_seed"] = int(u[0] * 2**53)
         if self.severity is not None:
             low, high = self.severity  # type: ignore[misc]
-            drawn["amount"] = (low + int(u[1] * (high - low + 1))) / SEVERITIES
+            record["amount"] = (low + int(u[1] * (high - low + 1))) / SEVERITIES
         else:
-            drawn["amount"] = between(self.amount or DEFAULT_AMOUNT, u[1])
+            record["amount"] = between(self.amount or DEFAULT_AMOUNT, u[1])
         if len(self.color) == 2:  # type: ignore[arg-type]
-            drawn["color"] = (between(self.color, u[2]),) * 3
-        if self.weather_seed is None:
-            drawn["weather_seed"] = int(u[0] * 2**53)
-        drawn["ground"] = None if self.ground is None else asdict(self.ground)
-        kept = {name: v for name, v in vars(self).items() if name not in ("severity", "seed")}
-        return {"transform": type(self).__name__, "version": VERSION, **kept, **drawn}
+            record["color"] = (between(self.color, u[2]),) * 3
+        if self.ground is not None:
+            record["ground"] = asdict(self.ground)
+        for name, share in zip(self.DRAWN, u[4:], strict=True):
+            record[name] = between(record[name], share)
+        return record
 
 
 def range_of(name: str, value: object, limits: Limits) -> Limits:

@@ -30,17 +30,19 @@ def mixture_of(
     here: Here, alpha: Array, flow: Array | None, motion: bool, fps: float
 ) -> dict[str, Any]:
     """Return the labels of what is seen of picture and weather; holes stay holes."""
-    layer, most = falling_of(here, fps)
+    planes, most = falling_of(here, fps)
     depth, came, found = here.distances.given, here.distances.came, dict[str, Any]()
     # A layer of the texture alone may be denser than all of them, which are smoother.
     seen = (most.opacity > SEEN) & (alpha > SEEN)
-    left = 1.0 - layer[..., 3]
+    left = 1.0 - planes[3]
     if flow is not None:
         found["flow"] = np.where(seen[..., None], most.motion, flow).astype(np.float32)
-        found["soft_flow"] = (left[..., None] * flow + layer[..., :2]).astype(np.float32)
+        found["soft_flow"] = (left[..., None] * flow + np.moveaxis(planes[:2], 0, -1)).astype(
+            np.float32
+        )
     if depth is not None:
         nearer = np.where(seen, np.minimum(most.depth, depth), depth)
-        nearness = left / depth + layer[..., 2]
+        nearness = left / depth + planes[2]
         soft = np.divide(1.0, nearness, out=np.full_like(nearness, np.inf), where=nearness > 0.0)
         if came is not None:
             holes = np.isnan(came) | (came == 0.0)
@@ -55,16 +57,16 @@ def mixture_of(
             known = np.where(nearer == 0.0, np.nan, nearer)
             found["disparity"] = np.asarray(parallax / known, np.float32)
     if motion:
-        found["motion"], found["falling"] = most.motion, layer
+        found["motion"] = most.motion
+        found["falling"] = np.ascontiguousarray(np.moveaxis(planes, 0, -1))
     return found
 
 
 def falling_of(here: Here, fps: float) -> tuple[Array, Slice]:
-    """Return all flakes as `Weathered.falling`, and at each pixel the slice that is densest."""
+    """Return the planes of `Weathered.falling`, and at each pixel the slice that is densest."""
     shape, air = here.view.shape, here.air
     left, densest = np.ones(shape, np.float32), np.zeros(shape, np.float32)
-    # Across, down, and one over the depth of all, or the depth of the densest.
-    means, most = np.zeros((2, 3, *shape), np.float32)
+    planes, most = np.zeros((4, *shape), np.float32), np.zeros((3, *shape), np.float32)
     most[2] = np.inf
     if air.patches is not None and here.extinction > 0.0:
         # Fog moves as the mean of its patches and is nowhere in particular.
@@ -73,15 +75,15 @@ def falling_of(here: Here, fps: float) -> tuple[Array, Slice]:
         weight = left * part.opacity
         left -= weight
         across, down = part.motion[..., 0], part.motion[..., 1]
-        parts = weight * across, weight * down, weight / part.depth
-        for mean, share in zip(means, parts, strict=True):
-            mean += share
+        planes[0] += weight * across
+        planes[1] += weight * down
+        planes[2] += weight / part.depth
         seen = part.opacity > densest
         np.copyto(densest, part.opacity, where=seen)
         for known, value in zip(most, (across, down, part.depth), strict=True):
             np.copyto(known, value, where=seen)
-    layer = np.stack([*means, 1.0 - left], axis=-1)
-    return layer, Slice(densest, np.ascontiguousarray(np.moveaxis(most[:2], 0, -1)), most[2])
+    planes[3] = 1.0 - left
+    return planes, Slice(densest, np.ascontiguousarray(np.moveaxis(most[:2], 0, -1)), most[2])
 
 
 def slices(here: Here, fps: float) -> list[Slice]:

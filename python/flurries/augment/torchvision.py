@@ -5,6 +5,7 @@ Draws come from torch's random numbers, which a DataLoader seeds for each of its
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -103,12 +104,8 @@ class _Transform(v2.Transform):  # type: ignore[misc]
 
         def pictures(planes: Any) -> tuple[Any, Any]:
             flat = planes.reshape(-1, *planes.shape[-4 if film else -3 :])
-            seen = [
-                drawn.clip(one, fps=self.fps, depth=depth, return_layer=True)
-                if film
-                else drawn(one, depth=depth, return_layer=True)
-                for one in flat
-            ]
+            weather = partial(drawn.clip, fps=self.fps) if film else drawn
+            seen = [weather(one, depth=depth, return_layer=True) for one in flat]
             whole, layers = (np.stack(part) for part in zip(*seen, strict=True))
             return whole.reshape(planes.shape), layers.reshape(*planes.shape[:-1], 4)
 
