@@ -71,7 +71,7 @@ class Case:
         """Return the snow or the rain."""
         fields = {
             **WEATHERS[self.weather], "wind": (self.wind, 0.0, 0.0), "shape": "round",
-            "near": NEAR, "color": 1.0, "method": method, "shutter": 0.5,
+            "near": NEAR, "color": 1.0, "method": method, "shutter": 0.5, "clumps": 0.0,
         }  # fmt: skip
         return fl.Rain(**fields) if self.weather == "rain" else fl.Snow(**fields)
 

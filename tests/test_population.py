@@ -53,7 +53,7 @@ def test_slabs_cover_what_the_air_beyond_the_drawn_flakes_does():
     for one in DENSE.classes(2):
         reach = 200.0 * one.largest
         edges = np.linspace(reach, far, 7)
-        slabs = slabs_of(DENSE, one, focal, reach=reach, far=far, edges=edges)
+        slabs = slabs_of(DENSE, one, focal, edges)
         depth = (rng.random(1_000_000) * (far**3 - reach**3) + reach**3) ** (1 / 3)
         part = np.clip((depth / reach - 1.0) / 0.08, 0.0, 1.0)
         share = part * part * (3.0 - 2.0 * part)

@@ -8,9 +8,9 @@
 //! cells seen from any of them, and its mean over a ball at rest is exact.
 
 use crate::base::ball::{mean_opacity, opacity_at};
-use crate::base::error::{Error, pushed, reserve, zeroed};
+use crate::base::error::{Error, collected, pushed, reserve, zeroed};
 
-const MOST_SIZES: usize = 24;
+const MOST_SIZES: usize = 16;
 
 /// What a sheet shows.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,7 +22,7 @@ pub struct Law {
     pub shear: usize,
     /// Flakes for each pixel, on average and of all ranks.
     pub count: f64,
-    /// Diameters in pixels; each stands for an equal share of the flakes.
+    /// Diameters in pixels, small ones first: of n the k-th stands for (2 (n - k) - 1) / n^2 of the flakes.
     pub diameters: Vec<f32>,
     /// Pixels, x and y, by which a flake moves during the exposure, half before and half after.
     pub streak: [f64; 2],
@@ -216,31 +216,33 @@ impl Profile {
         let radius = 0.5 * CELLS * spread(diameter);
         let half = libm::ceil(radius) as usize;
         let parts = 24_usize.div_ceil(2 * half).max(2);
-        let mut cells = zeroed::<f32>(4 * half * half)?;
+        let mut quarter = zeroed::<f32>(half * half)?;
         let step = 1.0 / parts as f64;
         let away = |i: usize| {
             let at = (i as f64 + 0.5) * step - half as f64;
             at * at / (radius * radius)
         };
         let mut sum = 0.0;
-        for row in 0..2 * half * parts {
+        for row in 0..half * parts {
             let y = away(row);
-            for col in 0..2 * half * parts {
+            for col in 0..half * parts {
                 let inside = 1.0 - y - away(col);
                 if inside > 0.0 {
                     let place = 256.0 * inside.sqrt() as f32;
                     let index = (place as usize).min(255);
                     let (a, b) = (self.0[index], self.0[index + 1]);
                     let value = a + (place - index as f32) * (b - a);
-                    cells[row / parts * 2 * half + col / parts] += value;
-                    sum += f64::from(value);
+                    quarter[row / parts * half + col / parts] += value;
+                    sum += 4.0 * f64::from(value);
                 }
             }
         }
         let energy = mean_opacity(self.1) * std::f64::consts::FRAC_PI_4 * diameter * diameter;
         let scale = if sum > 0.0 { (energy / sum) as f32 } else { 0.0 };
-        cells.iter_mut().for_each(|cell| *cell *= scale);
-        Ok((cells, half))
+        let side = 2 * half;
+        let mirrored = |at: usize| at.min(side - 1 - at);
+        let at = |cell: usize| quarter[mirrored(cell / side) * half + mirrored(cell % side)];
+        Ok((collected((0..side * side).map(|cell| scale * at(cell)))?, half))
     }
 }
 
@@ -402,11 +404,16 @@ impl Stamps {
         for &diameter in &law.diameters {
             pushed(&mut images, depths(law, weights.as_ref(), &profile, f64::from(diameter))?)?;
         }
-        let share = 1.0 / (16.0 * images.len() as f64);
-        let all = || images.iter().flat_map(|image| &image.values).map(|&value| f64::from(value));
-        let total = share * all().sum::<f64>();
-        let deviation = libm::sqrt(count * share * all().map(|value| value * value).sum::<f64>());
-        let largest = all().fold(0.0, f64::max);
+        let (sizes, mut total, mut square, mut largest) = (images.len(), 0.0, 0.0, 0.0_f64);
+        for (number, image) in images.iter().enumerate() {
+            let share = (2 * (sizes - number) - 1) as f64 / (16 * sizes * sizes) as f64;
+            for value in image.values.iter().copied().map(f64::from) {
+                total += share * value;
+                square += share * value * value;
+                largest = largest.max(value);
+            }
+        }
+        let deviation = libm::sqrt(count * square);
         // Room for two of the brightest flakes, of which nothing is seen beyond 6.5, and for what seldom
         // adds up.
         let room = (2.1 * largest).min(largest.max(6.5)).max(count * total + 8.0 * deviation);

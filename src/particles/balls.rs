@@ -1,9 +1,11 @@
-//! Images of balls, integrated over pixels and along a way: tables by radius, made once an opacity.
+//! Images of balls, integrated over pixels and along a way: tables by radius, made for an opacity when first seen.
 //!
 //! A table is of one radius in pixels. A large ball of a radius near it looks its places up in the scale of
 //! the table's, which makes the pixel over which it is integrated wrong by 2 % at most; a small one is as
 //! large as the table's and as much fainter or stronger. A ball smaller than [`LEAST`] is one of that radius;
 //! beyond [`MOST`] a pixel is small beside it.
+
+use std::sync::OnceLock;
 
 use super::bins::{PIXELS, TILE};
 use super::canvas::{Canvas, LANES, begin, multiply};
@@ -47,7 +49,10 @@ const OPAQUE: f32 = 1.0 - 1e-6;
 const GAUSS: f64 = 0.288_675_134_594_812_9;
 
 pub struct Balls {
-    tables: Vec<Table>,
+    /// Opacity by the square of the distance from the middle, in radii: looked up, it costs a tenth.
+    profile: Vec<f32>,
+    mean: f64,
+    tables: Vec<OnceLock<Table>>,
 }
 
 struct Table {
@@ -70,13 +75,11 @@ impl Balls {
     /// The images of balls whose middle has the optical depth `tau0`.
     pub fn new(tau0: f64) -> Result<Self, Error> {
         let count = (STEPS * libm::log2(MOST / LEAST)).round() as usize + 1;
-        let radius = |step: usize| LEAST * libm::exp2(step as f64 / STEPS);
-        // Opacity by the square of the distance from the middle, in radii: looked up, it costs a tenth.
-        let profile: Vec<f32> =
-            (0..=1024).map(|i| opacity_at(f64::from(i).sqrt() / 32.0, tau0) as f32).collect();
-        let mean = mean_opacity(tau0);
+        let at = |i: i32| opacity_at(f64::from(i).sqrt() / 32.0, tau0) as f32;
         Ok(Self {
-            tables: collected((0..count).map(|step| Table::new(radius(step), mean, &profile)))?,
+            profile: (0..=1024).map(at).collect(),
+            mean: mean_opacity(tau0),
+            tables: collected((0..count).map(|_| OnceLock::new()))?,
         })
     }
 
@@ -104,7 +107,10 @@ impl Balls {
 
     fn table(&self, radius: f64) -> &Table {
         let step = (STEPS * libm::log2(radius / LEAST)).round().max(0.0) as usize;
-        &self.tables[step.min(self.tables.len() - 1)]
+        let step = step.min(self.tables.len() - 1);
+        self.tables[step].get_or_init(|| {
+            Table::new(LEAST * libm::exp2(step as f64 / STEPS), self.mean, &self.profile)
+        })
     }
 }
 

@@ -192,8 +192,8 @@ def _made(rungs: Rungs) -> Sheets:
     ends = law.smallest, law.largest
     one = SizeClass(density, *ends, 0.0, law.nodes(*ends))
     slabs = slabs_of(
-        Population(density, law, OPACITY, np.ones_like), one, lens, reach=reach, far=deep,
-        edges=layer_edges(reach, deep, _LAYERS),
+        Population(density, law, OPACITY, np.ones_like), one, lens,
+        layer_edges(reach, deep, _LAYERS),
     )  # fmt: skip
     angle, alone, layers = rungs.turn * _turn_of(rungs.way), 0.0, []
     for number, slab in enumerate(slabs):

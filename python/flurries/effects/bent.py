@@ -108,13 +108,15 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
     both, grown = _places(eyes, blown, planes, scale, frame.camera.focal)
     seen = _on_torus(both.mean(axis=1), frame.seed, planes, [areas[n] for n in numbers])
     moves = (both[:, 1] - both[:, 0]) / grown[:, None, None, None]
-    groups: dict[tuple[float, float], list[int]] = {}
+    # Classes that fall about as fast share their streaks: those of snow, not those of rain.
+    alone = film.falls.max() > 1.3 * film.falls.min()
+    groups: dict[tuple[float, float, float], list[int]] = {}
     for place, number in enumerate(numbers):
-        groups.setdefault((slabs[number].near, slabs[number].far), []).append(place)
+        ends = slabs[number].near, slabs[number].far, film.falls[number] if alone else 0.0
+        groups.setdefault(ends, []).append(place)
 
     def nodes(place: int, part: Float64, mean: float) -> Array:
-        one = planes[place]
-        many = film.many[one.layer]
+        one, many = planes[place], film.many[numbers[place]]
         gain = one.weight * math.sqrt(many)
         made = np.empty((*seen.shape[1:3], 4), np.float32)
         made[..., :2], made[..., 2] = seen[place], gain * part
@@ -139,10 +141,8 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
     made = iter(sheets_of(keys))
     found: list[Any] = []
     for (move, reads), ends in zip(parts, sorted(groups), strict=True):
-        sheets = [
-            (one, nodes(at, part, one.mean)) for at, _, part, _ in reads for one in [next(made)]
-        ]
-        found.append((sheets, move, *ends))
+        sheets = [(one := next(made), nodes(at, part, one.mean)) for at, _, part, _ in reads]
+        found.append((sheets, move, *ends[:2]))
     return found
 
 

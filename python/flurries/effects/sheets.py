@@ -30,9 +30,9 @@ from flurries.particles.population import Slab
 # most so many pixels: a larger picture shows a sheet more than once.
 _PERIOD, _LARGEST = (0.82, 0.86), 5_000_000
 
-# A layer with less than this share of the variance of all may come back within the picture, so much
-# sooner, and at least after so many pixels.
-_FAINT, _SOONER, _LEAST = 0.012, 0.4, 96
+# A rigid layer with less than this share of all variance may come back within the picture, so much
+# sooner; a sheet has at least so many pixels.
+_FAINT, _SOONER, _LEAST = 0.018, 0.4, 96
 
 # Bytes that all sheets of a process take at most, but for those of one frame.
 MOST_BYTES = 512 << 20
@@ -91,7 +91,7 @@ def circles_of(blur: Blur | None, depths: Float64) -> list[float]:
 def areas_of(film: Film, focals: tuple[float, float]) -> list[tuple[int, int]]:
     """Return rows and columns of each layer's sheet, for focal lengths in pixels."""
     power, found = film.power, []
-    for number, faint in enumerate((power < _FAINT * power.sum()).tolist()):
+    for number, faint in enumerate((power < film.rigid * _FAINT * power.sum()).tolist()):
         own = (1.0 + 0.2 * ((0.618_034 * (number + 1)) % 1.0)) * (_SOONER if faint else 1.0)
         rows, columns = (
             max(round(own * part * focals[1 - axis]), _LEAST) for axis, part in enumerate(_PERIOD)
@@ -153,11 +153,10 @@ def _standing(
     for number in np.argsort(-speed, kind="stable"):
         while places[number] > 1.0 and (places**2 * pixels).sum() > _FILM_BYTES:
             places[number] /= 2.0
+    each = zip(film.slabs, areas, film.many, streaks, circles, strict=True)
     keys = [
         key_of(weather, slab, seed, number, area, many, tuple(streak), circle, amount)
-        for number, (slab, area, many, streak, circle) in enumerate(
-            zip(film.slabs, areas, film.many, streaks, circles, strict=True)
-        )
+        for number, (slab, area, many, streak, circle) in enumerate(each)
     ]
     return keys, start, rate, places[:, None]
 
@@ -170,6 +169,9 @@ def hash_of(seed: int, number: int) -> int:
 
 
 @kept(256)
-def diameters_of(slab: Slab, count: int = 24) -> Float64:
-    """Return so many diameters that stand for even shares of flakes and cover what those do, px."""
-    return np.asarray(np.sqrt((slab.diameters**2).reshape(count, -1).mean(axis=1)))
+def diameters_of(slab: Slab, count: int = 8) -> Float64:
+    """Return the diameters of a sheet's sizes, which cover what their shares of flakes do, px."""
+    upto = 1.0 - np.linspace(1.0, 0.0, count + 1) ** 2
+    squares = np.cumsum([0.0, *slab.diameters**2]) / len(slab.diameters)
+    covered = np.interp(upto, np.linspace(0.0, 1.0, len(squares)), squares)
+    return np.asarray(np.sqrt(np.diff(covered) / np.diff(upto)))

@@ -37,8 +37,8 @@ DRAWN, FEW = 0.002, 0.004
 # Diameter in px of the largest flake of a sheet.
 LARGEST = 14.0
 
-# Flakes for each pixel of a sheet at most.
-_MOST_FLAKES = 6.0
+# Flakes for each pixel of a sheet at most: of a plane, and where all places move alike.
+_MOST_FLAKES = (6.0, 2.0)
 
 # Layers of sheets of each class; large flakes make most of the contrast.
 LAYERS, BENT_LAYERS = (4, 7, 10, 15), 6
@@ -130,10 +130,9 @@ def _film(
     changes = weather.keyed or has_keys((lens, weather.emission, motion.shutter))
     fx, fy = path.widest.focals
     few = weather.simulated or population.density * far**3 / (3.0 * fx * fy) < FEW
-    varied = population.sizes.largest > population.sizes.smallest
 
-    def classes(count: int, rigid: bool) -> list[Share]:
-        sizes, found = population.classes(count if varied else 1), []
+    def classes(count: int, rigid: bool, moment: int = 2) -> list[Share]:
+        sizes, found = population.classes(count, moment), []
         ends = hand_overs(weather, focal, sizes if rigid else population.classes(1))
         for one, end in zip(sizes, ends if rigid else ends * count, strict=False):
             fall, reach = times(motion.fall, one.fall / weather.mean_speed), far if few else end
@@ -153,25 +152,25 @@ def _film(
             varies = partial(laws.variance_at, share.size, focal, HALF_OPEN * math.hypot(*rate))
             parts.append((share, laws.layer_edges(share.reach, far, count, varies)))
     else:
-        # Planes go through their slabs, and are as thick as these are far.
-        bent = classes(BENT_CLASSES, False)
+        # Planes go through slabs as thick as far, and both classes of them vary pixels as much.
+        bent = classes(BENT_CLASSES, False, 4)
         parts = [(one, np.geomspace(one.reach, far, BENT_LAYERS + 1)) for one in bent]
     layers = [
         Layer(one, slab)
         for one, edges in parts
         for slab in laws.slabs_of(
-            population, one.size, focal, reach=one.reach, far=far, edges=edges, flat=comes
+            population, one.size, focal, edges, flat=comes, moment=2 if rigid or comes else 4
         )
     ]
     layers.sort(key=lambda layer: layer.slab.depth)
     slabs = [slab for _, slab in layers]
-    covers = np.array([slab.coverage for slab in slabs])
+    counts, covers = np.reshape([(slab.count, slab.coverage) for slab in slabs], (-1, 2)).T
+    power = counts * [float(np.mean(slab.diameters**4)) for slab in slabs]
     return Film(
         drawn=tuple(drawn), layers=layers, comes=comes, rigid=rigid, slabs=slabs, covers=covers,
         depths=np.array([slab.depth for slab in slabs]),
         falls=np.array([share.size.fall for share, _ in layers]),
-        power=covers * [float(np.mean(slab.diameters**2)) for slab in slabs],
-        many=[max(slab.count / _MOST_FLAKES, 1.0) for slab in slabs],
+        power=power, many=np.maximum(counts / _MOST_FLAKES[rigid], 1.0).tolist(),
         wide=[math.sqrt(float((d**4).mean() / (d**2).mean()) + 0.8)
               for d in (slab.diameters for slab in slabs)],
     )  # fmt: skip

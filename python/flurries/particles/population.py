@@ -55,18 +55,18 @@ class Population:
         """The loss of a ray for each metre: density times the mean area that a flake covers."""
         return self.density * self.opacity * 0.25 * math.pi * self.sizes.moment(2.0)
 
-    def classes(self, count: int) -> list[SizeClass]:
-        """Return classes of size that cover the same area each, small ones first."""
+    def classes(self, count: int, moment: int = 2) -> list[SizeClass]:
+        """Return classes of even parts of a moment, of 2 the area; each falls as its mean does."""
         sizes = self.sizes
         edges = np.array([sizes.smallest, sizes.largest])
         if sizes.largest > sizes.smallest:
             at = sizes.quantile(np.linspace(0.0, 1.0, 4097))
-            area = np.concatenate([[0.0], np.cumsum(0.5 * (at[1:] ** 2 + at[:-1] ** 2))])
-            edges = np.interp(np.linspace(0.0, area[-1], count + 1), area, at)
+            below = np.cumsum([0.0, *(0.5 * (at[1:] ** moment + at[:-1] ** moment))])
+            edges = np.interp(np.linspace(0.0, below[-1], count + 1), below, at)
         found = []
         for low, high in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
             at, share = sizes.nodes(low, high)
-            fall = float((share * at**2) @ self.speed(at)) / float(share @ at**2)
+            fall = float((share * at**moment) @ self.speed(at)) / float(share @ at**moment)
             density = self.density * float(share.sum())
             found.append(SizeClass(density, low, high, fall, (at, share)))
         return found
@@ -78,7 +78,7 @@ class Slab:
 
     near: float
     far: float
-    depth: float  # That it moves as: the mean of the depths of what it covers.
+    depth: float  # That it moves as: the mean, by what it covers or, of 4, varies in pixels.
     count: float  # Mean number of flakes in a pixel.
     diameters: Float64  # (n,) px, of even shares of the flakes: each covers what its share does.
     coverage: float  # Mean of what they cover of a pixel.
@@ -100,12 +100,12 @@ def layer_edges(near: float, far: float, count: int, variance: Law | None = None
 
 
 def slabs_of(
-    population: Population, each: SizeClass, focal: float, *, reach: float, far: float,
-    edges: Float64, flat: bool = False,
+    population: Population, each: SizeClass, focal: float, edges: Float64, *, flat: bool = False,
+    moment: int = 2,
 ) -> list[Slab]:  # fmt: skip
     """Return the layers of a class from where it is no longer drawn, near ones first."""
-    # Slabs end at `edges`, from `reach` to `far`. Flakes of a flat one are seen at its mean depth.
-    if reach >= far or each.density == 0.0:
+    # Flakes of a flat one are seen at its mean depth.
+    if edges[0] >= edges[-1] or each.density == 0.0:
         return []
     diameters, share = each.nodes
     share = share / share.sum()
@@ -113,11 +113,10 @@ def slabs_of(
     for near, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
         depths = 0.5 * (near + end) + 0.5 * (end - near) * _NODES
         left = np.empty(_DEPTHS)
-        _core.smooth(left, (depths / reach - 1.0) / FADE)
+        _core.smooth(left, (depths / edges[0] - 1.0) / FADE)
         volume = 0.5 * (end - near) * _WEIGHTS * depths**2 * left * (1.0 / focal) ** 2
         count = each.density * float(volume.sum())
-        seen = volume / depths**2
-        depth = float((seen @ depths) / seen.sum())
+        depth = float(np.average(depths, weights=volume / depths**moment))
         images = (focal * diameters[None, :] / depths[:, None]).ravel()
         weight = (volume[:, None] * share[None, :]).ravel()
         area = float(weight @ images**2) / float(weight.sum())

@@ -76,22 +76,25 @@ impl Patch {
             }
         }
         let side = scale as f64;
-        let low: [f64; 2] =
-            std::array::from_fn(|axis| ((middle[axis] - extent[axis]) / side - MARGIN).floor());
-        let high: [f64; 2] =
-            std::array::from_fn(|axis| ((middle[axis] + extent[axis]) / side + MARGIN).ceil());
-        let limits = [shape.1 as f64 / side, shape.0 as f64 / side];
-        if (0..2).any(|axis| high[axis] <= 0.0 || low[axis] >= limits[axis]) {
+        let out = |axis: usize, length: usize| {
+            let room = extent[axis] + (MARGIN + 1.0) * side;
+            middle[axis] + room <= 0.0 || middle[axis] - room >= length as f64
+        };
+        if out(0, shape.1) || out(1, shape.0) {
             return None;
         }
+        let low = middle.map(|at| ((at - reach) / side - MARGIN).floor());
+        let high = middle.map(|at| ((at + reach) / side + MARGIN).ceil());
         let place = Place {
             size: [0, 1].map(|axis| (high[axis] - low[axis]) as usize),
             middle: std::array::from_fn(|axis| middle[axis] / side - low[axis]),
         };
+        let (columns, rows) = (place.size[0], place.size[1]);
         let energy = energy / (side * side);
         let mut alpha = silhouette(&place, diameter / side, flake, look);
         if let Some(blur) = blur.filter(|_| circle / side > 0.05) {
-            alpha = spread(&alpha, place.size[0], &blur.taps(circle / side));
+            let whole = [0, rows as isize, 0, columns as isize];
+            alpha = spread(&alpha, columns, &blur.taps(circle / side), Some(whole))?.0;
         }
         normalize(&mut alpha, look.share * energy);
         if look.share < 1.0 {
@@ -101,13 +104,15 @@ impl Patch {
         }
         let way = Way { half: half.map(|v| v / side), bend: bend.map(|v| v / side) };
         let flutter = look.tumble.flutter(number, flake.own, look.kind == Kind::Aggregate);
-        alpha = spread(&alpha, place.size[0], &along(&way, flutter));
+        let (mut alpha, part) = spread(&alpha, columns, &along(&way, flutter), None)?;
         alpha.iter_mut().for_each(|v| *v = if *v > 0.0 { v.min(1.0) } else { 0.0 });
+        let [top, bottom, left, right] = part;
+        let origin = [low[0] as i64 + left as i64, low[1] as i64 + top as i64];
         Some(Self {
             index: flake.index,
             scale,
-            origin: low.map(|v| v as i64 * scale as i64),
-            size: place.size,
+            origin: origin.map(|v| v * scale as i64),
+            size: [right - left, bottom - top].map(|v| v as usize),
             alpha,
             depth,
             point: flake.point,

@@ -52,11 +52,9 @@ pub fn along(way: &Way, light: impl Fn(f64) -> f64) -> Vec<Tap> {
         weights[at + columns] += share * (1.0 - a) * b;
         weights[at + columns + 1] += share * a * b;
     }
-    let place =
-        |at: usize| [(at % columns) as isize - reach[0], (at / columns) as isize - reach[1]];
     let met = weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0);
     met.map(|(at, &weight)| {
-        let [x, y] = place(at);
+        let (x, y) = ((at % columns) as isize - reach[0], (at / columns) as isize - reach[1]);
         Tap { x, y, weight: weight / sum as f32 }
     })
     .collect()
@@ -75,15 +73,25 @@ fn used(picture: &[f32], columns: usize) -> Option<[usize; 4]> {
     rows.map(|(top, bottom)| [top, bottom, left, right])
 }
 
-/// The sum of a picture's copies, in the same size; what leaves it is lost. `taps` go from the top down.
-pub fn spread(picture: &[f32], columns: usize, taps: &[Tap]) -> Vec<f32> {
-    let mut out = vec![0.0; picture.len()];
+/// The sum of a picture's copies in a part of it, or where they reach and a texel around that, and the part: its top,
+/// bottom, left, right; None of an empty picture. What leaves the part is lost. `taps` go from the top down.
+pub fn spread(
+    picture: &[f32],
+    columns: usize,
+    taps: &[Tap],
+    part: Option<[isize; 4]>,
+) -> Option<(Vec<f32>, [isize; 4])> {
     let xs = taps.iter().map(|tap| tap.x);
-    let (Some([top, bottom, left, right]), Some(least), Some(most)) =
-        (used(picture, columns), xs.clone().min(), xs.max())
-    else {
-        return out;
-    };
+    let (least, most) = (xs.clone().min()?, xs.max()?);
+    let [top, bottom, left, right] = used(picture, columns)?;
+    let around = [
+        top as isize + taps.first()?.y - 1,
+        bottom as isize + taps.last()?.y + 1,
+        left as isize + least - 1,
+        right as isize + most + 1,
+    ];
+    let part @ [up, down, near, end] = part.unwrap_or(around);
+    let mut out = vec![0.0; ((down - up) * (end - near)) as usize];
     // What is used, with room for the copies' blocks on both sides.
     let side = (most - least) as usize;
     let blocks = (right - left + side).div_ceil(LANES);
@@ -94,18 +102,13 @@ pub fn spread(picture: &[f32], columns: usize, taps: &[Tap]) -> Vec<f32> {
         to[side..side + from.len()].copy_from_slice(from);
     }
     // The first column that a copy reaches.
-    let first = left as isize + least;
-    let steps: Vec<Step> = taps
-        .iter()
-        .map(|tap| Step {
-            down: tap.y,
-            to: most - tap.x - tap.y * stride as isize,
-            weight: tap.weight,
-        })
-        .collect();
-    let work = Work { source: &source, stride, rows: [top, bottom], first, blocks, steps: &steps };
-    sum(&mut out, columns, &work);
-    out
+    let first = left as isize + least - near;
+    let to = |tap: &Tap| most - tap.x - tap.y * stride as isize;
+    let step = |tap: &Tap| Step { down: tap.y, to: to(tap), weight: tap.weight };
+    let steps: Vec<Step> = taps.iter().map(step).collect();
+    let rows = [top as isize - up, bottom as isize - up];
+    sum(&mut out, (end - near) as usize, (&source, stride), rows, (first, blocks), &steps);
+    Some((out, part))
 }
 
 /// Columns that are summed at a time.
@@ -119,29 +122,25 @@ struct Step {
     weight: f32,
 }
 
-struct Work<'a> {
-    /// Rows of `stride` texels.
-    source: &'a [f32],
-    stride: usize,
-    /// The picture's rows that they are.
-    rows: [usize; 2],
-    /// The first column of the outcome that is not empty, and how many blocks are not.
-    first: isize,
-    blocks: usize,
-    /// From the top down.
-    steps: &'a [Step],
-}
-
+/// Sums copies of a source of `stride` texels a row, which are `rows` of the outcome. `first` is the first column of the
+/// outcome that is not empty, `blocks` how many blocks are not, and `steps` go from the top down.
 #[dispatch]
-fn sum<const LEVEL: u8>(out: &mut [f32], columns: usize, work: &Work<'_>) {
-    let &Work { source, stride, rows: [top, bottom], first, blocks, steps } = work;
+fn sum<const LEVEL: u8>(
+    out: &mut [f32],
+    columns: usize,
+    source: (&[f32], usize),
+    rows: [isize; 2],
+    line: (isize, usize),
+    steps: &[Step],
+) {
+    let ((source, stride), [top, bottom], (first, blocks)) = (source, rows, line);
     for (y, line) in out.chunks_exact_mut(columns).enumerate() {
         let y = y as isize;
-        let start = steps.partition_point(|step| y - step.down >= bottom as isize);
-        let end = steps.partition_point(|step| y - step.down >= top as isize);
+        let start = steps.partition_point(|step| y - step.down >= bottom);
+        let end = steps.partition_point(|step| y - step.down >= top);
         let (pairs, last) = steps[start..end].as_chunks::<2>();
         for block in 0..blocks {
-            let from = (y - top as isize) * stride as isize + (block * LANES) as isize;
+            let from = (y - top) * stride as isize + (block * LANES) as isize;
             let add = |sum: &mut [f32; LANES], step: &Step| {
                 let from = &source[(from + step.to) as usize..][..LANES];
                 for k in 0..LANES {
@@ -185,9 +184,13 @@ mod tests {
         let mut taps = along(&way, |s| 1.0 + 0.5 * s);
         assert!((taps.iter().map(|tap| tap.weight).sum::<f32>() - 1.0).abs() < 1e-6);
         taps.extend([(-9, 4), (2, 5)].map(|(x, y)| Tap { x, y, weight: 0.3 }));
-        let found = spread(&picture, columns, &taps);
-        for (at, &value) in found.iter().enumerate() {
-            let (x, y) = ((at % columns) as isize, (at / columns) as isize);
+        let whole = [0, rows as isize, 0, columns as isize];
+        for (part, (at, value)) in [Some(whole), None].into_iter().flat_map(|part| {
+            let (found, part) = spread(&picture, columns, &taps, part).unwrap();
+            found.into_iter().enumerate().map(move |found| (part, found))
+        }) {
+            let wide = (part[3] - part[2]) as usize;
+            let (x, y) = ((at % wide) as isize + part[2], (at / wide) as isize + part[0]);
             let wanted: f64 = taps
                 .iter()
                 .map(|tap| {
