@@ -33,7 +33,7 @@ def number(name):
     return (h ^ u(1 << 23) if (h[0] >> u(23)) & u(255) in (0, 255) else h).view(np.float32)[0]
 
 
-def plate(path, manifest="embedded", kind="float", **about):
+def plate(path, manifest="embedded", kind="float", apart=False, **about):
     """A plate of three things in two ranks of View.Crypto."""
     given = json.dumps({name: f"{number(name).view(np.uint32):08x}" for name in THINGS})
     said = {"name": "View.Crypto", "hash": "MurmurHash3_32", "conversion": "uint32_to_float32"}
@@ -47,7 +47,9 @@ def plate(path, manifest="embedded", kind="float", **about):
         values[..., 3 + 2 * k], values[..., 4 + 2 * k] = number(name), share
     names = ("R", "G", "B", *(f"View.Crypto0{k}.{c}" for k in "01" for c in "rgba"))
     header = {f"cryptomatte/3f2a1b0/{key}": value for key, value in (said | about).items()}
-    write_exr(path, values, names, kind=kind, header=header)
+    then = [(values[2:, 9:, 3:], names[3:], (9, 2))] if apart else []
+    colors = (values[..., :3], "RGB") if apart else (values, names)
+    write_exr(path, *colors, then=then, kind=kind, header=header, display=(0, 0, W, H))
 
 
 def matte(source, t=0.0):
@@ -68,6 +70,8 @@ def test_names_become_mattes(tmp_path, monkeypatch, manifest):
     monkeypatch.chdir(tmp_path)
     for frame in (3, 4):
         plate(tmp_path / f"plate.{frame}.exr", manifest)
+    plate(tmp_path / "parts.exr", manifest, apart=True)
+    assert np.array_equal(matte("parts.exr:house"), np.where(np.mgrid[:H, :W][0] < 2, 0.0, HOUSE))
     assert np.array_equal(matte("plate.3.exr:house"), HOUSE)
     assert np.array_equal(matte("plate.#.exr:house, tree", 3), HOUSE + TREE)
     assert np.array_equal(matte("plate.3.exr:View.Crypto.tree"), TREE)

@@ -269,7 +269,4 @@ def test_scripts_that_name_other_files_are_not_followed(tmp_path):
         (tmp_path / name).write_text(text)
         with pytest.raises((OSError, ValueError), match=name):
             open_background(tmp_path / name)
-    # The control: the library by itself follows the script.
-    with av.open(str(tmp_path / "a.mkv")) as container:
-        assert container.streams.video[0].width == 96
     assert victim.exists()
