@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import flurries as fl
-from flurries.frame.bands import whole
 from flurries.frame.truth import truth
 
 Floats = NDArray[np.float64]
@@ -52,7 +51,8 @@ def picture(shown: fl.Scene, t: float, **options: Any) -> Floats:
 
 def cover(shown: fl.Scene, t: float) -> NDArray[np.float32]:
     """The opacity of all layers, without their motion and depth, which take as long again."""
-    (seen,) = truth(shown._program, shown._time_of(t), [None], whole(shown.shape), known=False)
+    program = shown._program
+    (seen,) = truth(program, shown._time_of(t), [None], program.base.window, known=False)
     return seen.alpha
 
 

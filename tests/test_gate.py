@@ -15,6 +15,7 @@ import pytest
 
 import flurries as fl
 from flurries import _core
+from flurries.frame.planes import plane
 
 
 def launch(code: str, **environment: str) -> subprocess.Popen[str]:
@@ -57,6 +58,31 @@ def test_many_threads_on_one_scene(threads: Callable[[int], None]):
 
     with ThreadPoolExecutor(16) as pool:
         assert all(pool.map(work, range(16)))
+
+
+def test_memory_that_frames_share_is_never_that_of_two():
+    def work(number: int) -> bool:
+        for _ in range(60):
+            mine = [plane((512, 513)), plane((600, 601))]
+            for one in mine:
+                one.fill(number)
+            if not all((one == number).all() for one in mine):
+                return False
+        return True
+
+    with ThreadPoolExecutor(6) as pool:
+        assert all(pool.map(work, range(6)))
+
+
+def test_a_held_frame_stays_what_it_is():
+    scene = fl.Scene("#304050", size=(640, 480), effects=[fl.Snow("heavy")])
+    held = vars(scene.layers(1))
+    kept = {name: value.copy() for name, value in held.items() if isinstance(value, np.ndarray)}
+    for t in (2, 3):
+        scene.layers(t)
+    assert len(kept) >= 5
+    for name, value in kept.items():
+        np.testing.assert_array_equal(held[name], value, err_msg=name)
 
 
 def test_import_starts_nothing_and_loads_little():

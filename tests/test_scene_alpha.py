@@ -1,4 +1,4 @@
-"""Files with alpha, and float pictures that are no light."""
+"""Files with alpha, the weather alone among them, and float pictures that are no light."""
 
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,8 @@ import pytest
 import flurries as fl
 from flurries.io import read_picture, read_video, write_picture
 
+LIGHT = np.random.default_rng(5).random((48, 64, 3), np.float32)
+SNOW = fl.effects.TentSnow("heavy", color=(0.9, 0.8, 1.0), flakes=300)
 EFFECTS = [fl.Mist(count=60, density=0.6), fl.effects.TentSnow("heavy", flakes=150)]
 
 
@@ -74,7 +76,50 @@ def test_16_7_a_float_picture_of_levels_is_warned_of(tmp_path: Path, way: str):
 
 def test_16_7_bright_light_is_not():
     """A lamp, a snow field in the sun, and a picture of 0 to 1: warnings are errors here."""
-    light = np.random.default_rng(2).random((48, 64, 3)).astype(np.float32)
-    for bright in (light, 8.0 * light, np.where(light > 0.999, 200.0, light), 1e4 * light):
+    some = np.where(LIGHT > 0.999, 200.0, LIGHT)
+    for bright in (LIGHT, 8.0 * LIGHT, some, 1e4 * LIGHT):
         fl.Scene(bright.astype(np.float32)).render(0)
         fl.composite.snow(bright.astype(np.float32), np.zeros((48, 64), np.float32))
+
+
+def test_over_its_background_it_is_the_composite(tmp_path: Path):
+    scene = fl.Scene(LIGHT, effects=[SNOW, fl.effects.TentSnow("light")])
+    scene.write(tmp_path / "%d.exr", "7", alone=True, bits="float")
+    layer = read_picture(tmp_path / "7.exr")
+    assert layer.alpha is not None and layer.premultiplied
+    whole = layer.pixels + (1.0 - layer.alpha[..., None]) * LIGHT
+    assert np.abs(whole - scene.render(7)).max() < 1e-6
+    assert 0.0 < layer.alpha.mean() < 1.0
+
+
+def test_a_png_holds_straight_display_values(tmp_path: Path):
+    scene = fl.Scene("#204060", size=(64, 48), effects=[SNOW])
+    scene.write(tmp_path / "snow.png", 7, alone=True)
+    layer = read_picture(tmp_path / "snow.png")
+    assert layer.alpha is not None and not layer.premultiplied
+    seen = layer.alpha > 0.15
+    color = layer.pixels[seen].mean(axis=0) / 255.0
+    assert np.abs(color - (0.9, 0.8, 1.0)).max() < 0.01
+    assert np.abs(layer.alpha - scene.layers(7).alpha).max() <= 0.5 / 255 + 1e-6
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "%d.jpg"])
+def test_what_has_no_alpha_is_refused(name: str, tmp_path: Path):
+    with pytest.raises(ValueError, match="alone"):
+        fl.Scene(LIGHT, effects=[SNOW]).write(tmp_path / name, "1", alone=True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_exr_is_packed_as_asked(tmp_path: Path):
+    scene = fl.Scene("#203040", size=(300, 200), effects=fl.Snow("heavy"))
+    sizes = {}
+    for packing in ("none", "zip", "dwaa"):
+        path = tmp_path / f"{packing}.exr"
+        scene.write(path, 1, compression=packing)
+        sizes[packing] = path.stat().st_size
+        difference = read_picture(path).pixels - read_picture(tmp_path / "none.exr").pixels
+        assert np.abs(difference).max() <= (0.05 if packing == "dwaa" else 0.0)
+    assert sizes["dwaa"] < 0.5 * sizes["zip"] < 0.5 * sizes["none"]
+    for path, more in (("a.png", {}), ("a.exr", {"layers": True})):
+        with pytest.raises(ValueError, match="compression is for a composite"):
+            scene.write(tmp_path / path, 1, compression="dwaa", **more)

@@ -1,7 +1,6 @@
 """Windows of a picture, where weather can be seen in them, and the bands of a large one.
 
-The picture that the layers are mixed in, the layers, and what encoding makes on the way are several
-times as large as the frame that is asked for. Of a large one only a band of each is ever held.
+What a frame is mixed of is several times as large as it: of a large one only a band is ever held.
 """
 
 from __future__ import annotations
@@ -33,10 +32,6 @@ def bands_of(window: Window) -> list[Window]:
     # Cut where tiles begin in the frame, whatever the window.
     cuts = range(top // rows * rows, bottom, rows)
     return [(max(cut, top), min(cut + rows, bottom), left, right) for cut in cuts]
-
-
-def whole(shape: tuple[int, int]) -> Window:
-    return 0, shape[0], 0, shape[1]
 
 
 def common(first: Window, second: Window) -> Window | None:

@@ -12,19 +12,7 @@ from flurries import _core
 from flurries._contract import Array
 from flurries.frame.layer import Layer
 from flurries.frame.planes import plane
-from flurries.io.color import (
-    decoding_table,
-    encode_bytes,
-    encoding_edges,
-    linear_to_srgb,
-    srgb_to_linear,
-    to_display,
-    to_integer,
-    to_linear,
-    to_single,
-    to_unit,
-    unmultiply,
-)
+from flurries.io import color as io_color
 
 # Values that are encoded at a time: in float32 they and what is made on the way fit a cache.
 CHUNK = 1 << 16
@@ -64,17 +52,18 @@ class Mix:
         return _by_parts(self._decode, picture, np.empty(picture.shape, np.float32))
 
     def _decode(self, part: Array) -> Array:
-        turn = to_linear if self.linear else to_display
+        turn = io_color.to_linear if self.linear else io_color.to_display
         if part.shape[2] == 3:
             return turn(part, self.encoding)
-        cover = to_unit(part[..., 3:])
-        colors = part[..., :3] if self.straight else unmultiply(part[..., :3], cover)
+        cover = io_color.to_unit(part[..., 3:])
+        colors = part[..., :3] if self.straight else io_color.unmultiply(part[..., :3], cover)
         return np.concatenate([turn(colors, self.encoding) * cover, cover], axis=2)
 
     def plate(self, picture: Array) -> Array:
         """Return the background in the light that layers are mixed in, float32."""
         light = self.decode(picture)
-        return to_single(to_unit(light, plane(light.shape) if light.dtype.kind == "u" else None))
+        room = plane(light.shape) if light.dtype.kind == "u" else None
+        return io_color.to_single(io_color.to_unit(light, room))
 
     def encode(self, working: Array, picture: Array, into: Array | None = None) -> Array:
         """Return the composite in the background's own encoding and dtype, in `into` if given."""
@@ -95,20 +84,20 @@ class Mix:
     def _encode(self, part: Array, dtype: np.dtype[Any]) -> Array:
         if part.shape[2] == 4:
             cover = part[..., 3:]
-            colors = self._encode(unmultiply(part[..., :3], cover), dtype)
+            colors = self._encode(io_color.unmultiply(part[..., :3], cover), dtype)
             if not self.straight:
                 return np.concatenate([colors * cover, cover], axis=2)
-            return np.concatenate([colors, to_integer(cover, 8 * dtype.itemsize)], axis=2)
+            return np.concatenate([colors, io_color.to_integer(cover, 8 * dtype.itemsize)], axis=2)
         if self.encoding == "linear" and not self.linear:
-            part = to_linear(part, "display")
+            part = io_color.to_linear(part, "display")
         elif self.encoding == "display" and self.linear:
             single = part.dtype == np.float32
             part = np.array(part, np.float32)
             _core.whiten(part.reshape(-1))
             if dtype == np.uint8 and single:
-                return encode_bytes(part)
-            part = to_display(part, "linear")
-        return to_integer(part, 8 * dtype.itemsize) if dtype.kind == "u" else part
+                return io_color.encode_bytes(part)
+            part = io_color.to_display(part, "linear")
+        return io_color.to_integer(part, 8 * dtype.itemsize) if dtype.kind == "u" else part
 
     def over(self, working: Array, layer: Layer, into: Array | None = None) -> Array:
         """Return a layer over what lies behind it, in `into` if given: another array."""
@@ -127,7 +116,7 @@ class Mix:
             layer.shade is not None and opaque and coding is not None
             and (self.linear or layer.glow is None)
         ):  # fmt: skip
-            colors = None if self.linear else linear_to_srgb(layer.shade.colors)
+            colors = None if self.linear else io_color.linear_to_srgb(layer.shade.colors)
             shade = layer.shade.given(colors)
             _core.shade_over(result, working, layer.alpha, shade, layer.glow, *coding)
         else:
@@ -144,7 +133,8 @@ class Mix:
         assert layer.shade is not None
         fits = into is not None and into.flags.c_contiguous
         result = into if into is not None and fits else np.empty(plate.shape, np.uint8)
-        plate, coding = np.ascontiguousarray(plate), (decoding_table(1), encoding_edges())
+        plate = np.ascontiguousarray(plate)
+        coding = io_color.decoding_table(1), io_color.encoding_edges()
         given = layer.shade.given()
         _core.shade_over(result, plate, layer.alpha, given, layer.glow, *coding)
         if into is not None and into is not result:
@@ -170,13 +160,14 @@ class Mix:
             result[..., :3] = rgb if self.primaries is None else rgb @ self.primaries
             return result
         cover = layer.alpha[..., None]
-        np.multiply(linear_to_srgb(unmultiply(rgb, cover)), cover, out=result[..., :3])
+        display = io_color.linear_to_srgb(io_color.unmultiply(rgb, cover))
+        np.multiply(display, cover, out=result[..., :3])
         return result
 
     def light(self, color: Any) -> list[float]:
         if not self.linear:
             return list(color)
-        light = srgb_to_linear(np.asarray(color, np.float64))
+        light = io_color.srgb_to_linear(np.asarray(color, np.float64))
         if self.primaries is not None:
             light = np.maximum(light @ self.primaries, 0.0)
         found: list[float] = light.tolist()

@@ -1,8 +1,6 @@
-"""What an effect says about a frame before it is made.
+"""What an effect says about a frame before it is made, in ``needs(frame) -> Needs``.
 
-An effect has one method for it, ``needs(frame) -> Needs``: its steps, what it leaves out by itself
-and why, and which parts of the scene it reads. An effect without the method is rendered whenever it
-is in the scene, and given everything.
+An effect without the method is rendered whenever it is in the scene, and given everything.
 """
 
 from __future__ import annotations

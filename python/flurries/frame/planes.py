@@ -1,8 +1,7 @@
 """Planes of a frame in memory that an earlier frame has given back.
 
-The system hands out fresh memory page by page and clears it, which a frame with layers waits for.
-What a frame held is kept here, up to a limit, and used again once no array and no view of it is
-left: until then each of them holds the memory.
+The system clears fresh memory page by page, which a frame with layers waits for. What a frame held
+is kept here, up to a limit, and used again once no array and no view of it is left.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """What a scene's frames are made of: which effects run, with which steps, and what they are given.
 
-Resolved once for a scene, when its first frame is asked for. What is left out here is not imported,
-seeded or allocated, and a frame costs no time for it.
+Resolved once, at the scene's first frame. What is left out here costs a frame no time.
 """
 
 from __future__ import annotations

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from flurries._contract import Array
-from flurries.frame.bands import whole as everything
 from flurries.frame.truth import truth
 from flurries.io.color import to_linear
 from flurries.io.layers.deep import Deep
@@ -78,5 +77,5 @@ def _before(scene: Scene, number: float, edge: float) -> dict[str, Array]:
 def _layers(scene: Scene, number: float) -> dict[str, Array]:
     """Return the layers of a frame, without what else is known of them."""
     t = scene._time_of(number)
-    (seen,) = truth(scene._program, t, [None], everything(scene.shape), known=False)
+    (seen,) = truth(scene._program, t, [None], scene._program.base.window, known=False)
     return {name: layer.rgba for name, layer in seen.layers.items()}

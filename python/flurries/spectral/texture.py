@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -105,8 +106,9 @@ class Texture:
             if (given := getattr(self, name)) is not None:
                 settled[name] = check.table(name, given, ndim=ndim).copy()  # It may change.
                 settled[name].flags.writeable = False
-        for name, value in settled.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(settled)
+        rings = [np.empty(0) if one is None else one for one in (self.ring_edges, self.ring_gains)]
+        vars(self).update(edges=rings[0], gains=rings[1])
         self._check_rings()
         if self.is_own:
             self._check_own()
@@ -274,3 +276,13 @@ def cloud(
         frames = check.integer("loop", loop, low=1, high=2**31 - 1)
         rate = np.rint(rate * frames) / frames
     return Texture(tile=sides, overlap=0, envelope=envelope, rate=rate)
+
+
+def reads_texture(kind: type) -> None:
+    """Let a kernel's request have what its `texture` has."""
+    # Without a Python function: where the interpreter ends while one runs inside a kernel's call,
+    # its thread is unwound through Rust, which ends the process.
+    names = ("tile", "overlap", "blend", "wavelengths", "exponent", "jitter", "alias", "soft_from")
+    own = {name: name for name in (*names, "shutter")}
+    for name, of in {**own, "ring_edges": "edges", "ring_gains": "gains"}.items():
+        setattr(kind, name, property(attrgetter(f"texture.{of}")))

@@ -17,7 +17,7 @@ from flurries import _core
 from flurries._contract import MOST_ELEMENTS, Array, Float64
 from flurries._warnings import warn
 from flurries.spectral.tables import BANDS, SOFT_FROM, Aliasing, warn_long
-from flurries.spectral.texture import Texture
+from flurries.spectral.texture import Texture, reads_texture
 from flurries.spectral.tiles import opacity, opacity_map
 
 Cells: TypeAlias = Literal["one", "overlap"]
@@ -38,8 +38,11 @@ class Film(NamedTuple):
     cells: str
 
     def __getattr__(self, name: str) -> Any:
-        """Return what the texture has."""
-        return getattr(self.texture, name)
+        # For who checks types: what the texture has is there.
+        raise AttributeError(name)
+
+
+reads_texture(Film)
 
 
 def film(
