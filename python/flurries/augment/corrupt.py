@@ -80,15 +80,14 @@ def corrupt(
     Parameters
     ----------
     folder : path
-        Pictures in it and in folders below: .png, .jpg, .tif, .exr, .webp, .bmp, .gif. Palettes in
-        PNG, planes of 16 bits or floats, pictures that move and folders of labels are copied;
-        symbolic links and hidden files are left out.
+        Pictures in it and in folders below; labels and what else is no picture are copied, and
+        symbolic links and hidden files left out.
     out : path
         Where to write; not inside `folder`. Each weather and severity gets a whole set,
-        ``out/snow/3/...``. Names, formats, grey and the orientation that a camera has noted stay,
-        so that labels hold; JPEG is written with quality 95, and WebP, BMP and GIF as PNG:
-        ``a.webp`` is ``a.png`` then, and copied where the folder has another of that name.
-        ``README.md`` is a card, and ``metadata.jsonl`` a table that Hugging Face's loaders read.
+        ``out/snow/3/...``, of the same names and formats, so that labels hold; JPEG is written
+        with quality 95, and WebP, BMP and GIF as PNG: ``a.webp`` is ``a.png`` then, and copied
+        where the folder has another of that name. ``README.md`` is a card, and ``metadata.jsonl`` a
+        table that Hugging Face's loaders read.
     weather : {"snow", "rain", "fog"} or several
     severity : int, "1-5", "2,4" or several
     profile : {"natural", "hard"}
@@ -126,8 +125,7 @@ def corrupt(
     levels = _levels(severity)
     choice("profile", profile, PROFILES)
     strengths = {f"{kind} {n}": strength_of(kind, n, profile) for kind in kinds for n in levels}
-    start = seed_of(seed)
-    again, dry = flag("overwrite", overwrite), flag("dry_run", dry_run)
+    start, again, dry = seed_of(seed), flag("overwrite", overwrite), flag("dry_run", dry_run)
     count = os.cpu_count() or 1 if workers is None else integer("workers", workers, low=1, high=256)
     if not (dask is None or isinstance(dask, str)):
         raise TypeError(f"dask must be an address, '' for one here, or None, got {dask!r:.60}")
@@ -148,6 +146,7 @@ def corrupt(
                      target / NAME, strengths)  # fmt: skip
     if dry:
         return made
+    # Pictures of one moment, which are made together, stand together.
     parts = []
     for _, group in groupby(pictures, lambda one: (one.weather, one.time, one.eyes)):
         views = list(group)
@@ -156,12 +155,13 @@ def corrupt(
             for kind in kinds for level in levels for one in views for plane in ("", *planes)
         ]  # fmt: skip
     # Labels of pictures with nothing on them are often empty files, about which there is no line.
-    empty = {name for name in others if not (source / name).stat().st_size}
     for name in sorted(others):
         copies = [Part(name, kind, level, COPY) for kind in kinds for level in levels]
-        for part in copies if name in empty else ():
-            _make_empty(target / part.path)
-        parts += [] if name in empty else copies
+        if (source / name).stat().st_size:
+            parts += copies
+        else:
+            for part in copies:
+                _make_empty(target / part.path)
     job = Pictures(
         folder=target.absolute(), source=source.absolute(),
         known={one.name: one for one in pictures}, parts=parts, seed=start, profile=profile,
@@ -176,13 +176,12 @@ def corrupt(
     size = each * max(min(_CHUNK, len(pictures) // (4 * count)), 1)
     wanted = list(range(len(parts)))
     groups = [wanted[first : first + size] for first in range(0, len(wanted), size)]
-    bar = progress or iter
     if dask is None and (count == 1 or len(groups) == 1):
-        fates = run(job, wanted, bar)
+        fates = run(job, wanted, progress or iter)
     else:
         crew_of = _processes(job, count) if dask is None else cluster(job, dask, count=count)
         with crew_of as crew:
-            fates = run(job, wanted, bar, partial(make, crew, groups))
+            fates = run(job, wanted, progress or iter, partial(make, crew, groups))
     for index, fate in fates.items():
         part, among = parts[index], {"written": made.written, "kept": made.kept}
         if fate not in among:
