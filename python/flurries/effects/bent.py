@@ -115,35 +115,35 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
         ends = slabs[number].near, slabs[number].far, film.falls[number] if alone else 0.0
         groups.setdefault(ends, []).append(place)
 
-    def nodes(place: int, part: Float64, mean: float) -> Array:
-        one, many = planes[place], film.many[numbers[place]]
-        gain = one.weight * math.sqrt(many)
-        made = np.empty((*seen.shape[1:3], 4), np.float32)
-        made[..., :2], made[..., 2] = seen[place], gain * part
-        # Planes that give way to each other have the deviation of one, and so have some flakes that
-        # stand for many; the mean is made up for.
-        made[..., 3] = (one.weight**2 * many - gain) * part * mean
-        return made
-
-    parts = []
+    parts, every = [], []
     for places in (groups[ends] for ends in sorted(groups)):
         shares = np.array([planes[at].weight ** 2 * film.power[numbers[at]] for at in places])
         ways: Float64 = np.einsum("p,prca->rca", shares / shares.sum(), moves[places])
         length = float(np.hypot(*ways.reshape(-1, 2).T).mean())
         reads = [(at, rung, part, _part_seen(film.wide[numbers[at]], length))
                  for at in places for rung, part in rungs[numbers[at]]]  # fmt: skip
-        parts.append((np.clip(ways, -LONGEST, LONGEST).astype(np.float32), reads))
-    keys = [
+        parts.append((len(reads), np.clip(ways, -LONGEST, LONGEST).astype(np.float32)))
+        every += reads
+    sheets = sheets_of([
         key_of(weather, slabs[n], frame.seed, n, areas[n], film.many[n], (0.0, 0.0), circles[n],
                rung, planes[at].focal, thin)
-        for _, reads in parts for at, rung, _, thin in reads for n in [numbers[at]]
-    ]  # fmt: skip
-    made = iter(sheets_of(keys))
-    found: list[Any] = []
-    for (move, reads), ends in zip(parts, sorted(groups), strict=True):
-        sheets = [(one := next(made), nodes(at, part, one.mean)) for at, _, part, _ in reads]
-        found.append((sheets, move, *ends[:2]))
-    return found
+        for at, rung, _, thin in every for n in [numbers[at]]
+    ])  # fmt: skip
+    weights, many, means = np.array([
+        (planes[at].weight, film.many[numbers[at]], sheet.mean)
+        for (at, *_), sheet in zip(every, sheets, strict=True)
+    ]).T[..., None, None]  # fmt: skip
+    gains, nodes = weights * np.sqrt(many), np.empty((len(every), *seen.shape[1:3], 4), np.float32)
+    part = np.stack([np.broadcast_to(part, seen.shape[1:3]) for _, _, part, _ in every])
+    nodes[..., :2], nodes[..., 2] = seen[[at for at, *_ in every]], gains * part
+    # Planes that give way to each other have the deviation of one, and so have some flakes that
+    # stand for many; the mean is made up for.
+    nodes[..., 3] = (weights**2 * many - gains) * part * means
+    made = zip(sheets, nodes, strict=True)
+    return [
+        (list(itertools.islice(made, count)), move, *ends[:2])
+        for (count, move), ends in zip(parts, sorted(groups), strict=True)
+    ]
 
 
 @kept(64)

@@ -87,22 +87,19 @@ def rays_of(camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
 
 def denser(
     clumps: Clumps, camera: Camera, turn: Float64, rays: Float64, slabs: Sequence[Slab]
-) -> list[Float64]:
-    """Return how many times as dense as the mean slabs are at the nodes of the frame, (R, C)."""
-    waves, found = clumps.waves, []
-    length, along = np.linalg.norm(waves, axis=1), waves @ turn[:, 2]
-    for slab in slabs:
-        # Of waves shorter than the slab is thick, or than nodes are apart, the mean is seen.
-        apart = APART * slab.depth / camera.focal
-        seen = np.sinc(along * (slab.far - slab.near))
-        seen *= np.exp(-0.5 * (math.pi * apart * length) ** 2)
-        weights = np.ascontiguousarray(clumps.weights * seen[:, None])
-        points = slab.depth * rays.reshape(-1, 3) + turn @ np.array(camera.offset)
-        s, more = np.empty((len(points), 1)), np.empty(len(points))
-        _core.wind_waves(s, np.ascontiguousarray(points), waves, weights)
-        _core.denser(more, s[:, 0], clumps.strength)
-        found.append(more.reshape(rays.shape[:2]))
-    return found
+) -> Float64:
+    """Return how many times as dense as the mean slabs are at the nodes of the frame, (S, R, C)."""
+    length, along = np.linalg.norm(clumps.waves, axis=1), clumps.waves @ turn[:, 2]
+    # Of waves shorter than a slab is thick, or than nodes are apart, the mean is seen.
+    depths, thick = np.array([(slab.depth, slab.far - slab.near) for slab in slabs]).T[..., None]
+    seen = np.sinc(along * thick)
+    seen *= np.exp(-0.5 * (math.pi * (APART * depths / camera.focal) * length) ** 2)
+    points = depths[..., None] * rays.reshape(-1, 3) + turn @ np.array(camera.offset)
+    found, sums = np.empty(points.shape[:2]), np.empty((points.shape[1], 1))
+    for own, at, weights in zip(found, points, clumps.weights * seen[..., None], strict=True):
+        _core.wind_waves(sums, at, clumps.waves, weights)
+        _core.denser(own, sums[:, 0], clumps.strength)
+    return found.reshape(-1, *rays.shape[:2])
 
 
 def gains_of(weather: Any, frame: Frame, slabs: Sequence[Slab]) -> Any:
