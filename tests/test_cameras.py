@@ -213,7 +213,7 @@ def test_a_proxy_has_the_view_of_its_plate(size: tuple[int, int], scale: float, 
     )
     places = np.array([(0.5, -0.2, 3.0), (-0.3, 0.4, 2.0)])
     seen = [
-        fl.camera.project(places, scene.camera.pose(scene.camera.camera, 2), scene.shape)[0]
+        fl.camera.project(places, scene.camera.pose(scene.camera.camera, 2), scene._shape)[0]
         for scene in (large, small)
     ]
     assert np.allclose(seen[1] - np.array(size) / 2, scale * (seen[0] - (48, 32)), atol=1e-12)

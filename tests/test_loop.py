@@ -89,17 +89,17 @@ def test_waves_turn_by_whole_cycles():
 def test_what_does_not_end_as_it_began_goes_back_and_is_said():
     snow = fl.Snow(density=fl.Keys([(0, 5.0), (10, 20.0)]), amount=fl.Keys([(0, 1.0), (24, 1.0)]))
     scene = made(snow, CAMERAS["turning"])
-    assert len(scene.bent) == 2
-    assert scene.bent[0] == (
+    assert len(scene.plan(probe=False).bent) == 2
+    assert scene.plan(probe=False).bent[0] == (
         "effects[0] (snow): density does not end as it begins: from frame 18 on it goes back"
     )
-    assert "its turning is changed by 3.58 degrees a second" in scene.bent[1]
-    assert made(fl.effects.ConeRain()).bent == (
+    assert "its turning is changed by 3.58 degrees a second" in scene.plan(probe=False).bent[1]
+    assert made(fl.effects.ConeRain()).plan(probe=False).bent == (
         "effects[0] (cone_rain): 0.463 tiles of its cone pass, 1 in the loop",
     )
-    assert "by up to 0.021 cycles a frame" in made(fl.effects.TentSnow()).bent[0]
-    assert made(fl.Snow()).bent == ()
-    assert fl.Scene("#000000", size=SIZE).bent == ()
+    assert "by up to 0.021 cycles a frame" in made(fl.effects.TentSnow()).plan(probe=False).bent[0]
+    assert made(fl.Snow()).plan(probe=False).bent == ()
+    assert fl.Scene("#000000", size=SIZE).plan(probe=False).bent == ()
 
 
 def test_keys_are_closed():
@@ -118,7 +118,7 @@ def test_keys_are_closed():
 def test_a_camera_ends_where_lamps_stand():
     lamp = fl.scene.Lamp(place=(2.0, 0.0, 10.0), power=20.0)
     scene = made(fl.Snow(density=20.0, color="local"), CAMERAS["flying"], lights=[lamp])
-    assert "its velocity is changed by 3 a second" in scene.bent[0]
+    assert "its velocity is changed by 3 a second" in scene.plan(probe=False).bent[0]
     assert np.array_equal(scene.render(0), scene.render(FRAMES))
 
 

@@ -90,10 +90,10 @@ def test_saved_and_loaded_it_is_the_same_scene(name: str, folder: Path):
     for file in (Path("scene.toml"), folder / "elsewhere" / "deep.toml"):
         scene.save(file)
         again = fl.open(file)
-        first = 0 if scene.range is None else scene.range[0]
-        for t in (0, 0.5 if scene.range else 3.5):
+        first = 0 if scene._range is None else scene._range[0]
+        for t in (0, 0.5 if scene._range else 3.5):
             assert np.array_equal(again.render(first + t), scene.render(first + t))
-        assert again.effects == scene.effects and again.sun == scene.sun
+        assert again.effects == scene.effects and again._sun == scene._sun
         assert (again.size, again.fps, again.seed) == (scene.size, scene.fps, scene.seed)
         assert fingerprint(again) == fingerprint(scene)
         again.save(folder / "elsewhere" / "second.toml")

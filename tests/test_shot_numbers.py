@@ -59,7 +59,7 @@ def scene(**changes: object) -> fl.Scene:
 
 def test_every_number_has_its_own_plate_matte_depth_and_camera(shot: Path):
     made = scene()
-    assert made.range == (1001, 1008)
+    assert made._range == (1001, 1008)
     made.write("out.####.exr", layers=True)
     assert sorted(path.name for path in shot.glob("out.*")) == [f"out.{n}.exr" for n in RANGE]
     for step, number in enumerate(RANGE, 1):
@@ -129,15 +129,15 @@ def test_films_take_the_numbers_of_the_plate_or_of_start(shot: Path):
     moved = scene(foreground="matte.mkv")
     assert (moved.render(1001) == 10).all() and (moved.render(1002) > 20).any()
     alone = fl.Scene(background="matte.mkv", start=1001)
-    assert alone.range == (1001, 1008)
+    assert alone._range == (1001, 1008)
     assert (alone.render(1002) == 0).all() and (alone.render(1003) == 255).all()
-    assert fl.Scene(background="matte.mkv").range == (0, 7)
+    assert fl.Scene(background="matte.mkv")._range == (0, 7)
 
 
 def test_scene_files_hold_the_numbers(shot: Path):
     scene(effects=(), extend="hold", start=7).save("scene.toml")
     again = fl.open("scene.toml")
-    assert (again.extend, again.start, again.range) == ("hold", 7, (1001, 1008))
+    assert (again._extend, again._start, again._range) == ("hold", 7, (1001, 1008))
     assert again.camera.extend == "stop"
     Path("scene.toml").write_text(
         'format = 3\nbackground = "plate.####.png"\nextend = "loop"\n'
@@ -167,7 +167,7 @@ def test_frames_before_0_are_frames(shot: Path):
     names = [path.name for path in plain.write("new.%04d.exr", "-2-1").files]
     assert names == ["new.-002.exr", "new.-001.exr", "new.0000.exr", "new.0001.exr"]
     plates = fl.Scene("new.%04d.exr")
-    assert plates.range == (-2, 1) and len(list(shot.glob("early.*"))) == 4
+    assert plates._range == (-2, 1) and len(list(shot.glob("early.*"))) == 4
     first = io.read_picture("new.-002.exr").pixels[..., :3]
     np.testing.assert_array_equal(plates.render(-2), first)
 

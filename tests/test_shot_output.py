@@ -37,7 +37,7 @@ def test_a_key_is_saved_and_comes_back(name: str, tmp_path: Path):
     saved.save(tmp_path / "scene.toml")
     assert "[output]" in (tmp_path / "scene.toml").read_text()
     again = fl.open(tmp_path / "scene.toml")
-    assert again.output == saved.output != Output()
+    assert again._output == saved._output != Output()
     # Frames do not depend on how they are written.
     assert fingerprint(again) == fingerprint(scene())
 

@@ -236,7 +236,7 @@ def test_snow_of_the_display_window_is_that_of_a_plate_without_overscan(tmp_path
     black = np.zeros((height, width, 3), np.float32)
     plain = fl.Scene(black, effects=SNOW, camera=fl.Camera(1.2 * width))
     assert wide.camera.camera.focal == pytest.approx(1.2 * width)
-    points = [scene._program.camera(None, 3.0).principal(scene.shape) for scene in (wide, plain)]
+    points = [scene._program.camera(None, 3.0).principal(scene._shape) for scene in (wide, plain)]
     np.testing.assert_allclose(np.subtract(*points), (left, top))
 
 

@@ -44,7 +44,7 @@ def test_sliders_stand_where_the_scene_does():
     assert slider(SCENE, "0.direction").value == pytest.approx(53.130102354155980, abs=1e-9)
     assert slider(SCENE, "0.speed").value == pytest.approx(1.5, abs=1e-12)
     # Three octaves, 3 to 24 px at 1024 px; here the shortest is held at 2 px.
-    octaves = math.log2(24.0 * SCENE.shape[1] / 1024.0 / 2.0)
+    octaves = math.log2(24.0 * SCENE._shape[1] / 1024.0 / 2.0)
     assert slider(SCENE, "0.octaves").value == pytest.approx(octaves, abs=1e-12)
 
 
@@ -273,7 +273,7 @@ def test_a_preview_is_the_same_view_smaller():
         effects=[TentSnow(flakes=0, haze=0.0, wavelengths=(8.0, 64.0), tile=96, overlap=16)],
     )  # fmt: skip
     small = Preview(big, 512).shown({"effects": big.effects, "camera": big.camera})
-    assert small.shape == (384, 512) == small._depth_at(0).shape
+    assert small._shape == (384, 512) == small._depth_at(0).shape
     assert small.camera.camera.focal == pytest.approx(big.camera.camera.focal / 2)
     effect = small.effects[0]
     assert (effect.wavelengths, effect.tile, effect.overlap) == ((4.0, 32.0), 48, 8)
@@ -347,7 +347,7 @@ def test_what_is_copied_makes_the_same_picture(
     monkeypatch.chdir("/")
     exec(text, made := dict[str, Any]())
     assert np.array_equal(made["scene"].render(7), want)
-    assert made["scene"].output == scene.output
+    assert made["scene"]._output == scene._output
 
 
 @pytest.mark.parametrize("kind", ["a list", "at a depth"])

@@ -65,7 +65,7 @@ def flight(picture: Array, *, seed: int = 1) -> Scene:
 def _film(film: Path, scenes: list[Scene], frames: int, words: Words) -> list[Path]:
     """Render scenes side by side into a film, with its middle as a still; return both files."""
     still = film.with_suffix(".png")
-    size = (sum(scene.shape[1] for scene in scenes), scenes[0].shape[0])
+    size = (sum(scene._shape[1] for scene in scenes), scenes[0]._shape[0])
     with VideoWriter(film, size, FPS) as video, tracing() as trace:
         for number in words.progress("frame")(range(1, frames + 1)):
             image = np.hstack([scene.render(number) for scene in scenes])

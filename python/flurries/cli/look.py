@@ -32,8 +32,6 @@ def plan(
 ) -> None:
     """Print the steps of a frame, their times and memory, and what is left out and why."""
     scene = scene_of(**given)
-    for line in scene.bent:
-        words.say(line)
     found = scene.plan(frames, probe=not no_probe, accuracy=accuracy)
     print(found.to_json() if as_json else found)
 

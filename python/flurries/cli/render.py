@@ -99,10 +99,10 @@ def _render(
     if eye is not None:
         pair = stereo.eyes(scene.camera.camera, distance=eye[0], convergence=eye[1])
         scene = scene.replace(camera=replace(scene.camera, camera=pair[eye[2]]))
-    for line in scene.bent:
+    for line in scene._bent:
         words.say(line)
     if words.verbose:
-        height, width = scene.shape
+        height, width = scene._shape
         weather = ", ".join(type(effect).__name__ for effect in scene.effects)
         words.say(f"{width} x {height} px, {scene.fps:g} frames a second: {weather}")
     with tracing() as trace:

@@ -198,7 +198,7 @@ def _seen(scene: Scene, options: dict[str, Any]) -> Scene:
 
 def _resized(scene: Scene, text: str) -> Scene:
     """Return the scene with another size, which its picture covers, and the same view."""
-    (width, height), (tall, wide) = parse_size(text), scene.shape
+    (width, height), (tall, wide) = parse_size(text), scene._shape
     scale = max(width / wide, height / tall)
     way = scene.camera.resize(scale)
     if way.camera.center is not None:

@@ -89,6 +89,7 @@ class Plan:
     # (effect, frame, strength): one an effect, more where it changes; see `fl.Snow.strength`.
     strengths: tuple[tuple[str, int, Any], ...] = ()
     accuracy: Accuracy | None = None
+    bent: tuple[str, ...] = ()  # What is changed so that a scene with a `loop` begins again.
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain values."""
@@ -145,6 +146,8 @@ class Plan:
         if self.strengths:
             said = [(name, f"frame {frame}", str(one)) for name, frame, one in self.strengths]
             tables.append(("strength", [*said]))
+        if self.bent:
+            tables.append(("changed for the loop", [(line,) for line in self.bent]))
         if self.left_out:
             tables.append(("left out", [(one.what, one.why) for one in self.left_out]))
         found = self.accuracy

@@ -30,7 +30,7 @@ def grouped(scene: Scene, frames: Any) -> list[list[int]]:
     """Return frames in groups of half a second's work or so each, by their pixels."""
     scene = expect_scene(scene)
     wanted = frames_of(scene, frames)
-    pixels = scene.shape[0] * scene.shape[1] * max(len(scene.effects), 1)
+    pixels = scene._shape[0] * scene._shape[1] * max(len(scene.effects), 1)
     size = math.ceil(PIXELS_OF_A_TASK / pixels)
     return [wanted[first : first + size] for first in range(0, len(wanted), size)]
 
@@ -64,7 +64,7 @@ def to_dask(scene: Rendering, frames: Any = None, *, group: int | None = None) -
     array = required("dask.array")
     scene = expect_scene(scene)
     wanted = frames_of(scene, frames)
-    height, width = scene.shape
+    height, width = scene._shape
     # The background decides.
     dtype = scene.replace(effects=()).render(wanted[0], region=np.s_[:1, :1]).dtype
     if group is None:

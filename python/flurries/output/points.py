@@ -55,7 +55,7 @@ class Points(Job):
                     )
             t = scene._time_of(number)
             eye = program.camera(None, t)
-            lens = eye.focals, eye.principal(scene.shape), scene.shape
+            lens = eye.focals, eye.principal(scene._shape), scene._shape
             place = program.base.path.place(t, fps=scene.fps) + eye.matrix() @ eye.offset
             stage.see(number, eye.matrix(), place, *lens)
         if not stage.prims:

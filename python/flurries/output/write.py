@@ -83,7 +83,7 @@ def write(
         if name not in known:
             raise TypeError(f"write has no {name!r}{suggestion(name, known)}")
     flag("overwrite", overwrite)
-    asked = scene.output.given(output)
+    asked = scene._output.given(output)
     store, text = store_of(os.fspath(pattern))
     text = with_percent(text)
     suffix = Path(text).suffix.lower()
@@ -117,12 +117,12 @@ def write(
     packed = text.lower().endswith(".exr") and asked.kind in ("composite", "alone") and not eyes
     if not packed and output.get("compression") is None:
         asked = replace(asked, compression="zip")
-    if asked.colorspace is not None and scene.colorspace is None:
+    if asked.colorspace is not None and scene._colorspace is None:
         raise ValueError(
             "colorspace of what is written needs the scene's own colorspace, such as "
             "'sRGB - Display' (--colorspace)"
         )
-    own = scene.colorspace if asked.colorspace is None else asked.colorspace
+    own = scene._colorspace if asked.colorspace is None else asked.colorspace
     space, views = None if own is None else ColorSpace.of("colorspace", own), _views(eyes)
     asked.require(text, space, film=film, eyes=views is not None)
     if store.local:

@@ -26,7 +26,7 @@ MOST_SAMPLES = 1 << 24
 def deep_of(scene: Scene, number: float) -> Deep:
     """Return the weather of a frame as deep samples, without background and foreground."""
     there = scene._depth_at(number)
-    limit = np.full(scene.shape, 2.0 * LAST, np.float32)
+    limit = np.full(scene._shape, 2.0 * LAST, np.float32)
     if there is not None:
         limit = np.where(np.isfinite(there), there, limit).astype(np.float32)
     whole = _layers(scene, number)
@@ -64,13 +64,13 @@ def deep_of(scene: Scene, number: float) -> Deep:
         # Premultiplied display colors as light.
         cover = np.maximum(values[:, 3:4], 1e-6)
         values[:, :3] = to_linear(values[:, :3] / cover, "display") * cover
-    counts = np.bincount(pixel, minlength=limit.size).reshape(scene.shape)
+    counts = np.bincount(pixel, minlength=limit.size).reshape(scene._shape)
     return Deep(counts, values)
 
 
 def _before(scene: Scene, number: float, edge: float) -> dict[str, Array]:
     """Return the layers of a frame before a wall."""
-    far = scene._distance or Distance.of_planes(Planes(np.full(scene.shape, np.inf, np.float32)))
+    far = scene._distance or Distance.of_planes(Planes(np.full(scene._shape, np.inf, np.float32)))
     return _layers(scene._derive(depth=edge, _distance=far.up_to(edge)), number)
 
 

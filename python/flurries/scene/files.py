@@ -49,13 +49,13 @@ class Sources:
     size: tuple[int, int]
     fps: float
     camera: CameraPath
-    extend: Extend
+    _extend: Extend
     _backdrop: Backdrop = field(init=False)
     _mattes: Mattes | None = field(init=False)
     _distance: Distance | None = field(init=False)
 
     @property
-    def range(self) -> tuple[int, int] | None:
+    def _range(self) -> tuple[int, int] | None:
         """The numbers of the background's first and last frame; None for a still."""
         span = self._backdrop.span
         return None if span is None else (span.first, span.last)
@@ -77,7 +77,7 @@ class Sources:
 
     @property
     def _holds(self) -> bool:
-        return self.extend == "hold" and self.camera.extent is not None
+        return self._extend == "hold" and self.camera.extent is not None
 
     @property
     def _spans(self) -> list[Span]:
@@ -142,7 +142,7 @@ class Sources:
     def _sound(self, frames: list[int], *, skip: bool) -> tuple[str, Sound | None]:
         """The fate of the background's sound, and the part of it that belongs to frames."""
         film, rate = self._film, frame_rate(self.fps)
-        if film is None or self.range is None or not film.sound:
+        if film is None or self._range is None or not film.sound:
             return "none", None
         if film.fps is None or frame_rate(film.fps) != rate:
             return f"left out: the film has {film.fps:g} frames a second", None
@@ -150,7 +150,7 @@ class Sources:
             return "left out: the frames do not follow each other", None
         if skip:
             return "left out: frames may be skipped", None
-        first, last = self.range
+        first, last = self._range
         if not (first <= frames[0] and frames[-1] <= last):
             return "left out: the film is held or repeated", None
         length = Fraction(len(frames)) / rate
@@ -159,7 +159,7 @@ class Sources:
     @property
     def _held(self) -> set[int]:
         """Frames rendered so far whose background is that of an earlier one."""
-        first = 0 if self.range is None else self.range[0]
+        first = 0 if self._range is None else self._range[0]
         return {first + place for place in getattr(self._source, "held", ())}
 
 

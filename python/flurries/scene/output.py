@@ -89,8 +89,8 @@ class Output:
     >>> import flurries as fl
     >>> floats = fl.scene.Output(bits="float", motion="y-up")
     >>> scene = fl.Scene("#203040", size=(64, 48), output=floats)
-    >>> scene.output.bits
-    'float'
+    >>> scene.write("out/%04d.exr", "1-2").written
+    [1, 2]
     """
 
     bits: Bits | None = None

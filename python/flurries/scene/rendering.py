@@ -48,9 +48,9 @@ class Rendering(Sources):
 
     effects: tuple[Any, ...]
     seed: int
-    space: Space
-    sun: Sun | None
-    colorspace: str | None
+    _space: Space
+    _sun: Sun | None
+    _colorspace: str | None
     lights: tuple[Lamp, ...]
     light: Light | None
     lens: Lens | None
@@ -61,14 +61,14 @@ class Rendering(Sources):
     _found: dict[str, tuple[Any, ...]] = field(init=False, compare=False)
 
     @property
-    def shape(self) -> tuple[int, int]:
+    def _shape(self) -> tuple[int, int]:
         """(H, W) of a frame."""
         width, height = self.size
         return height, width
 
     @cached_property
     def _color(self) -> ColorSpace | None:
-        return None if self.colorspace is None else ColorSpace.of("colorspace", self.colorspace)
+        return None if self._colorspace is None else ColorSpace.of("colorspace", self._colorspace)
 
     def _has_color(self, *names: str) -> bool:
         colors = [getattr(effect, "color", None) for effect in self.effects]
@@ -76,10 +76,10 @@ class Rendering(Sources):
 
     @property
     def _linear(self) -> bool:
-        if self.space == "auto":
+        if self._space == "auto":
             light = self._backdrop.encoding == "linear" or bool(self.lights)
             return light or self._has_color(LOCAL)
-        return self.space == "linear"
+        return self._space == "linear"
 
     @property
     def _display(self) -> Display:
@@ -98,7 +98,7 @@ class Rendering(Sources):
         """Which frames come over and over, of a scene with a `loop`."""
         if self.loop is None:
             return None
-        return Lap(0 if self.range is None else self.range[0], self.loop)
+        return Lap(0 if self._range is None else self._range[0], self.loop)
 
     def _time_of(self, t: float) -> float:
         """Return the time that is shown at `t`: another one where a scene has a `loop`."""
@@ -111,7 +111,7 @@ class Rendering(Sources):
         return looped_scene(self, self._lap)
 
     @property
-    def bent(self) -> tuple[str, ...]:
+    def _bent(self) -> tuple[str, ...]:
         """The changes to a scene with a `loop` so that it begins again, in words."""
         return () if self.loop is None else self._looped[1]
 
@@ -121,8 +121,8 @@ class Rendering(Sources):
         # What runs is bent where it is to begin again; light is mixed as the scene itself says.
         one = self if self.loop is None else self._looped[0]
         base = Frame(
-            shape=self.shape, window=(0, self.size[1], 0, self.size[0]), t=0.0, fps=self.fps,
-            camera=one._path.camera, path=one._path, seed=0, sun=self.sun, lights=one.lights,
+            shape=self._shape, window=(0, self.size[1], 0, self.size[0]), t=0.0, fps=self.fps,
+            camera=one._path.camera, path=one._path, seed=0, sun=self._sun, lights=one.lights,
             lens=one.lens, lap=self._lap, still=self._still,
         )  # fmt: skip
         return Program(
@@ -210,7 +210,7 @@ class Rendering(Sources):
         for index, effect in enumerate(self.effects):
             texture = getattr(renderer_of(effect), "texture", None)
             if isinstance(texture, Texture):
-                texture.warn_ambiguous(self.shape, self.camera.camera.focal, distance, index)
+                texture.warn_ambiguous(self._shape, self.camera.camera.focal, distance, index)
         time, window, both = self._asked(t, region, pair[:1] if pair[0] == pair[1] else pair)
         seen = images(self._program, time, both, window)
         return seen[0], seen[-1]
@@ -223,7 +223,7 @@ class Rendering(Sources):
             if eye is not None and not isinstance(eye, Camera):
                 raise TypeError(f"eye must be a Camera, got {eye!r}")
         window = self._program.base.window
-        window = window if region is None else parse_region(region, self.shape)
+        window = window if region is None else parse_region(region, self._shape)
         eyes = [None if eye is None else self._in_frame(eye) for eye in views]
         time = self._time_of(t)
         if self.camera.extend == "stop":
@@ -259,7 +259,8 @@ class Rendering(Sources):
         numbers = frames_of(self, frames)[: 1 if frames is None and self._still else None]
         plan = plan_of(self._program, numbers, probe=probe)
         middle = numbers[(len(numbers) - 1) // 2]
-        return replace(plan, accuracy=accuracy_of(self, middle) if accuracy else None)
+        found = accuracy_of(self, middle) if accuracy else None
+        return replace(plan, bent=self._bent, accuracy=found)
 
     @takes_output
     def write(

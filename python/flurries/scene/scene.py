@@ -111,7 +111,7 @@ class Scene(Rendering):
         from the background's first frame on, else from 0. Flakes, drops and puffs of one round give
         way, one by one, to those of the next; waves of a texture and a cone's tiles are bent to
         whole turns; what is keyed goes back to its first value over the last quarter; a camera ends
-        as it began where that is seen. :attr:`bent` says what was changed.
+        as it began where that is seen. :meth:`plan` says what was changed.
     output : Output, optional
         How frames are written where :meth:`write` does not say.
 
@@ -127,8 +127,8 @@ class Scene(Rendering):
     background: Background
     foreground: Front
     depth: Depth | None
-    start: int | None
-    output: Output
+    _start: int | None
+    _output: Output
 
     def __init__(
         self, background: Background = "#000000", *, size: tuple[int, int] | None = None,
@@ -142,16 +142,16 @@ class Scene(Rendering):
         # Frozen for all others.
         own = vars(self)
         own.update(
-            seed=seed_of(seed), space=choice("space", space, SPACES), effects=effects_of(effects),
-            extend=choice("extend", extend, EXTEND), colorspace=colorspace, _found={},
-            sun=one_or_none("sun", sun, Sun), lights=lights_of(lights),
+            seed=seed_of(seed), _space=choice("space", space, SPACES), effects=effects_of(effects),
+            _extend=choice("extend", extend, EXTEND), _colorspace=colorspace, _found={},
+            _sun=one_or_none("sun", sun, Sun), lights=lights_of(lights),
             light=one_or_none("light", light, Light),
-            start=None if start is None else integer("start", start, low=-LAST, high=LAST),
+            _start=None if start is None else integer("start", start, low=-LAST, high=LAST),
             loop=None if loop is None else integer("loop", loop, low=2, high=LAST),
-            output=one_or_none("output", output, Output) or Output(),
+            _output=one_or_none("output", output, Output) or Output(),
         )  # fmt: skip
         rate = None if fps is None else rate_of(fps)
-        numbers: dict[str, Any] = {"extend": extend, "start": self.start}
+        numbers: dict[str, Any] = {"extend": extend, "start": self._start}
         found = backdrop(background, None if size is None else parse_size(size), **numbers)
         if self._color is None:
             found.require_display()
@@ -164,8 +164,8 @@ class Scene(Rendering):
             _backdrop=found if self._color is None else found.decoded(self._color),
             _still=fps is None and found.count is None and loop is None,
         )  # fmt: skip
-        if start is None and self.range is not None:
-            numbers["start"] = self.range[0]
+        if start is None and self._range is not None:
+            numbers["start"] = self._range[0]
         numbers["display"] = found.display
         width = self._display[2]
         usual = Camera(DEFAULT_FOCAL * width, aspect=found.aspect)
@@ -184,10 +184,10 @@ class Scene(Rendering):
         own["_path"] = replace(path, camera=self._in_frame(path.camera))
         several = isinstance(foreground, (list, tuple))
         front: Any = tuple(map(frozen, foreground)) if several else frozen(foreground)  # type: ignore[arg-type]
-        planes = None if depth is None else distance_of(depth, self.shape, **numbers)
+        planes = None if depth is None else distance_of(depth, self._shape, **numbers)
         inverse = isinstance(depth, DepthMap) and depth.law == "inverse"
         own.update(
-            foreground=front, _mattes=mattes_of(front, self.shape, **numbers),
+            foreground=front, _mattes=mattes_of(front, self._shape, **numbers),
             depth=planes.given if planes and np.ndim(depth) == 2 else depth,  # type: ignore[arg-type]
             _distance=planes and Distance.of_planes(planes, inverse=inverse),
         )  # fmt: skip
@@ -198,16 +198,19 @@ class Scene(Rendering):
     def _repr_html_(self) -> str:
         return page_of(self)
 
+    @property
+    def _arguments(self) -> dict[str, Any]:
+        """What it was made from, not what was made of it: a color is not a picture of it."""
+        values = {f.name.lstrip("_"): getattr(self, f.name) for f in fields(self) if f.init}
+        # A still stays one, unless it gets a rate or becomes a film.
+        return values | ({"fps": None} if self._still else {})
+
     def __reduce__(self) -> tuple[Any, ...]:
-        # What it was made from, not what was made of it: a color is not a picture of it.
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
-        values["fps"] = None if self._still else self.fps
-        return partial(Scene, **values), ()
+        return partial(Scene, **self._arguments), ()
 
     def replace(self, **changes: Any) -> Scene:
         """Return the scene with some arguments changed."""
-        # A still stays one, unless it gets a rate or becomes a film.
-        return replace(self, **({"fps": None} if self._still else {}) | changes)
+        return Scene(**self._arguments | changes)
 
     @cached_property
     def _fine(self) -> Scene:

@@ -34,7 +34,7 @@ def page_of(scene: Scene) -> str:
         ("camera", camera_of(scene.camera)),
     ]
     rows += [(type(effect).__name__, own_values(effect)) for effect in scene.effects]
-    first, last = scene.range or (0, math.inf)
+    first, last = scene._range or (0, math.inf)
     frame = scene.render(int(min(first + round(scene.fps), last)))
     return f"<div>{figure(frame)}{listing(rows)}</div>"
 

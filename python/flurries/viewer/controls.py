@@ -121,7 +121,7 @@ def _of_effect(scene: Scene, index: int, group: str) -> Iterator[Control]:
             yield row(SEED, "Seed", "", 0, _LAST_SEED, 1, seed)
     field = field_of(effect)
     if field is not None and hasattr(effect, "wavelengths"):
-        shortest, longest = field.band(scene.shape)
+        shortest, longest = field.band(scene._shape)
         yield row(OCTAVES, "Octaves", "", 0.5, 5.0, 0.05, math.log2(longest / shortest))
         yield row(LONGEST, "Longest wave", "px", 4, max(64.0, 2.0 * longest), 0.5, longest)
 

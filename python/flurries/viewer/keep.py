@@ -56,19 +56,18 @@ class _Python:
         self.path, self.arrays, self.imports = path, 0, {"import flurries as fl"}
 
     def of(self, scene: Scene) -> str:
-        # A rate would make a film of a still.
-        said = [one for one in self.fields(scene) if not (scene._still and one[:4] == "fps=")]
-        given = "".join(f"    {one},\n" for one in said)
+        given = "".join(f"    {one},\n" for one in self.fields(scene))
         return "\n".join(sorted(self.imports)) + f"\n\nscene = fl.Scene(\n{given})\n"
 
     def fields(self, value: Any) -> list[str]:
         """Return "name=value" for each field that is not as it is by default."""
         usual = {name: one.default for name, one in signature(type(value)).parameters.items()}
+        own = {f.name: getattr(value, f.name) for f in fields(value) if f.init and f.name in usual}
+        own = value._arguments if isinstance(value, Scene) else own
         return [
-            f"{f.name}={self.said(getattr(value, f.name), file=f.name in _FILES)}"
-            for f in fields(value)
-            if f.init and f.name in usual and repr(getattr(value, f.name)) != repr(usual[f.name])
-        ]
+            f"{name}={self.said(one, file=name in _FILES)}"
+            for name, one in own.items() if repr(one) != repr(usual[name])
+        ]  # fmt: skip
 
     def said(self, value: Any, *, file: bool = False) -> str:
         """Return Python for a value; a name that is one of a file is made absolute."""

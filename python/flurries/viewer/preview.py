@@ -24,7 +24,7 @@ class Preview:
 
     def __init__(self, scene: Scene, most: int) -> None:
         limit = integer("size", most, low=16, high=4096)
-        height, width = scene.shape
+        height, width = scene._shape
         self.scale = min(limit / max(height, width), 1.0)
         self.scene = scene
         if self.scale < 1.0:

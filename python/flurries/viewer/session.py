@@ -58,7 +58,7 @@ class Session:
 
     def describe(self, values: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the page's parts, as JSON has them, with the looks that were chosen."""
-        height, width = self._preview.scene.shape
+        height, width = self._preview.scene._shape
         controls = controls_of(self.scene, values)
         return {
             "width": width,
@@ -110,7 +110,7 @@ class Session:
         began = time.perf_counter()
         asked = real("t", ask.get("t", 0.0))
         # Pages count from 0, plates from where their files do.
-        now = asked + (0 if self.scene.range is None else self.scene.range[0])
+        now = asked + (0 if self.scene._range is None else self.scene._range[0])
         changes = settings(self.scene, values)
         self.values = dict(values)
         scene = self._preview.shown(changes)

@@ -30,12 +30,12 @@ def describe(
     if scene.foreground is not None:
         table["foreground"] = _mattes(scene.foreground, folder, leave_out)
     for name in ("extend", "start", "colorspace", "loop", "space", "sun", "light", "lens"):
-        if getattr(scene, name) not in (None, "stop", "auto"):
-            table[name] = _plain(getattr(scene, name))
+        if (value := scene._arguments[name]) not in (None, "stop", "auto"):
+            table[name] = _plain(value)
     if scene.lens is None and scene._backdrop.photograph:
         table["lens"] = "none"
     table |= _depth("depth", scene.depth, folder, leave_out)
-    if "output" not in leave_out and (said := scene.output.changed()):
+    if "output" not in leave_out and (said := scene._output.changed()):
         table["output"] = said
     if scene.lights:
         table["lights"] = [_plain(lamp) for lamp in scene.lights]
