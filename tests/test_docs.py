@@ -174,6 +174,20 @@ def test_the_readmes_film_is_what_the_commands_below_it_make(tmp_path: Path):
         assert 2.0 * off < np.abs(np.asarray(film.convert("RGB")) - made).mean()
 
 
+@pytest.mark.parametrize("look", ["overcast_street", "night_street", "portrait"])
+def test_a_photograph_of_the_readme_is_what_its_command_makes(look: str, tmp_path: Path):
+    render, scene, *_, name = re.search(rf"render \S+{look}.toml -o .*", README.read_text())[
+        0
+    ].split()  # type: ignore[index]
+    shown = read_picture(README.parent / "docs" / "images" / name).pixels.astype(float)
+    off = []
+    for seed in ((), ("--seed", "99")):
+        out = str(tmp_path / f"{len(off)}.jpg")
+        assert main([render, str(README.parent / scene), "-o", out, *seed]) == 0
+        off.append(np.abs(read_picture(out).pixels - shown).mean())
+    assert off[0] < 0.5 * off[1]
+
+
 def test_what_is_lost_would_be_seen():
     text = (
         "[a](docs/README.md) [b](docs/none.md#x) `src/lib.rs` `flurries/none.rs` [c](https://c.d/e)"

@@ -62,9 +62,7 @@ class Rendering(Sources):
 
     @property
     def _shape(self) -> tuple[int, int]:
-        """(H, W) of a frame."""
-        width, height = self.size
-        return height, width
+        return self.size[1], self.size[0]
 
     @cached_property
     def _color(self) -> ColorSpace | None:
@@ -257,10 +255,9 @@ class Rendering(Sources):
         from flurries.scene.accuracy import accuracy_of
 
         numbers = frames_of(self, frames)[: 1 if frames is None and self._still else None]
-        plan = plan_of(self._program, numbers, probe=probe)
+        plan = replace(plan_of(self._program, numbers, probe=probe), bent=self._bent)
         middle = numbers[(len(numbers) - 1) // 2]
-        found = accuracy_of(self, middle) if accuracy else None
-        return replace(plan, bent=self._bent, accuracy=found)
+        return replace(plan, accuracy=accuracy_of(self, middle) if accuracy else None)
 
     @takes_output
     def write(

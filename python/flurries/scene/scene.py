@@ -200,9 +200,8 @@ class Scene(Rendering):
 
     @property
     def _arguments(self) -> dict[str, Any]:
-        """What it was made from, not what was made of it: a color is not a picture of it."""
+        """What it was made from, not what was made of it; a still stays one without a rate."""
         values = {f.name.lstrip("_"): getattr(self, f.name) for f in fields(self) if f.init}
-        # A still stays one, unless it gets a rate or becomes a film.
         return values | ({"fps": None} if self._still else {})
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -62,8 +62,8 @@ class _Python:
     def fields(self, value: Any) -> list[str]:
         """Return "name=value" for each field that is not as it is by default."""
         usual = {name: one.default for name, one in signature(type(value)).parameters.items()}
-        own = {f.name: getattr(value, f.name) for f in fields(value) if f.init and f.name in usual}
-        own = value._arguments if isinstance(value, Scene) else own
+        given = [f.name for f in fields(value) if f.init and f.name in usual]
+        own = getattr(value, "_arguments", None) or {name: getattr(value, name) for name in given}
         return [
             f"{name}={self.said(one, file=name in _FILES)}"
             for name, one in own.items() if repr(one) != repr(usual[name])
