@@ -9,7 +9,6 @@ PICTURE = np.full((4, 6, 3), 0.5, np.float32)
 
 
 def spoiled(shape, place, value, dtype=np.float32):
-    """An array of halves with one number that must not be there."""
     array = np.full(shape, 0.5, dtype)
     array[place] = value
     return array
