@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple, NewType, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Float64, suggestion
+from flurries._contract import Array, Float64, suggestion
 from flurries._kept import kept
 from flurries.frame.layer import Shade
 from flurries.frame.needs import PARTS
@@ -86,9 +86,9 @@ def bright(color: RGB, gain: float) -> RGB:
     return red, green, blue
 
 
-def shade_of(frame: Frame, colors: Float64, cell: float = 1.0) -> Shade:
+def shade_of(frame: Frame, colors: Array, cell: float = 1.0) -> Shade:
     """Return linear colors of cells (rows, columns, 3) of a frame, as its window has them."""
-    return Shade(colors.astype(np.float32), cell, (frame.window[0], frame.window[2]))
+    return Shade(np.asarray(colors, np.float32), cell, (frame.window[0], frame.window[2]))
 
 
 def even_shade(frame: Frame, color: RGB) -> Shade:
@@ -103,8 +103,9 @@ def local_shade(frame: Frame, optics: Optics | None) -> Shade:
 
 
 @kept(16)
-def _local(plate: PlateLight, focal: float, optics: Optics | None) -> Float64:
-    return plate.veil(focal) if optics is None else plate.local(focal, *optics)
+def _local(plate: PlateLight, focal: float, optics: Optics | None) -> Array:
+    light = plate.veil(focal) if optics is None else plate.local(focal, *optics)
+    return light.astype(np.float32)
 
 
 class Base(NamedTuple):

@@ -133,11 +133,9 @@ def _beyond(path: cone.Path, fps: float, lap: Lap) -> tuple[float, float]:
     phases = [path.at(t / fps).phase for t in range(lap.first, lap.end + 1)]
     steps = np.diff(phases)
     passed = float((steps - np.round(steps)).sum())
-    whole = float(round(passed))
     # Where anything moves one at least, or rain would stand still.
-    if whole == 0.0 and abs(passed) > 1e-6:
-        whole = math.copysign(1.0, passed)
-    return passed - whole, passed
+    least = math.copysign(1.0, passed) if abs(passed) > 1e-6 else 0.0
+    return passed - (float(round(passed)) or least), passed
 
 
 @dataclass(frozen=True, kw_only=True)
