@@ -124,6 +124,8 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
                  for at in places for rung, part in rungs[numbers[at]]]  # fmt: skip
         parts.append((len(reads), np.clip(ways, -LONGEST, LONGEST).astype(np.float32)))
         every += reads
+    if not every:
+        return []
     sheets = sheets_of([
         key_of(weather, slabs[n], frame.seed, n, areas[n], film.many[n], (0.0, 0.0), circles[n],
                rung, planes[at].focal, thin)
