@@ -70,10 +70,7 @@ class Keys:
         return None if self._values.ndim == 1 else int(self._values.shape[1])
 
     def at(self, t: float, *, extend: bool = False) -> Any:
-        """Return the value at frame `t`.
-
-        Outside the keys it holds, or with `extend` goes on along the first and the last piece.
-        """
+        """Return the value at frame `t`; outside the keys it holds, or goes on with `extend`."""
         return self.value(real("t", t), extend=extend)
 
     def value(self, t: float, *, extend: bool = False) -> Any:
@@ -220,11 +217,8 @@ def air_courses(wind: Vector, fall: Number, scale: float) -> list[Course]:
 def sum_of(courses: Sequence[Course]) -> Course:
     knots = np.unique(np.concatenate([course.knots for course in courses]))
     # One time in each piece, beyond the ends too.
-    inside = (
-        np.concatenate([knots[:1] - 1.0, 0.5 * (knots[1:] + knots[:-1]), knots[-1:] + 1.0])
-        if len(knots)
-        else np.zeros(1)
-    )
+    each = knots[:1] - 1.0, 0.5 * (knots[1:] + knots[:-1]), knots[-1:] + 1.0
+    inside = np.concatenate(each) if len(knots) else np.zeros(1)
     lines = [course.line(inside, inside) for course in courses]
     values = np.sum([value for value, _ in lines], axis=0)
     return Course(knots, values, np.sum([slope for _, slope in lines], axis=0), inside)

@@ -158,7 +158,7 @@ class Wind:
         none = np.zeros((len(depth), 3))
         if self.profile is None:
             return np.zeros(len(depth)), none
-        at, values = self.profile._frames, self.profile._values
+        at, values = self.profile.columns
         if self.profile.width is None:
             return np.interp(depth, at, values) - 1.0, none
         parts = [np.interp(depth, at, values[:, axis]) for axis in range(3)]
