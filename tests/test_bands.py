@@ -124,6 +124,7 @@ class Own:
     """An effect of somebody else's, that may draw rows or not."""
 
     by_rows: bool
+    honest: bool = True
     calls: Any = None
 
     def needs(self, frame: fl.effects.Frame) -> Needs:
@@ -134,7 +135,20 @@ class Own:
             self.calls.append(frame.window)
         top, bottom, left, right = frame.window
         rows = np.linspace(0.0, 1.0, frame.shape[0], dtype=np.float32)[top:bottom]
+        if not self.honest:
+            # Of its window, not of the frame.
+            rows = rows / rows.max()
         return fl.effects.Layer("own", np.repeat(rows[:, None], right - left, axis=1))
+
+
+def test_a_window_that_is_not_the_wholes_part_would_be_seen(low: Callable[[], None]):
+    own = [Own(by_rows=True, honest=honest) for honest in (True, False)]
+    scenes = [fl.Scene(LIGHT, effects=[one], space="display") for one in own]
+    whole = [scene.render(1) for scene in scenes]
+    low()
+    assert [same([one.render(1)], [want]) for one, want in zip(scenes, whole, strict=True)] == [
+        True, False,
+    ]  # fmt: skip
 
 
 def test_what_may_draw_the_whole_draws_it_once(low: Callable[[], None]):
