@@ -5,7 +5,7 @@
 
 use super::error::Error;
 use super::normal::{Normal, least};
-use super::pixel::smoothstep;
+use super::pixel::{dot, smoothstep};
 use super::simd::dispatch;
 
 #[derive(Debug, Clone, Copy)]
@@ -138,9 +138,4 @@ pub fn left<P: Normal, const LEVEL: u8>(thick: P) -> P {
 #[inline(always)]
 fn at<const N: usize>(lanes: &[[f64; N]; 3], k: usize) -> [f64; 3] {
     [lanes[0][k], lanes[1][k], lanes[2][k]]
-}
-
-#[inline(always)]
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

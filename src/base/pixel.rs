@@ -36,6 +36,11 @@ pub fn sampled(variance: f64) -> f64 {
     (variance + 1.0 / 12.0).max(LEAST_VARIANCE)
 }
 
+#[inline(always)]
+pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
 /// The cubic by which things fade in and out: 0 below 0, 1 above 1, and 3 t^2 - 2 t^3 between.
 #[inline(always)]
 pub fn smoothstep<T: Real>(t: T) -> T {

@@ -11,6 +11,7 @@
     reason = "reads pools that are leaked through atomic pointers, since a lock could be held at a fork"
 )]
 
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
 
 use ndarray::{ArrayView, ArrayViewMut, Axis, RemoveAxis};
@@ -21,6 +22,11 @@ use crate::base::scope::Scope;
 
 /// The most threads that may be asked for.
 pub const MOST_THREADS: usize = 256;
+
+/// What a slot holds, made before the slot is taken, so that a fork elsewhere meanwhile leaves it open.
+pub fn kept<T, E>(slot: &OnceLock<T>, make: impl FnOnce() -> Result<T, E>) -> Result<&T, E> {
+    slot.get().map_or_else(|| make().map(|made| slot.get_or_init(|| made)), Ok)
+}
 
 struct Slot {
     process: u32,

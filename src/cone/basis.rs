@@ -4,6 +4,7 @@
 //! A look-at frame with `up` would be singular for the default axis itself, which is the usual one.
 
 use crate::base::error::Error;
+use crate::base::pixel::dot;
 
 /// A vector in axes x right, y down, z forward.
 pub type Vector = [f64; 3];
@@ -20,11 +21,6 @@ pub struct Basis {
     pub first: Vector,
     /// Azimuth a quarter of a turn.
     pub second: Vector,
-}
-
-#[inline]
-pub fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 fn cross(a: Vector, b: Vector) -> Vector {

@@ -9,10 +9,10 @@ use std::f64::consts::TAU;
 
 use ndarray::ArrayViewMut3;
 
-use super::basis::{Vector, dot};
+use super::basis::Vector;
 use super::view::{FADE, FADE_SLOPE, View};
 use crate::base::error::{Cancel, Error};
-use crate::base::pixel::smoothstep;
+use crate::base::pixel::{dot, smoothstep};
 use crate::base::pool;
 use crate::base::simd::{dispatch, multiply_add};
 

@@ -7,8 +7,8 @@
 
 use std::f64::consts::TAU;
 
-use super::basis::{Basis, Vector, dot};
-use crate::base::pixel::smoothstep;
+use super::basis::{Basis, Vector};
+use crate::base::pixel::{dot, smoothstep};
 
 /// Denominators are at least this share of the ray's length: a ray along the axis stays finite.
 const FLOOR: f64 = 1e-6;

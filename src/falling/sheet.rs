@@ -136,13 +136,7 @@ impl Sheet {
 
     /// The bytes of place `4 i + j`, where flakes lie i/4 px lower and j/4 px further right.
     pub fn place(&self, number: usize, cancel: &Cancel) -> Result<&[u8], Error> {
-        let slot = &self.places[number];
-        if let Some(made) = slot.get() {
-            return Ok(made);
-        }
-        // Made before the slot is taken: a fork elsewhere meanwhile leaves it open.
-        let made = self.made(number, cancel)?;
-        Ok(slot.get_or_init(|| made))
+        pool::kept(&self.places[number], || self.made(number, cancel)).map(Vec::as_slice)
     }
 
     fn made(&self, number: usize, cancel: &Cancel) -> Result<Vec<u8>, Error> {

@@ -226,12 +226,9 @@ fn waves_reach(air: &Air, class: &Class) -> f64 {
 }
 
 fn too_many() -> Error {
-    Error::invalid(
-        "density",
-        format!(
-            "the view holds more than {MOST:.0e} cells of flakes; take fewer, a shorter way during the exposure, or a smaller far"
-        ),
-    )
+    let wanted = "take fewer, a shorter way during the exposure, or a smaller far";
+    let message = format!("the view holds more than {MOST:.0e} cells of flakes; {wanted}");
+    Error::invalid("density", message)
 }
 
 fn norm(v: Vector) -> f64 {

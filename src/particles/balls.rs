@@ -5,6 +5,7 @@
 //! large as the table's and as much fainter or stronger. A ball smaller than [`LEAST`] is one of that radius;
 //! beyond [`MOST`] a pixel is small beside it.
 
+use std::convert::Infallible;
 use std::sync::OnceLock;
 
 use super::bins::{PIXELS, TILE};
@@ -14,6 +15,7 @@ use super::sprite::{REACH, Sprite};
 use crate::base::ball::{mean_opacity, opacity_at};
 use crate::base::error::{Error, collected};
 use crate::base::pixel::pixels;
+use crate::base::pool::kept;
 
 /// The radii of the first and the last table, px, and tables from a radius to its double.
 pub const LEAST: f64 = 0.2;
@@ -108,9 +110,10 @@ impl Balls {
     fn table(&self, radius: f64) -> &Table {
         let step = (STEPS * libm::log2(radius / LEAST)).round().max(0.0) as usize;
         let step = step.min(self.tables.len() - 1);
-        self.tables[step].get_or_init(|| {
-            Table::new(LEAST * libm::exp2(step as f64 / STEPS), self.mean, &self.profile)
-        })
+        let radius = LEAST * libm::exp2(step as f64 / STEPS);
+        let made = || Ok::<_, Infallible>(Table::new(radius, self.mean, &self.profile));
+        let Ok(table) = kept(&self.tables[step], made);
+        table
     }
 }
 

@@ -8,8 +8,10 @@
 //! JAS-D-19-0066). Which crystals, how many and how opaque is a choice of ours. What a ray passes of ice makes a silhouette
 //! translucent where few crystals overlap, and lets finer ice around them make a soft rim. All views of an aggregate have the area of a disc of its diameter.
 
+use std::convert::Infallible;
 use std::sync::OnceLock;
 
+use crate::base::pool::kept;
 use crate::base::random::Hash;
 
 pub const SHAPES: usize = 8;
@@ -52,11 +54,13 @@ pub struct Silhouette {
 static BANK: [OnceLock<View>; SHAPES * VIEWS] = [const { OnceLock::new() }; SHAPES * VIEWS];
 
 fn seen(shape: usize, view: usize) -> &'static View {
-    BANK[shape * VIEWS + view].get_or_init(|| {
+    let Ok(found) = kept(&BANK[shape * VIEWS + view], || {
         let points = aggregate(shape);
         let far = points.iter().map(length).fold(0.0, f64::max);
-        View::of(&points, far, std::f64::consts::TAU * view as f64 / VIEWS as f64)
-    })
+        let turn = std::f64::consts::TAU * view as f64 / VIEWS as f64;
+        Ok::<_, Infallible>(View::of(&points, far, turn))
+    });
+    found
 }
 
 /// An aggregate seen from an angle, in turns; texels are at least `texel` diameters wide, or the
