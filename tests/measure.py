@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import flurries as fl
+from flurries import _core
 from flurries.frame.truth import truth
 
 Floats = NDArray[np.float64]
@@ -38,6 +39,12 @@ def scene(snow: fl.effects.TentSnow | dict[str, Any], size: int = SIZE, **about:
     black = np.zeros((size, size, 3), np.float32)
     effect = fl.effects.TentSnow(**snow) if isinstance(snow, dict) else snow
     return fl.Scene(background=black, effects=[effect], **about)
+
+
+def drawn_of(air: Any) -> dict[int, Floats]:
+    """What the kernel lists of the flakes before a data set's picture, by their numbers."""
+    ids, rows, _ = _core.flake_rows(_core.fall(air.request()))
+    return dict(zip(ids.tolist(), rows, strict=True))
 
 
 def frame_of(shown: fl.Scene, t: float = 0.0, effect: int = 0) -> fl.effects.Frame:

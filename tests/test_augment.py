@@ -12,6 +12,7 @@ import flurries as fl
 from flurries import _core
 from flurries.augment import Fog, Rainfall, Snowfall
 from flurries.augment.air import Here
+from measure import drawn_of
 
 KINDS: dict[str, Callable[..., Any]] = {"snow": Snowfall, "rain": Rainfall, "fog": Fog}
 EACH = pytest.mark.parametrize("kind", KINDS)
@@ -126,12 +127,7 @@ def test_every_flake_has_the_disparity_of_its_depth(kind: str):
     """Both eyes see the same flakes, focal * distance / z apart, and draw them there."""
     weather, apart, shape = KINDS[kind](severity=4, seed=3, profile="hard"), 0.1, (192, 256)
     eyes = seen_by_eyes(weather, shape, apart)
-    both = []
-    for eye in eyes:
-        request = eye.request()
-        assert request is not None
-        ids, rows, _ = _core.flake_rows(_core.fall(request))
-        both.append(dict(zip(ids.tolist(), rows, strict=True)))
+    both = [drawn_of(eye) for eye in eyes]
     common = [(both[0][number], both[1][number]) for number in both[0] if number in both[1]]
     assert len(common) >= 20
     for left, right in common:

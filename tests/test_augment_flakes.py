@@ -12,6 +12,7 @@ from flurries import _core
 from flurries.augment import sheets
 from flurries.augment.air import Here
 from flurries.augment.slices import falling_of, slices
+from measure import drawn_of
 
 EACH = pytest.mark.parametrize("kind", ["Snowfall", "Rainfall"])
 
@@ -163,12 +164,7 @@ def test_vectors_are_focal_over_depth(kind: str):
     times = (1.0 - 0.5 / 30.0, 1.0, 1.0 + 0.5 / 30.0)
     airs = airs_of(weather, (512, 512), times=times, fps=30.0)
     _, (_, motion, where) = falling_of(airs[1], 30.0)
-    found = []
-    for here in airs:
-        request = here.request()
-        assert request is not None
-        ids, rows, _ = _core.flake_rows(_core.fall(request))
-        found.append(dict(zip(ids.tolist(), rows, strict=True)))
+    found = [drawn_of(here) for here in airs]
     focal, errors = airs[0].view.focal, []
     for number, (_, _, z, u, v, depth, diameter, share) in found[1].items():
         if not (number in found[0] and number in found[2]):

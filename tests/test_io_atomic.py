@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flurries.io import replacing, write_picture
-from flurries.io.pictures import writer
+from flurries.io.pictures import parts
 
 OLD = b"the old file"
 
@@ -143,7 +143,7 @@ def damaging(original):
 def test_a_picture_that_reads_back_wrong_is_not_kept(tmp_path, monkeypatch, name):
     path = tmp_path / name
     pixels = np.random.default_rng(2).random((40, 40, 3)).astype(np.float32)
-    monkeypatch.setattr(writer, "_write", damaging(writer._write))
+    monkeypatch.setattr(parts, "_write", damaging(parts._write))
     options = {"compression": "none", "half": False}
     with pytest.raises(OSError, match=rf"{name}: (does not|cannot be) read back"):
         write_picture(path, pixels, **options)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, ClassVar
@@ -60,15 +61,15 @@ class Share:
     shown: tuple[float, float, float, float]
 
 
-class Drawn:
+class Drawn(ABC):
     """Flakes that move and look alike but for their sizes, as a part of a layer."""
 
+    @abstractmethod
     def shares(self, frame: Frame) -> tuple[Share, ...]:
         """Return the flakes that are drawn, by classes of size."""
-        raise NotImplementedError
 
-    def opacity_at(self, t: float) -> float:
-        raise NotImplementedError
+    @abstractmethod
+    def opacity_at(self, t: float) -> float: ...
 
     def needs(self: Any, frame: Frame, amount: float) -> Needs:
         opacity, most = self.opacity_at(frame.t), 0.0

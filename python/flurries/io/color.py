@@ -194,3 +194,31 @@ def _floats(name: str, values: npt.ArrayLike) -> Array:
     if array.dtype.kind != "f":
         raise TypeError(f"{name} must be floats, got dtype {array.dtype}")
     return array.astype(np.float32) if array.dtype.itemsize == 2 else array
+
+
+def in_file(
+    color: Array, alpha: Array | None, encoding: str, premultiplied: bool, stored: str
+) -> Array:
+    """Return rows of a picture as the file holds them, alpha as the last channel."""
+    floats = stored in ("half", "float")
+    if encoding != ("linear" if floats else "display") or (
+        alpha is not None and premultiplied != floats
+    ):
+        opacity = None if alpha is None else to_unit(alpha)[..., None]
+        if opacity is not None and premultiplied:
+            # Light without opacity, a glow, has no straight color and is left as it is.
+            color = to_unit(color)
+            color = np.divide(color, opacity, out=color.copy(), where=opacity > 0)
+        color = (to_linear if floats else to_display)(color, encoding)
+        if opacity is not None and floats:
+            color = color * opacity
+    planes = [color] if alpha is None else [color, alpha[..., None]]
+    return np.concatenate([_stored(plane, stored) for plane in planes], axis=-1)
+
+
+def _stored(values: Array, stored: str) -> Array:
+    if values.dtype.name == stored:
+        return values
+    if stored.startswith("uint"):
+        return to_integer(to_unit(values), int(stored[4:]))
+    return (to_half if stored == "half" else to_single)(to_unit(values))

@@ -16,9 +16,9 @@ from flurries.io.files import given
 from flurries.io.layers.planes import require_exr
 from flurries.io.oiio import openimageio
 from flurries.io.pictures.header import opened_picture
+from flurries.io.pictures.parts import output_of, unwritten
 from flurries.io.pictures.reader import samples_of
 from flurries.io.pictures.slate import Slate, checked_metadata
-from flurries.io.pictures.writer import output_of, unwritten
 
 __all__ = ["Deep", "read_deep", "write_deep"]
 

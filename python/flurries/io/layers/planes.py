@@ -15,8 +15,9 @@ from flurries.io.color import Array, to_half, to_single
 from flurries.io.files import Budget, given
 from flurries.io.oiio import openimageio
 from flurries.io.pictures.header import Opened, opened_picture
+from flurries.io.pictures.parts import Part, write_parts
 from flurries.io.pictures.slate import Slate, checked_metadata
-from flurries.io.pictures.writer import Part, format_of, packing, write_parts
+from flurries.io.pictures.writer import format_of, packing
 
 MAIN = "rgba"
 

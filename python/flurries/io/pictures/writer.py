@@ -1,43 +1,22 @@
-"""Writing pictures: one call for every format, the colors encoded as the format wants them.
-
-A picture is written in bands of rows, so that no second copy of 16384 x 16384 px in another type is
-ever made, and it is read back before it takes its final name.
-"""
+"""Writing pictures: one call for every format, the colors encoded as the format wants them."""
 
 from __future__ import annotations
 
 import io
-import mmap
 import os
-import struct
-import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from flurries import _core
 from flurries._contract import choice, integer
-from flurries.io.atomic import replacing
-from flurries.io.color import (
-    Array,
-    encoding_of,
-    numbers,
-    planes_of,
-    to_display,
-    to_half,
-    to_integer,
-    to_linear,
-    to_single,
-    to_unit,
-)
-from flurries.io.files import Budget, given
-from flurries.io.oiio import last_error, openimageio, packing_threads
-from flurries.io.pictures.header import opened_picture
+from flurries.io.color import Array, encoding_of, in_file, numbers, planes_of
+from flurries.io.files import given
+from flurries.io.oiio import openimageio
+from flurries.io.pictures.parts import Part, write_parts
 from flurries.io.pictures.slate import Slate, checked_metadata, description
 
 
@@ -92,25 +71,6 @@ _SUB = 0x10
 # Tags of EXIF.
 _DESCRIPTION, _ORIENTATION, _SOFTWARE, _MOMENT = 0x010E, 0x0112, 0x0131, 0x0132
 _LONGEST_TEXT = 60_000
-
-# A whole number of the strips and blocks in which EXR and TIFF compress; of wide pictures, whose
-# rows take much memory, fewer.
-_ROWS = 64
-_FEWER, _WIDE = 32, 4096
-
-# The rows that an EXR packs together, of each of which a thread takes one.
-_BLOCK_ROWS = 16
-
-# A picture of fewer pixels is not worth threads.
-_LARGE = 1 << 18
-
-_SIZES = ("width", "height", "nchannels")
-
-# Whole numbers of 32 bits beside halves and floats in an EXR. OpenImageIO turns what it writes to
-# channels of several types into floats on the way, which know 24 bits. So whole numbers are written
-# as floats of the same bits, and then the header is told what they are: EXR holds and packs both
-# types alike, as four bytes, but for the compressions that round.
-_UINT, _FLOAT = struct.pack("<i", 0), struct.pack("<i", 2)
 
 
 def write_picture(
@@ -173,7 +133,7 @@ def write_picture(
 
     def band(first: int, last: int) -> Array:
         rows = None if opacity is None else opacity[first:last]
-        made = _converted(color[first:last], rows, encoding, premultiplied, stored)
+        made = in_file(color[first:last], rows, encoding, premultiplied, stored)
         if bits == 10:
             # Rounded to 10 bits, and as a reader spreads these over 16.
             ten = np.rint(made * (1023.0 / 65535.0)).astype(np.uint16)
@@ -242,14 +202,8 @@ def _encode_jpeg(pixels: Array, quality: int, strings: Mapping[str, str], slate:
     tags[_SOFTWARE], tags[_MOMENT] = "flurries", strings["DateTime"]
     profile = slate.value("ICCProfile") if slate.colored and slate.encoding == "display" else None
     buffer = io.BytesIO()
-    image.save(
-        buffer,
-        "JPEG",
-        quality=quality,
-        subsampling=0,
-        exif=tags.tobytes(),
-        icc_profile=profile and bytes(profile),
-    )
+    kept = {"exif": tags.tobytes(), "icc_profile": profile and bytes(profile)}
+    image.save(buffer, "JPEG", quality=quality, subsampling=0, **kept)
     return buffer.getvalue()
 
 
@@ -268,149 +222,3 @@ def _checked_pixels(
     if opacity.shape != array.shape[:2]:
         raise ValueError(f"alpha must be {array.shape[:2]} like pixels, got {opacity.shape}")
     return array, opacity
-
-
-def _converted(
-    color: Array, alpha: Array | None, encoding: str, premultiplied: bool, stored: str
-) -> Array:
-    """Return rows of a picture as the file holds them, alpha as the last channel."""
-    floats = stored in ("half", "float")
-    if encoding != ("linear" if floats else "display") or (
-        alpha is not None and premultiplied != floats
-    ):
-        opacity = None if alpha is None else to_unit(alpha)[..., np.newaxis]
-        if opacity is not None and premultiplied:
-            # Light without opacity, a glow, has no straight color and is left as it is.
-            color = to_unit(color)
-            color = np.divide(color, opacity, out=color.copy(), where=opacity > 0)
-        color = (to_linear if floats else to_display)(color, encoding)
-        if opacity is not None and floats:
-            color = color * opacity
-    planes = [color] if alpha is None else [color, alpha[..., np.newaxis]]
-    return np.concatenate([_stored(plane, stored) for plane in planes], axis=-1)
-
-
-def _stored(values: Array, stored: str) -> Array:
-    if values.dtype.name == stored:
-        return values
-    if stored.startswith("uint"):
-        return to_integer(to_unit(values), int(stored[4:]))
-    return (to_half if stored == "half" else to_single)(to_unit(values))
-
-
-class Part(NamedTuple):
-    """A part of a picture: what OpenImageIO is told of it, and its rows from one to another."""
-
-    specification: Any
-    band: Callable[[int, int], Array]
-    integers: Sequence[str] = ()  # Channels of floats whose bits are whole numbers.
-
-
-def write_parts(
-    path: str | os.PathLike[str], parts: Sequence[Part], *, lossless: bool = True,
-    encoded: bytes = b"",
-) -> None:  # fmt: skip
-    """Write a picture of one or several parts atomically, and verify it."""
-    target = os.fspath(path)
-    with replacing(path) as temporary:
-        sums = [("uint8", 0)]
-        if encoded:
-            temporary.write_bytes(encoded)
-        else:
-            sums = _write(target, temporary, parts)
-        if temporary.suffix.lower() == ".dpx":
-            # OpenImageIO puts the hidden name there, and the way to it.
-            with temporary.open("r+b") as file:
-                file.seek(36)
-                file.write(bytes(100))
-        _verify(target, temporary, parts, sums, lossless=lossless)
-        if any(part.integers for part in parts):
-            _declare_integers(temporary, parts)
-
-
-def _write(target: str, temporary: Path, parts: Sequence[Part]) -> list[tuple[str, int]]:
-    """Write all bands of all parts; return the type of each part's numbers and their checksum."""
-    sums: list[tuple[str, int]] = []
-    specs = tuple(part.specification for part in parts)
-    large = temporary.suffix.lower() == ".exr" and specs[0].width * specs[0].height >= _LARGE
-    threads = packing_threads() if large else nullcontext()
-    with threads, output_of(target, temporary, specs) as output:
-        for spec, band, _ in parts:
-            if sums and not output.open(str(temporary), spec, "AppendSubimage"):
-                raise unwritten(target, output)
-            found, kind = 0, ""
-            step = max(_ROWS if spec.width <= _WIDE else _FEWER, _BLOCK_ROWS * _core.threads())
-            for top in range(0, spec.height, step):
-                last = min(top + step, spec.height)
-                rows = np.ascontiguousarray(band(top, last))
-                found, kind = zlib.crc32(rows.data, found), rows.dtype.name
-                if not output.write_scanlines(spec.y + top, spec.y + last, 0, rows):
-                    raise unwritten(target, output)
-            sums.append(({"float16": "half", "float32": "float"}.get(kind, kind), found))
-    return sums
-
-
-@contextmanager
-def output_of(target: str, temporary: Path, wanted: Sequence[Any]) -> Iterator[Any]:
-    """Open a file for a specification for each part, and close it."""
-    output = openimageio().ImageOutput.create(str(temporary))
-    if output is None:
-        raise ValueError(f"{target}: cannot be written: {last_error()}")
-    try:
-        if not output.open(str(temporary), wanted):
-            raise unwritten(target, output)
-        yield output
-    except BaseException:
-        output.close()
-        last_error(output)
-        raise
-    if not output.close():
-        raise unwritten(target, output)
-
-
-def unwritten(target: str, output: Any) -> OSError:
-    return OSError(f"{target}: cannot be written: {last_error(output)}")
-
-
-def _verify(
-    target: str, temporary: Path, parts: Sequence[Part], sums: Sequence[tuple[str, int]], *,
-    lossless: bool,
-) -> None:  # fmt: skip
-    """Read the picture back; a full disk or a faulty writer shows here and not next week."""
-    wanted = [part.specification for part in parts]
-    # Whatever was written may be read.
-    most = max(
-        16 * one.nchannels * max(one.width * one.height, one.full_width * one.full_height)
-        for one in wanted
-    )
-    try:
-        with opened_picture(temporary, Budget(2**62, most)) as opened:
-            for number, (one, (kind, checksum)) in enumerate(zip(wanted, sums, strict=True)):
-                part = opened.at(number)
-                there, found = part.specification, 0
-                if any(getattr(there, size) != getattr(one, size) for size in _SIZES):
-                    raise OSError("it has another size or other channels")
-                # EXR keeps channels in alphabetical order, whatever order they were given in.
-                order = [there.channelindex(name) for name in one.channelnames]
-                if sorted(order) != list(range(one.nchannels)):
-                    order = sorted(range(one.nchannels))
-                for _, rows in part.bands(order, kind, _ROWS):
-                    found = zlib.crc32(np.ascontiguousarray(rows).data, found)
-                if lossless and found != checksum:
-                    raise OSError("its pixels are not those that were written")
-    except (OSError, ValueError) as error:
-        raise OSError(f"{target}: does not read back: {error}") from error
-
-
-def _declare_integers(path: Path, parts: Sequence[Part]) -> None:
-    """Say in the headers of an EXR's parts which channels are whole numbers."""
-    with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as data:
-        at = 0
-        for part in parts:
-            # In a list of channels the type follows the name.
-            for name in sorted(part.integers):
-                entry = b"\0%s\0" % name.encode()
-                if (at := data.find(entry + _FLOAT, at)) < 0:
-                    raise OSError(f"{path}: does not say where its channel {name} is")
-                at += len(entry)
-                data[at : at + len(_UINT)] = _UINT
