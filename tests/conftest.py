@@ -1,7 +1,5 @@
 """What the tests share: the default number of threads comes back after a test that changed it."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Callable, Iterator

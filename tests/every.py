@@ -3,8 +3,6 @@
 For checks that take little and fail for one reason: a report of a thousand lines says nothing.
 """
 
-from __future__ import annotations
-
 import functools
 import inspect
 from collections.abc import Callable, Iterable

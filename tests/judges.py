@@ -4,8 +4,6 @@ A picture is an opacity, (h, w) float64; x goes right and y down. Every judge ha
 in the tests, an imitation that it finds out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

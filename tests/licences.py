@@ -1,7 +1,5 @@
 """The licences of all packages that flurries needs, and of those that they need: `make audit`."""
 
-from __future__ import annotations
-
 import re
 import sys
 from importlib import metadata

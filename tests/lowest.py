@@ -1,7 +1,5 @@
 """Print the lowest versions that pyproject.toml lets in, as pip takes them: `make test-lowest`."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

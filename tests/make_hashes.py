@@ -3,8 +3,6 @@
 A scene whose frames have changed gets the next number, and the changelog needs a line for it.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Shifts are (x, y) in pixels between two frames. A parallax is depth times motion, m px per frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any

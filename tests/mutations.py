@@ -5,8 +5,6 @@ Each change runs in a copy of its own, the tests that import the module first, u
 failure; a test counts that passes in a copy without the change.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import copy

@@ -4,8 +4,6 @@
 frames. The tests run it with other vector instructions, threads and processes.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable

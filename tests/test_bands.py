@@ -1,7 +1,5 @@
 """Large frames in bands of rows: the bits of the whole, at its cost, with a band's memory."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

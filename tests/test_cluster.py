@@ -1,7 +1,5 @@
 """Scenes on Dask: the same bits, nothing lost with a worker, few tasks."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """The plan: what is left out runs no step and changes no bit, and a trace says what runs."""
 
-from __future__ import annotations
-
 import json
 import time
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """What effects may answer: layers of one color or of many, one or several, with depths."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The light of a shot: one for all frames and machines, found, saved and keyed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Frame numbers of a shot: plate, matte, depth and camera of one number make the frame of it."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Films that repeat: the 3-D method, loops in time and space, and their files."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

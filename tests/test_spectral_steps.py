@@ -1,7 +1,5 @@
 """Every step of the texture against the twin, in one table, and what steps obey beside it."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import product
 from typing import Any

@@ -1,7 +1,5 @@
 """Tiles: that nobody sees their seams, and that those of a larger picture are the same."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 Nothing here imports the package. A twin that is wrong would make every other test worthless.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

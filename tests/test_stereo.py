@@ -1,7 +1,5 @@
 """Two eyes: disparities of what is rendered, anaglyphs, packings, files."""
 
-from __future__ import annotations
-
 import warnings
 from typing import Any
 

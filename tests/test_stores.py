@@ -1,7 +1,5 @@
 """Frames behind urls, and on disks that fail: no frame lost, no false success (issue 16, 14)."""
 
-from __future__ import annotations
-
 import subprocess
 import time
 import uuid

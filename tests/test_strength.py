@@ -1,7 +1,5 @@
 """Strength: rate, visibility, number, sizes, fall and opacity of one population."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -4,8 +4,6 @@ Read from the sources, so that an import counts wherever it stands: at the top o
 function, or for type checkers alone.
 """
 
-from __future__ import annotations
-
 import ast
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path

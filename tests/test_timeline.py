@@ -1,7 +1,5 @@
 """Keyframes: values, slopes, and integrals that a million frames do not spoil."""
 
-from __future__ import annotations
-
 import itertools
 from fractions import Fraction
 

@@ -4,8 +4,6 @@ Flakes and drops are followed in the list of them, media and textures as points 
 depth that the pixel tells; both through a camera written here.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

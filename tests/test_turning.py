@@ -1,7 +1,5 @@
 """Cameras that turn: orientation over time, the way in turning axes, and what is seen of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

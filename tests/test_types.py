@@ -1,7 +1,5 @@
 """What users see of signatures: types, suggestions, and lines and pages for people."""
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 import pydoc

@@ -3,8 +3,6 @@
 How it looks and feels in a browser is judged in `tests/browser`.
 """
 
-from __future__ import annotations
-
 import io
 import math
 from operator import attrgetter

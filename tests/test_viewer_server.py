@@ -1,7 +1,5 @@
 """The viewer's server answers this user's page and nobody else."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import re

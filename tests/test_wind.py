@@ -1,7 +1,5 @@
 """Wind over depth, gusts and swirls: no air is made, and waves and flakes move alike."""
 
-from __future__ import annotations
-
 import math
 import pickle
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Fields whose arguments stand in one row, as the twin takes them."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from typing import Any
 

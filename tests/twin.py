@@ -6,8 +6,6 @@ is spelled out per wave and per tile; nothing here is meant to be quick. Arrays 
 (x, y).
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -4,8 +4,6 @@ Rotations are matrices, rays are unit vectors, a pixel's footprint comes from di
 neighbouring rays, boxes are sums of texels: nothing here is the kernels' way to the same number.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

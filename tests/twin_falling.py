@@ -11,8 +11,6 @@ or another time, shows the same flakes.
 Flakes are round here. The shapes of near flakes have no twin: compare what is drawn round.
 """
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The texture of flakes in plain NumPy and float64: slow, and written from the equations."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

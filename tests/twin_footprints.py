@@ -10,8 +10,6 @@ large: a point on a line, cut exactly at the borders of pixels; points spread ov
 line; and samples of every pixel. The energy of a flake is right within .01 in each.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -3,8 +3,6 @@
 Written from the equations: no tiles, no bounds, no linear forms; every pixel of every particle.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ Marshall and Palmer 1948). Every flake falls at its own speed, D in mm: aggregat
 (Locatelli and Hobbs 1974), drops at 9.65 - 10.3 exp(-.6 D) (Atlas, Srivastava and Sekhon 1973).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What flakes look like, in plain float64, slow and independent: the judge of the kernels."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 

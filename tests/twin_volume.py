@@ -4,8 +4,6 @@ Written from the equations; never imports `flurries`. Spectra are (H, W, T) in
 fftfreq order on every axis, films (T, H, W).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

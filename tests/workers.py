@@ -1,7 +1,5 @@
 """Dask workers of a test's own, and frames in groups of a few for them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

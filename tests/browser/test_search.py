@@ -4,8 +4,6 @@ Run by `make test-browser`. Each question has the words that somebody would type
 answer it; one of them is among the first three rows.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

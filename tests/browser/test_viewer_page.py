@@ -4,8 +4,6 @@ Run by `make test-browser`, which finds or installs chromium. Screenshots stay i
 ``build/screenshots`` to be looked at.
 """
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -3,8 +3,6 @@
 Each test is left out, with a word, where its program is missing; `make test-clients` installs them.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

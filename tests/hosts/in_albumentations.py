@@ -11,8 +11,6 @@ are the frames of a film, whose weather moves, while these cases want each frame
 picture by itself is: ten of ``test_images_as_target`` and ``test_image_volume_matching[Rainfall]``.
 """
 
-from __future__ import annotations
-
 import albumentations
 from tests import utils
 

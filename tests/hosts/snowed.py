@@ -1,7 +1,5 @@
 """A data set whose pictures get snow; worker processes that are spawned import this and no more."""
 
-from __future__ import annotations
-
 import torch
 from skimage import data
 from torch.utils.data import Dataset

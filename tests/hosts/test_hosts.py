@@ -1,7 +1,5 @@
 """The transforms of other libraries: ``make test-hosts``, in an environment that has them."""
 
-from __future__ import annotations
-
 import multiprocessing
 import subprocess
 import sys

@@ -4,8 +4,6 @@
 here fails there.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import inspect

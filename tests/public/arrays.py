@@ -1,7 +1,5 @@
 """Calls of the array functions and their classes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is wrong with a public function, aspect by aspect: empty where all is well."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import math

@@ -4,8 +4,6 @@ Added to what the calls themselves refuse. Whatever is refused everywhere (no nu
 name, a wrong type) is in `values.HOSTILE`.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Calls of what makes scenes, and of what reads and writes files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What comes into arguments: layouts of arrays, what is no array, and hostile values by type."""
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Callable, Sequence

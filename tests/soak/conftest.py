@@ -1,7 +1,5 @@
 """The soak borrows from the tests beside it."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Read damaged files of every kind in a process of its own; print what came of it."""
 
-from __future__ import annotations
-
 import json
 import resource
 import signal

@@ -1,7 +1,5 @@
 """How long a soak is: FLURRIES_SOAK is a share of the full length."""
 
-from __future__ import annotations
-
 import os
 
 SHARE = float(os.environ.get("FLURRIES_SOAK", "1"))

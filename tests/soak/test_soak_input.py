@@ -1,7 +1,5 @@
 """Damaged files, thousands of them: errors that name them, no hangs, memory within 2 GiB."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

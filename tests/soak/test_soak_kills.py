@@ -1,7 +1,5 @@
 """Runs that are killed at random moments, alone and beside two others: nothing wrong or left."""
 
-from __future__ import annotations
-
 import os
 import sys
 import tempfile
