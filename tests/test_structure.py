@@ -43,7 +43,8 @@ DOORS = {
 # Libraries that take long to import, or need not be there.
 HEAVY = {
     "OpenImageIO", "PIL", "av", "dask", "distributed", "fileseq", "importlib.metadata",
-    "matplotlib", "pxr", "resource", "skimage", "tomli_w", "torch", "tqdm", "webbrowser",
+    "matplotlib", "pxr", "pycocotools", "resource", "skimage", "tomli_w", "torch", "tqdm",
+    "webbrowser",
 }  # fmt: skip
 
 # They import inside functions and are being cleaned: each must go from here, and none may come.

@@ -33,7 +33,7 @@ PARTS = {f"effects.{name}" for name in (
 
 # Classes that functions return and nobody makes.
 RESULTS = {
-    "augment.Weathered", "augment.corrupt.Corrupted",
+    "augment.Weathered", "augment.benchmark.Scores", "augment.corrupt.Corrupted",
     "cone.Path", "cone.Rays", "cone.State", "effects.Frame", "effects.Layer", "scene.Rendered",
     "io.Header", "io.Picture", "io.Source", "io.layers.deep.Deep",
     "output.write.Summary",

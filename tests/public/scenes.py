@@ -39,6 +39,13 @@ def write_files() -> None:
     for folder in ("pictures", "colmap"):
         Path(folder).mkdir()
     io.write_picture("pictures/one.png", LEVELS)
+    Path("scored/natural/fog").mkdir(parents=True)
+    Path("scored/benchmark.json").write_text('{"version": 1, "hashes": {}}')
+    Path("scored/natural/flurries.jsonl").write_text(
+        '{"file": "fog/1/x/a.png", "sha256": "", "weather": "fog", "severity": 1, '
+        '"source": "x/a.png", "pixels": "", "inputs": ""}'
+    )
+    Path("scored/natural/fog/1.csv").write_text("x/a.png,x")
     SCENE.save("scene.toml")
     SCENE.write("frames/%04d.png", "1-2")
     Path("colmap/cameras.txt").write_text("1 PINHOLE 32 24 40 40 16 12\n")
@@ -182,6 +189,9 @@ CALLS: dict[str, Call] = {
     "augment.corrupt.corrupt": Call(
         {"folder": "pictures", "out": "set", "severity": 1, "workers": 1, "weather": "snow",
          "seed": 1}, heavy=("dask", "workers"), loose=True),
+    "augment.benchmark.make": Call(
+        {"folder": "pictures", "out": "benchmark", "like": None}, loose=True),
+    "augment.benchmark.score": Call({"benchmark": "scored", "predictions": "scored"}, loose=True),
     "output.groups.grouped": Call({"scene": SCENE, "frames": "1-9"}),
     "output.groups.to_dask": Call({"scene": SCENE, "frames": "1-9", "group": 2}),
     "view": Call({"scene": SCENE}, loose=True),

@@ -15,7 +15,7 @@ __all__ = [
     "Fog", "Ground", "Rainfall", "Snowfall", "Weathered", "contrast_loss", "occlusion", "replay",
 ]  # fmt: skip
 
-_LATER = ("albumentations", "corrupt", "kornia", "torchvision")
+_LATER = ("albumentations", "benchmark", "corrupt", "kornia", "torchvision")
 
 
 def __getattr__(name: str) -> ModuleType:

@@ -194,6 +194,12 @@ class Pictures(Job):
         notes |= {"plane": part.plane} if part.plane else {}
         notes |= {"weather": part.kind, "severity": part.level, "record": self._record(part)}
         notes["strength"] = strength_of(part.kind, part.level, self.profile)
+        if not part.plane:
+            # Of the pixels, whatever encodes them.
+            image = made[2].image
+            notes["pixels"] = hashlib.sha256(
+                f"{image.shape}".encode() + image.tobytes()
+            ).hexdigest()
         time = self.known[part.name].time
         return notes if time is None else {**notes, "time": time}
 

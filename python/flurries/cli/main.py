@@ -29,6 +29,7 @@ COMMANDS = {
     "demo": "snow on a photograph: films, stills, an EXR",
     "texture": "snow that repeats in x, y and time, for a game engine",
     "corrupt": "a folder of pictures in weather, for a data set",
+    "benchmark": "a data set in all weathers, and a model's scores on it",
     "check": "compare frames with their folder's flurries.jsonl",
     "completion": "the shell's completion: bash, zsh or fish",
 }
@@ -107,7 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             os.dup2(nowhere.fileno(), sys.stdout.fileno())
         return CLOSED_PIPE
     except KeyboardInterrupt:
-        goes_on = given[:1] in (["render"], ["corrupt"])
+        goes_on = given[:1] in (["render"], ["corrupt"], ["benchmark"])
         say("stopped; what is finished stays, run again to go on" if goes_on else "stopped")
         return INTERRUPTED
     except Exception as error:
