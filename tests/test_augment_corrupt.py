@@ -2,11 +2,6 @@
 
 import hashlib
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -132,41 +127,6 @@ def test_it_goes_on(source: Path, tmp_path: Path):
     assert contents(out) == found
     assert len(corrupt(source, out, severity=1, workers=1, overwrite=True).written) == 7
     assert (out / "README.md").read_text() == "mine"
-
-
-KILLED = """
-import sys
-from flurries.augment.corrupt import corrupt
-if __name__ == "__main__":
-    corrupt(sys.argv[1], sys.argv[2], severity="1-5", workers=1)
-"""
-
-
-def test_killed_and_gone_on(tmp_path: Path):
-    source = pictures(tmp_path / "in", count=8, size=256)
-    corrupt(source, tmp_path / "whole", workers=1)
-    want = contents(tmp_path / "whole")
-    out = tmp_path / "out"
-    script = tmp_path / "killed.py"
-    script.write_text(KILLED)
-    kills = 0
-    for wait in (3, 23):
-        process = subprocess.Popen([sys.executable, str(script), str(source), str(out)])
-        # Killed when it has made so many, in whatever state that is.
-        while process.poll() is None and len(list(out.glob("snow/*/*"))) < wait:
-            time.sleep(0.002)
-        kills += process.poll() is None
-        os.kill(process.pid, signal.SIGKILL)
-        process.wait()
-        # What stands under a final name is whole.
-        found = contents(out)
-        for path in out.glob("snow/*/[!.]*.png"):
-            name = path.relative_to(out).as_posix()
-            assert found[name] == want[name]
-    assert kills == 2
-    made = corrupt(source, out, workers=1)
-    assert made.kept, "it went on and did not start again"
-    assert contents(out) == want
 
 
 @pytest.mark.parametrize("arguments", [

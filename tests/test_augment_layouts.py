@@ -159,22 +159,3 @@ def test_the_orientation_a_camera_noted_and_grey_stay(orientation: int, tmp_path
     )
     # Weather comes from above as it is seen.
     assert np.abs(seen.astype(int) - want.astype(int)).mean() < 3.0
-
-
-def test_two_hundred_files_three_of_them_broken(tmp_path: Path):
-    source, out = tmp_path / "in", tmp_path / "out"
-    (source / "images").mkdir(parents=True)
-    (source / "labels").mkdir()
-    for number in range(100):
-        picture = Image.fromarray(data.astronaut()[number : number + 24, :32])
-        picture.save(source / f"images/{number}.jpg")
-        (source / f"labels/{number}.txt").write_text("0 .5 .5 .1 .1" * (number % 3 > 0))
-    for number in (3, 50, 99):
-        path = source / f"images/{number}.jpg"
-        path.write_bytes(path.read_bytes()[: 40 * number % 300])
-    before = contents(source)
-    made = corrupt(source, out, severity=2, workers=2)
-    assert set(made.failed) == {f"images/{number}.jpg" for number in (3, 50, 99)}
-    after = contents(out / "snow/2")
-    assert after.keys() == before.keys() - made.failed.keys()
-    assert all(after[name] == before[name] for name in before if name.startswith("labels"))

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 import flurries as fl
 import twin
 from every import every
+from flurries.spectral.tables import wave_depth
 
 SHAPE = (480, 640)
 CAMERAS: dict[str, dict[str, Any]] = {
@@ -102,7 +103,10 @@ def test_a_wave_moves_like_a_particle_at_its_depth(
     y, x = (twin.tile_starts(n, tile=tile, overlap=overlap) + tile / 2 for n in shape)
     assert drift.shape == (len(y), len(x), 2) and drift.dtype == np.float64
     centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    depth = np.full(len(centres), 3.0 * 32.0 / wavelength)
+    # By the law that says it, which is its own inverse.
+    stands = wave_depth(np.array([wavelength, 0.0]), near_depth=3.0, longest=32.0)
+    assert stands[1] == np.inf and wave_depth(stands[0], near_depth=3.0, longest=32.0) == wavelength
+    depth = np.full(len(centres), stands[0])
     # The drift is in camera axes, and counts the eye's offset as a way.
     house = Rotation.from_rotvec(camera.rotation).apply(velocity + camera.offset)
     speed = fl.camera.image_velocity(centres, depth, house, camera, shape)

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 
 import flurries as fl
@@ -39,7 +38,6 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write_picture("plate.png", PLATE)
     write_picture("mask.png", MASK)
     Path("way.csv").write_text("x,y,z\n" + "".join(f"0,0,{n}\n" for n in range(12)))
-    write_picture("light.exr", (PLATE / 50.0).astype(np.float32))
     Path("scene.toml").write_text(
         "format = 3\nbackground = 'plate.png'\nfps = 25\nseed = 4\n[camera]\nfocal = 100\n"
         "[[effects]]\nkind = 'tent_snow'\npreset = 'light'\nflakes = 100\n"
@@ -145,12 +143,6 @@ def test_files_sizes_and_threads(run: Run, here: Path):
     assert (code, out) == (0, "still.jpg\n")
     want = Scene(PLATE, effects=[Snow("light")], fps=30).render(6)
     assert np.abs(pixels("still.jpg").astype(int) - want).mean() <= 8
-    # What is in an EXR is judged in `test_sequence.py`; here, that the options arrive.
-    for name, options in (("a.exr", []), ("b.exr", ["--layers", "--bits", "float"])):
-        assert run("render", "light.exr", "--snow", "-o", name, "--frames", "3", *options)[0] == 0
-        spec = oiio.ImageInput.open(name).spec()
-        assert str(spec.channelformat(0)) == ("float" if options else "half")
-        assert ("snow.A" in spec.channelnames) == bool(options)
 
 
 def test_a_scene_file(run: Run, here: Path):

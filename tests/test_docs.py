@@ -19,15 +19,18 @@ import pytest
 from PIL import Image
 
 import flurries as fl
+from flurries import io
 from flurries.cli import main
 from flurries.cli.main import COMMANDS
 from flurries.effects.kinds import OURS
 from flurries.io import read_picture
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "docs" / "site"))
 
 import absolute
 import links
+import make_shot
 
 README = Path(__file__).parents[1] / "README.md"
 RUN = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -54,7 +57,7 @@ def run_blocks(text: str) -> int:
 
 
 # Modules whose text has an example, and pages with Python; those of tests of their own apart
-# (test_own_effect.py, test_shot_tasks.py).
+# (test_own_effect.py, and below).
 EXAMPLES = sorted(
     name for name in modules()
     if ">>> " in Path(str(importlib.util.find_spec(name).origin)).read_text("utf-8", "ignore")  # type: ignore[union-attr]
@@ -280,3 +283,47 @@ def test_links_for_a_package_index_are_absolute():
     assert "](https://h/o/f/raw/main/docs/images/snow.webp)" in text
     project = (README.parent / "pyproject.toml").read_text(encoding="utf-8")
     assert 'Homepage = "https://h/o/f"' in absolute.with_urls(project, "https://h/o/f")
+
+
+def test_the_page_of_a_shot_has_six_tasks_of_six_lines_at_most():
+    found = make_shot.tasks()
+    assert len(found) == 6
+    assert all(1 <= lines.count("\n") <= 6 for _, lines in found.values()), found
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small shot, with what the six tasks make of it."""
+    made = tmp_path_factory.mktemp("shot")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(made)
+        make_shot.material((96, 64))
+        for kind, lines in make_shot.tasks().values():
+            make_shot.run(kind, lines)
+        assert make_shot.picture().shape == (128, 288, 3)
+    return made
+
+
+def test_every_frame_is_there_and_the_walker_hides_the_snow_behind(folder: Path):
+    for name in ("snow", "aces_snow", "tracked"):
+        numbers = sorted(int(file.name.split(".")[-2]) for file in folder.glob(f"{name}.*.exr"))
+        assert numbers == list(make_shot.FRAMES)
+    for frame in (1001, 1008):
+        layers = io.read_layers(folder / f"snow.{frame}.exr")
+        walker = io.read_picture(folder / f"roto.{frame}.exr").pixels[..., 0] > 0.99
+        before, beside = (layers["alpha"][part].mean() for part in (walker, ~walker))
+        assert before < 0.5 * beside
+        depth = layers["snow.depth"][walker]
+        assert depth[np.isfinite(depth)].max() <= 4.5
+
+
+def test_the_others_have_what_the_page_says(folder: Path):
+    wide = io.read_picture(folder / "aces_snow.1003.exr", overscan=True)
+    assert wide.pixels.shape[:2] == (64, 96)
+    assert io.read_picture(folder / "aces_snow.1003.exr").pixels.shape[:2] == (58, 88)
+    left, right = io.read_views(folder / "pair.1005.exr")
+    assert left.shape == right.shape and not np.array_equal(left, right)
+    assert (folder / "flakes.usdc").stat().st_size > 10_000
+    film = make_shot.over_grey(folder / "snow.mov", 0)
+    # Squares of .22 and .32, and flakes in the plate's light: .486 and .274; no veil whitens them.
+    assert film.max() > 0.45 and film.min() < 0.3

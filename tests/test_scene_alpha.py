@@ -108,18 +108,3 @@ def test_what_has_no_alpha_is_refused(name: str, tmp_path: Path):
     with pytest.raises(ValueError, match="alone"):
         fl.Scene(LIGHT, effects=[SNOW]).write(tmp_path / name, "1", alone=True)
     assert not list(tmp_path.iterdir())
-
-
-def test_an_exr_is_packed_as_asked(tmp_path: Path):
-    scene = fl.Scene("#203040", size=(300, 200), effects=fl.Snow("heavy"))
-    sizes = {}
-    for packing in ("none", "zip", "dwaa"):
-        path = tmp_path / f"{packing}.exr"
-        scene.write(path, 1, compression=packing)
-        sizes[packing] = path.stat().st_size
-        difference = read_picture(path).pixels - read_picture(tmp_path / "none.exr").pixels
-        assert np.abs(difference).max() <= (0.05 if packing == "dwaa" else 0.0)
-    assert sizes["dwaa"] < 0.5 * sizes["zip"] < 0.5 * sizes["none"]
-    for path, more in (("a.png", {}), ("a.exr", {"layers": True})):
-        with pytest.raises(ValueError, match="compression is for a composite"):
-            scene.write(tmp_path / path, 1, compression="dwaa", **more)

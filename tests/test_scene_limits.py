@@ -36,22 +36,6 @@ def test_what_is_beyond_all_snow_changes_nothing(kind: Any, mode: str):
         assert np.abs(alpha(snow, depth) - want).max() < 1e-7
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_the_share_of_the_air_before_a_wall(mode: str):
-    sky = [alpha(Snow(**PLAIN), None, seed=s) for s in range(8)]
-    assert np.mean(sky) == pytest.approx(0.5, abs=0.01)
-    whole = np.mean([a.std() for a in sky])
-    for wall, share in ((24.0, 1 / 3), (48.0, 2 / 3), (34.0, math.log(34 / 12) / math.log(8))):
-        got = [alpha(Snow(**PLAIN, depth_mode=mode), wall, seed=s) for s in range(8)]
-        # The mean goes with the share; the deviation with the root of the power left.
-        assert np.mean(got) == pytest.approx(0.5 * share, rel=0.02)
-        # Lattice of 64 px: octaves of 1.14, 1.05 and 1.02 of an even share of the power.
-        left = np.mean([a.std() for a in got]) / whole
-        assert left**2 == pytest.approx(share, rel=0.09)
-    for wall in (12.0, 3.0, 0.5):
-        assert alpha(Snow(**PLAIN, depth_mode=mode), wall).max() == 0.0
-
-
 @pytest.mark.parametrize("look, mode", [
     ({}, "pixel"), ({"mean": 0.5, "spread": 3.0, "exponent": 1.0}, "tile"), ("heavy", "pixel"),
 ])  # fmt: skip

@@ -41,17 +41,6 @@ def test_a_sequence_holds_the_frames(ending: str, tmp_path: Path):
             assert np.array_equal(got, want)
 
 
-@pytest.mark.parametrize("bits", ["half", "float"])
-def test_an_exr_holds_the_light(bits: str, tmp_path: Path):
-    light = np.random.default_rng(3).gamma(1.0, 1.0, (50, 66, 3)).astype(np.float32)
-    bright = fl.Scene(light, effects=SCENE.effects)
-    bright.write(tmp_path / "still.exr", "7", bits=bits)
-    want = bright.render(7)
-    assert want.max() > 1.5
-    stored = want.astype(np.float16) if bits == "half" else want
-    assert np.array_equal(read_picture(tmp_path / "still.exr").pixels, stored)
-
-
 def test_a_film_is_not_its_own_background(tmp_path: Path):
     film = fl.Scene(PLATE, fps=24).write(tmp_path / "film.mkv", "1-2").files[0]
     before = film.read_bytes()

@@ -90,15 +90,10 @@ def test_warnings_say_what_would_disappoint():
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_cells_on_the_tent_turn_less_than_a_cycle_a_frame():
-    with pytest.raises(ValueError, match="velocity"):
-        fl.spectral.volume(8, 64, (40.0, 0.0), seed=1, cells="overlap")
-
-
-@pytest.mark.filterwarnings("ignore::UserWarning")
-def test_a_tile_too_small_for_its_waves_is_refused():
-    with pytest.raises(ValueError, match="wavelengths"):
-        fl.spectral.volume(8, 3, (8.0, 8.0), seed=1)
+def test_a_cycle_a_frame_and_a_tile_smaller_than_its_waves_are_refused():
+    for size, name, more in ((64, "velocity", {"cells": "overlap"}), (3, "wavelengths", {})):
+        with pytest.raises(ValueError, match=name):
+            fl.spectral.volume(8, size, (40.0, 0.0), seed=1, **more)
 
 
 VELOCITY = (1.8, 3.6)

@@ -10,7 +10,7 @@ import pytest
 import flurries as fl
 import twin
 from every import every
-from flurries.spectral.tables import temporal_gain, wave_depth
+from flurries.spectral.tables import temporal_gain
 
 S = fl.spectral
 SHAPES = [(64, 64), (8, 8), (9, 9), (17, 17), (31, 31), (12, 8), (9, 14), (2, 2), (1, 1), (3, 4)]
@@ -165,21 +165,6 @@ def test_the_gain_of_a_rate_is_the_equations(alias: str, shutter: float):
     # The half cycle itself has no direction.
     half = temporal_gain([0.5, -0.5, 0.5 - 1e-13], alias=alias, soft_from=0.3)
     assert (half == (1.0 if alias == "keep" else 0.0)).all()
-
-
-def test_a_wave_stands_for_the_depth_at_which_a_flake_moves_as_it_does():
-    near, longest, focal = 3.5, 32.0, 400.0
-    waves = np.array([4.0, 10.0, 32.0])
-    depth = wave_depth(waves, near_depth=near, longest=longest)
-    camera, box = fl.Camera(focal), (64, 64)
-    drift = fl.camera.tile_drift(box, (0.1, 0.2, 0.0), camera, near_depth=near)[0, 0]
-    flakes = np.column_stack([np.zeros((3, 2)), depth])
-    moved = fl.camera.project(flakes - np.array([0.1, 0.2, 0.0]), camera, box)[0]
-    moved -= fl.camera.project(flakes, camera, box)[0]
-    np.testing.assert_allclose(drift * (waves / longest)[:, None], moved, rtol=1e-12)
-    back = wave_depth(depth, near_depth=near, longest=longest)
-    np.testing.assert_allclose(back, waves, rtol=1e-15)
-    assert wave_depth(0.0, near_depth=near, longest=longest) == np.inf
 
 
 LARGE = [(1021, 6), (6, 1021), (1024, 12), (12, 1024), (97, 97), (127, 64), (64, 509), (48, 31)]

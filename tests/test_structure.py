@@ -1,17 +1,19 @@
-"""The arrows of the package: imports go one way, from the user's side to the kernels.
+"""The arrows of the package and of the Rust tree: imports go one way, down to the kernels.
 
 Read from the sources, so that an import counts wherever it stands: at the top of a module, inside a
 function, or for type checkers alone.
 """
 
 import ast
+import re
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
-ROOT = Path(__file__).parent.parent / "python" / "flurries"
+REPOSITORY = Path(__file__).parents[1]
+ROOT = REPOSITORY / "python" / "flurries"
 
 # From the bottom up; a module belongs to the longest name that it begins with. Modules of one level
 # may import each other where that makes no circle.
@@ -176,3 +178,46 @@ def test_a_wrong_arrow_would_be_seen(module: str, line: str, wrong: str):
         assert circle(spoilt) == {"frame.a", "frame.b"}
     else:
         assert (module, wrong) in breaches(spoilt)
+
+
+SUBJECTS = {"air", "cone", "encode", "falling", "gas", "particles", "spectral"}
+
+# What a folder may read besides itself.
+BELOW = {
+    "base": set(), "frame": {"base", "particles", "spectral"},
+    "python": {"base", "frame", *SUBJECTS}, "lib.rs": set(),
+    **{subject: {"base"} for subject in SUBJECTS}, "falling": {"air", "base", "particles"},
+}  # fmt: skip
+
+# Rust without its comments, by file.
+CODE = {
+    path.relative_to(REPOSITORY): re.sub(r"//.*", "", path.read_text("utf-8"))
+    for path in sorted((REPOSITORY / "src").rglob("*.rs"))
+}
+
+
+def folders_of(text: str) -> set[str]:
+    """Return the folders that a file names from the crate's root."""
+    found = set(re.findall(r"\bcrate::(\w+)", text))
+    for several in re.findall(r"\bcrate::\{([^;]*)\};", text):
+        found |= set(re.findall(r"(?:^|,)\s*(\w+)", several))
+    return found
+
+
+def test_no_arrow_points_up_or_across():
+    assert {path.parts[1] for path in CODE} == set(BELOW)
+    wrong = {path: folders_of(text) - {path.parts[1]} - BELOW[path.parts[1]]
+             for path, text in CODE.items()}  # fmt: skip
+    assert {path: names for path, names in wrong.items() if names} == {}
+    seen = "use crate::{base, cone::area}; let hash = crate::particles::torus::hash();"
+    assert folders_of(seen) == {"base", "cone", "particles"}
+
+
+def test_unsafe_stands_where_the_page_says():
+    page = (REPOSITORY / "docs" / "internals" / "architecture.md").read_text()
+    part = page.split("\n## Unsafe\n")[1].split("\n## ")[0]
+    found = sorted(str(path) for path, text in CODE.items() if re.search(r"\bunsafe\b", text))
+    assert sorted(re.findall(r"`(src/[\w/]+\.rs)`", part)) == found
+    assert f"These {len(found)} files" in part
+    for file, word in (("src/lib.rs", "deny"), ("crates/fft/src/lib.rs", "forbid")):
+        assert f"#![{word}(unsafe_code)]" in (REPOSITORY / file).read_text()

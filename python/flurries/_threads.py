@@ -65,7 +65,7 @@ def settings(*, threads: int | None = None, reproducible: bool | None = None) ->
     Fourier transforms take no vector path. In float64 such a transform takes its factors from the C
     library, and those may differ in the last bit between processors; so may what NumPy prepares for
     a scene. Scenes with the C library, NumPy and its linear algebra held to an old processor's
-    instructions kept all their bits (``tests/test_reproducible.py``). What it costs is measured by
+    instructions kept all their bits (``tests/test_determinism.py``). What it costs is measured by
     ``python benches/accuracy.py precision`` (docs/internals/accuracy.md).
     """
     count = None if threads is None else integer("threads", threads, low=1, high=MOST_THREADS)

@@ -293,6 +293,7 @@ CALLS: dict[str, Call] = {
     "stereo.side_by_side": Call({"left": PICTURE, "right": OTHER}, **PAIR),
     "stereo.over_under": Call({"left": PICTURE, "right": OTHER}, **PAIR),
     "set_threads": Call({"n": 2}, refused={"n": (0, -1, 257, 2**63)}),
-    "settings": Call({"threads": 2, "reproducible": False}, loose=True,
-                     refused={"threads": (0, -1, 257, 2**63)}),
+    "settings": Call({"threads": 2, "reproducible": False}, loose=True, refused={
+        "threads": (0, -1, 257, 2**63), "reproducible": (1, 0, "yes", np.ones(2)),
+    }),
 }  # fmt: skip

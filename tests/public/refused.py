@@ -152,7 +152,7 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
         "background": ("#12", LEVELS[..., :2], LEVELS.astype(int), LEVELS[:0], None),
         "camera": (3.0, "x", object()), "effects": (["snow"], [None], [fl.effects.TentSnow], [1]),
         "fps": (0, -1.0, NAN, INF, "24", True), "seed": (2**63, 1.0, "1", None, True),
-        "space": ("srgb", 1, None),
+        "space": ("srgb", 1, None), "lights": ([3],), "lens": (2.8,),
         "depth": (0.0, -2.0, NAN, INF, True, {}, np.full((30, 24), 5.0), np.full((24, 30, 3), 5.0)),
         "foreground": (LIGHT[..., 0], np.full((24, 30), 2.0), np.full((24, 30), NAN), {}, 5),
     },

@@ -30,7 +30,7 @@ SMOKE = ["spectral_twin", "spectral_steps", "particles", "gas", "cone", "composi
 # They read pages, notebooks, benches or examples, or build.
 OF_THE_REPOSITORY = ["benches", "budget", "cluster_trouble", "docs", "falling",
                      "falling_statistics", "faults", "own_effect", "packaging", "rendered",
-                     "rust_tree", "shot_tasks", "structure", "types"]  # fmt: skip
+                     "structure", "types"]  # fmt: skip
 
 WHEEL = re.compile(r"flurries-[\w.]+-cp310-abi3-(manylinux[\w.]+|macosx\w+|win\w+)\.whl")
 IN_WHEEL = re.compile(

@@ -1,7 +1,5 @@
 """Rotations in their three forms: matrices, vectors of axis times angle, and unit quaternions."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

@@ -7,8 +7,6 @@ by dP moves by f dP / Z in the picture, with the focal length of that moment: a 
 instead of changing what has long passed.
 """
 
-from __future__ import annotations
-
 import bisect
 import math
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """`flurries check`: compare frames with their folder's journal."""
 
-from __future__ import annotations
-
 import click
 
 from flurries.cli.options import FILE, command, voice

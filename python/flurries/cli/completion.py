@@ -1,7 +1,5 @@
 """`flurries completion`: what a shell needs to complete commands, options, presets and files."""
 
-from __future__ import annotations
-
 import click
 from click.shell_completion import get_completion_class
 

@@ -1,7 +1,5 @@
 """`flurries corrupt`: a folder of pictures in weather."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

@@ -1,7 +1,5 @@
 """`flurries demo`: the two experiments of Langer 2004 on a photograph, with today's snow."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

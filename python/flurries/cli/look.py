@@ -1,7 +1,5 @@
 """`flurries plan`, `light` and `view`: a scene before it is rendered."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

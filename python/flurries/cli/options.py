@@ -1,7 +1,5 @@
 """Options that commands share, and how each says what it does, its default and an example."""
 
-from __future__ import annotations
-
 import functools
 import os
 import re

@@ -1,7 +1,5 @@
 """`flurries render`: weather over a picture, a film or a scene, to files."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

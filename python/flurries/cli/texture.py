@@ -1,7 +1,5 @@
 """`flurries texture`: snow that repeats in x, y and time."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from flurries.cli.options import FILE, OVERWRITE, THREADS, command, option, switch, voice

@@ -1,7 +1,5 @@
 """The scene that a command line describes: weather, camera and depth over a picture or a scene."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import fields, replace

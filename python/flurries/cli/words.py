@@ -1,7 +1,5 @@
 """Words for people, to stderr: sentences, warnings, progress. Data goes to stdout."""
 
-from __future__ import annotations
-
 import sys
 import time
 import warnings

@@ -5,8 +5,6 @@ is carried along a way q(t) is displaced by Re sum a exp(i k . (x - q(t))) I(t),
 of exp(i (k . q - w t)): one complex number for each wave and time, for all flakes alike.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any

@@ -4,8 +4,6 @@ What is near is drawn flake by flake, what is far is synthesized, and both take 
 classes of size, each with its fall speed, and slabs of depth with the images of their flakes.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

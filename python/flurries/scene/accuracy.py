@@ -1,7 +1,5 @@
 """What accuracy costs in a scene: more or fewer flakes drawn one by one, in time and in looks."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from statistics import fmean

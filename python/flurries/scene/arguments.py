@@ -1,7 +1,5 @@
 """Arguments of scenes and of their frames, as people write them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar

@@ -1,7 +1,5 @@
 """A frame's weather as deep samples: what each slice of the air adds to a pixel."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from flurries._contract import Array

@@ -11,8 +11,6 @@ time 0: the *drift* is the displacement of the longest wave, ``wavelengths[1]`` 
 displacement of all waves alike (a turning camera). What has a velocity moves by it in a frame.
 """
 
-from __future__ import annotations
-
 from flurries.spectral.flakes import flake_patterns, optical_depth
 from flurries.spectral.frame import alpha, field, movie
 from flurries.spectral.tables import (

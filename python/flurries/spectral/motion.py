@@ -1,7 +1,5 @@
 """How a texture of waves moves from one frame to the next, as one vector for each tile."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The spectrum and the tent of one tile, as the functions of `flurries.spectral` give them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

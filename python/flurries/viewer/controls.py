@@ -4,8 +4,6 @@ Only sliders that were touched count: what is keyed or unusual in a scene stays 
 its slider, which then holds for the whole film.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace

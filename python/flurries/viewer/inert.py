@@ -1,7 +1,5 @@
 """Which rows change nothing as the sliders stand, and why: mostly what the plan leaves out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

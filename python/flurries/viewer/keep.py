@@ -1,7 +1,5 @@
 """What the viewer leaves behind: a scene file, Python that makes the scene, a short film."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import fields, is_dataclass
 from importlib import import_module

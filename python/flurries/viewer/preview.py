@@ -1,7 +1,5 @@
 """A scene at the size of a preview: the same view, the same weather, fewer pixels."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property

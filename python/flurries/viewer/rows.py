@@ -4,8 +4,6 @@ Here are the rows that are no numbers of an effect: its look and color, a lamp, 
 lens, a depth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias

@@ -5,8 +5,6 @@ of other sites can ask; the name in the request must be this machine's, so that 
 be made to point here. What the page may write is one file, chosen on the command line.
 """
 
-from __future__ import annotations
-
 import hmac
 import html
 import json

@@ -4,8 +4,6 @@ The front end keeps the time and the sliders and sends both with every question.
 here is where the air was in each page's last picture, so that it can go on from there.
 """
 
-from __future__ import annotations
-
 import json
 import threading
 import time

@@ -1,7 +1,5 @@
 """The viewer in a notebook: an anywidget that draws what a session answers."""
 
-from __future__ import annotations
-
 import base64
 from typing import Any
 

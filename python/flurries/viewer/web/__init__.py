@@ -1,7 +1,5 @@
 """The front end, the same for notebooks and browsers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 # The files of each page; the module that draws the viewer is two.
