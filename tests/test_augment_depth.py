@@ -2,6 +2,8 @@
 
 import json
 import math
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -229,3 +231,20 @@ def test_soft_labels_are_means_by_what_is_seen(kind: str):
         assert seen.visibility[number] == pytest.approx((part < 0.5).mean(), abs=1e-6)
         wanted = alpha[y0:y1, x0:x1].mean()
         assert seen.coverage[number] == pytest.approx(wanted, rel=1e-5, abs=1e-6)
+
+
+def test_threads_that_ask_for_labels_at_once_get_them():
+    started, waits = threading.Event(), threading.Event()
+
+    def make() -> dict[str, Any]:
+        started.set()
+        waits.wait(10.0)
+        return {"depth": np.ones((2, 2)), "motion": np.zeros((2, 2, 2))}
+
+    seen = fl.augment.Weathered(PICTURE, np.zeros((2, 2)), (1.0, 1.0, 1.0), _mixture=make)
+    with ThreadPoolExecutor(2) as pool:
+        first = pool.submit(lambda: seen.depth)
+        started.wait(10.0)
+        second = pool.submit(lambda: seen.motion)
+        threading.Timer(0.2, waits.set).start()
+        assert first.result() is not None and second.result() is not None

@@ -23,6 +23,7 @@ from flurries.augment.calibration import PROFILES
 from flurries.augment.corrupt import corrupt
 from flurries.augment.layouts import kept_name
 from flurries.io import read_picture, replacing
+from flurries.io.annotations import ENDINGS, read_label
 from flurries.io.stores import Store
 from flurries.output.journal import Journal
 
@@ -31,7 +32,6 @@ __all__ = ["Scores", "make", "score"]
 # What version 1 is, for ever.
 VERSION, KINDS, LEVELS, SEED = 1, ("snow", "rain", "fog"), (1, 2, 3, 4, 5), 0
 NAME, CLEAR = "benchmark.json", "clear"
-_FLOWS = (".flo", ".npy", ".png")
 
 # A part's pictures by the names that predictions have, and what predicts or where predictions are.
 Pictures: TypeAlias = "dict[str, Path]"
@@ -252,7 +252,7 @@ def _end_points(labels: Path, pictures: Pictures, given: Given, truth: str | Non
         if isinstance(given, Path):
             said = _flow(given / name)
             if said is None:
-                raise FileNotFoundError(2, f"Has no flow, {_FLOWS}", str(given / name))
+                raise FileNotFoundError(2, f"Has no flow, {ENDINGS['flow']}", str(given / name))
         elif Path(after).parent != Path(name).parent:
             raise ValueError(f"{name}: no picture follows, to which its flow leads")
         else:
@@ -262,24 +262,14 @@ def _end_points(labels: Path, pictures: Pictures, given: Given, truth: str | Non
             raise ValueError(f"{name}: its flow must be finite and {right.shape}, got {said.shape}")
         errors.append(np.linalg.norm((said - right)[known], axis=-1))
     if not errors:
-        raise ValueError(f"truth: {truth!r} leads from no picture to its flow, {_FLOWS}")
+        raise ValueError(f"truth: {truth!r} leads from no picture to its flow, {ENDINGS['flow']}")
     return float(np.concatenate(errors).mean())
 
 
 def _flow(way: Path) -> Array | None:
     """Return the flow beside a path, (H, W, 2), NaN where it is not known."""
-    path = next((p for suffix in _FLOWS if (p := way.with_suffix(suffix)).is_file()), None)
-    if path is None:
-        return None
-    if path.suffix == ".npy":
-        return np.asarray(np.load(path, allow_pickle=False), np.float64)
-    if path.suffix == ".png":
-        stored = read_picture(path).pixels.astype(np.float64)
-        return np.where(stored[..., 2:] > 0.0, (stored[..., :2] - 2.0**15) / 64.0, np.nan)
-    head, data = np.fromfile(path, "<i4", 3), np.fromfile(path, "<f4", offset=12)
-    if head[:1].tobytes() != b"PIEH" or data.size != 2 * head[1:].prod():
-        raise ValueError(f"{path}: is no flow of Middlebury's format, or damaged")
-    return np.where(np.abs(data) < 1e9, data, np.nan).reshape(head[2], head[1], 2)
+    paths = [way.with_suffix(ending) for ending in ENDINGS["flow"]]
+    return next((read_label("flow", path) for path in paths if path.is_file()), None)
 
 
 _TASKS = {"accuracy": (".csv", _accuracy), "mAP": (".json", _precision), "EPE": ("", _end_points)}

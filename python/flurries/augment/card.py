@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 from flurries import __version__
 from flurries.io import replacing
@@ -29,16 +30,29 @@ def write_card(folder: Path) -> None:
         before, after = after, _texts(folder)
 
 
+def _told(folder: Path, plane: str, name: str) -> dict[str, Any]:
+    """Return what a row says of a plane: its numbers, or its file, which loaders read if a PNG."""
+    if name.endswith(".json"):
+        return {plane: json.loads((folder / name).read_bytes())}
+    return {plane if name.endswith(".exr") else f"{plane}_file_name": name}
+
+
 def _texts(folder: Path) -> dict[str, str]:
     journal = Journal(Store(), folder)
     rows, counts = [], Counter[tuple[str, int, str, str]]()
-    for name in journal.names():
-        line = journal.lines(name)[-1]
+    entries = {name: journal.lines(name)[-1] for name in journal.names()}
+    planes: dict[tuple[str, str, int], dict[str, Any]] = {}
+    for name, line in entries.items():
+        if "record" in line and (plane := line.get("plane")) and (folder / name).is_file():
+            key = line["source"], line["weather"], line["severity"]
+            planes.setdefault(key, {}).update(_told(folder, plane, name))
+    for name, line in entries.items():
         if "record" not in line or line.get("plane"):
             continue
         record = line["record"]
         said = {key: line.get(key) for key in ("source", "weather", "severity", "strength")}
         said |= {key: record[key] for key in ("profile", "amount", "weather_seed")}
+        said |= planes.get((line["source"], line["weather"], line["severity"]), {})
         rows.append(json.dumps({"file_name": name, **said}))
         strength = line.get("strength", "")
         counts[line["weather"], line["severity"], record["profile"], strength] += 1

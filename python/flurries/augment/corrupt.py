@@ -6,20 +6,23 @@ import multiprocessing
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from flurries._contract import choice, flag, integer, rate_of, real, seed_of
+from flurries._contract import choice, flag, integer, mapping, rate_of, real, seed_of
 from flurries.augment.calibration import PROFILES, Profile
 from flurries.augment.card import write_card
-from flurries.augment.layouts import LAYOUTS, READ, SUFFIXES, files_of, layout_of, members_of
-from flurries.augment.sets import COPY, TRUTH, WEATHERS, Part, Pictures, strength_of
+from flurries.augment.layouts import LAYOUTS, Layout, Member, files_of, layout_of, members_of
+from flurries.augment.sets import ALWAYS, COPY, NEEDS, TRUTH, WEATHERS, Part, Pictures, strength_of
+from flurries.augment.shards import Shards
+from flurries.io import frame_range
+from flurries.io.annotations import read_coco
 from flurries.output.cluster import cluster
 from flurries.output.crew import Crew, make
 from flurries.output.journal import NAME
@@ -69,9 +72,9 @@ def corrupt(
     films: bool | None = None, pairs: bool | None = None, fps: float | None = None,
     focal: float | None = None, distance: float | None = None,
     depths: tuple[str, str] | None = None, depth_unit: float = 1.0,
-    truth: str | Sequence[str] = (), workers: int | None = None, dask: str | None = None,
-    overwrite: bool = False, dry_run: bool = False,
-    progress: Callable[[Iterable[Any]], Iterable[Any]] | None = None,
+    labels: Mapping[str, tuple[str, str]] | None = None, truth: str | Sequence[str] = (),
+    shards: int = 0, workers: int | None = None, dask: str | None = None, overwrite: bool = False,
+    dry_run: bool = False, progress: Callable[[Iterable[Any]], Iterable[Any]] | None = None,
 ) -> Corrupted:  # fmt: skip
     """Write a data set in weather: its pictures changed, all its other files copied.
 
@@ -98,10 +101,17 @@ def corrupt(
     depths : (str, str), optional
         A text in the path of a picture, and what stands there in the path of its depth, such as
         ``("rgb", "depth")``; any of .exr, .tif, .png and .npy. 0 and NaN are unknown.
-    truth : str or several of {"alpha", "depth", "disparity", "motion"}
-        Planes of :class:`flurries.augment.Weathered` to be written in ``out/snow/3-alpha/...``:
-        opacity as PNG of 16 bits; `weather_disparity`, the weather's `motion`, and the `depth` that
-        was given with the weather's as EXR.
+    labels : mapping of {"boxes", "masks", "flow", "wet"} to (str, str), optional
+        The same for other labels, where the layout does not know them: boxes of YOLO, KITTI or VOC,
+        instances as PNG of whole numbers, motion of Middlebury or KITTI; and masks of wet ground.
+    truth : str or several
+        Planes of :class:`flurries.augment.Weathered` to be written in ``out/snow/3-alpha/...``: as
+        PNG of 16 bits "alpha" and "weather", its `layer`; as EXR "layers", its `falling`, "motion",
+        "flow", "depth" and "disparity"; as JSON "occlusion" of boxes and "instances" of masks. And
+        "clean", copies of the pictures as they were.
+    shards : int
+        Samples of each tar file for webdataset, ``out/snow/3-shards/000000.tar``, with a picture,
+        its truth and labels under one name. 0 writes none.
     dask : str, optional
         Address of a Dask scheduler in place of own processes; "" starts a cluster here.
     overwrite : bool
@@ -136,16 +146,25 @@ def corrupt(
     rate = by.fps if fps is None else rate_of(fps)
     lens = by.lens[0] if focal is None else real("focal", focal, low=0.05, high=1e3)
     apart = by.lens[1] if distance is None else real("distance", distance, low=0.0, high=1e3)
-    swap, unit = _swap(depths), real("depth_unit", depth_unit, above=0.0)
+    unit, many = (
+        real("depth_unit", depth_unit, above=0.0),
+        integer("shards", shards, low=0, high=10**9),
+    )
+    swaps = _swaps(depths, labels, by, planes)
     pictures, others = members_of(source, files, by, fps=rate, films=films, pairs=pairs)
     if not pictures:
-        raise ValueError(f"{source}: no pictures ({', '.join(SUFFIXES + READ)})")
+        raise ValueError(f"{source}: no pictures")
+    if planes or many:
+        _require_own_names(pictures)
     found = Counter(one.words for one in pictures)
     found.update(f"{why}: copied" for why in others.values())
     made = Corrupted([], [], [], {}, dict(sorted(skipped.items())), told, dict(found),
                      target / NAME, strengths)  # fmt: skip
     if dry:
         return made
+    tables = [source / name for name in files if by.boxes and re.fullmatch(by.boxes, name)]
+    use = "occlusion" in planes and "boxes" not in swaps
+    boxes = read_coco(tables, (one.name for one in pictures)) if use else None
     # Pictures of one moment, which are made together, stand together.
     parts = []
     for _, group in groupby(pictures, lambda one: (one.weather, one.time, one.eyes)):
@@ -165,13 +184,11 @@ def corrupt(
     job = Pictures(
         folder=target.absolute(), source=source.absolute(),
         known={one.name: one for one in pictures}, parts=parts, seed=start, profile=profile,
-        overwrite=again, motion=not {"disparity", "motion"}.isdisjoint(planes), fps=rate,
-        focal=lens, distance=apart, swap=swap, unit=unit,
+        overwrite=again, planes=planes, fps=rate, focal=lens, distance=apart, swaps=swaps,
+        boxes=boxes, unit=unit,
     )  # fmt: skip
     # All of them now: a worker may have a folder to itself no more than another.
-    target.mkdir(exist_ok=True)
-    for part in parts:
-        (target / part.path).parent.mkdir(parents=True, exist_ok=True)
+    _make_folders(target / part.path for part in parts)
     each = len(kinds) * len(levels) * (1 + len(planes))
     size = each * max(min(_CHUNK, len(pictures) // (4 * count)), 1)
     wanted = list(range(len(parts)))
@@ -182,12 +199,18 @@ def corrupt(
         crew_of = _processes(job, count) if dask is None else cluster(job, dask, count=count)
         with crew_of as crew:
             fates = run(job, wanted, progress or iter, partial(make, crew, groups))
+    among = {"written": made.written, "kept": made.kept}
     for index, fate in fates.items():
-        part, among = parts[index], {"written": made.written, "kept": made.kept}
+        part = parts[index]
         if fate not in among:
             made.failed[part.name] = fate
         else:
             (made.copied if part.plane == COPY else among[fate]).append(target / part.path)
+    if many and (tars := Shards.of(job, many)).shards:
+        numbers = list(range(len(tars.shards)))
+        _make_folders(map(tars.path_of, numbers))
+        for index, fate in run(tars, numbers, iter).items():
+            among[fate].append(tars.path_of(index))
     for paths in (made.written, made.kept, made.copied):
         paths.sort()
     if made.written or made.kept:
@@ -196,15 +219,12 @@ def corrupt(
 
 
 def _levels(severity: int | str | Sequence[int]) -> tuple[int, ...]:
-    several: Any = severity
+    several: Any = [severity]
     if isinstance(severity, str):
-        several = []
-        for part in severity.split(","):
-            if (ends := re.fullmatch(r"\s*(\d+)(?:-(\d+))?\s*", part)) is None:
-                raise ValueError(f"severity must be such as 3, '1-5' or '2,4', got {part!r}")
-            several += range(int(ends[1]), int(ends[2] or ends[1]) + 1)
-    elif not isinstance(severity, (list, tuple, range)):
-        several = [severity]
+        with suppress(ValueError):
+            several = frame_range(severity)
+    elif isinstance(severity, (list, tuple, range)):
+        several = severity
     levels = tuple(dict.fromkeys(integer("severity", s, low=1, high=5) for s in several))
     if not levels:
         raise ValueError(f"severity must name at least one level, got {severity!r}")
@@ -222,12 +242,39 @@ def _several(value: str | Sequence[str]) -> tuple[str, ...]:
     return (value,) if isinstance(value, str) else tuple(value)
 
 
-def _swap(depths: tuple[str, str] | None) -> tuple[str, str] | None:
-    if depths is None:
-        return None
-    if not (isinstance(depths, (tuple, list)) and len(depths) == 2 and all(depths)):
-        raise ValueError(f"depths must be two texts, such as ('rgb', 'depth'), got {depths!r:.60}")
-    return str(depths[0]), str(depths[1])
+def _swaps(
+    depths: tuple[str, str] | None, labels: Mapping[str, tuple[str, str]] | None, layout: Layout,
+    planes: tuple[str, ...],
+) -> dict[str, tuple[str, str]]:  # fmt: skip
+    """Return the labels that are used, with what finds their files."""
+    told = {} if depths is None else {"depth": depths}
+    for kind, pair in mapping("labels", labels or {}).items():
+        told[choice("labels", kind, ("boxes", "flow", "masks", "wet"))] = pair
+    for kind, pair in told.items():
+        if not (isinstance(pair, (tuple, list)) and len(pair) == 2 and all(pair)):
+            name = "depths" if kind == "depth" else f"labels: {kind}"
+            raise ValueError(f"{name} must be two texts, such as ('rgb', 'x'), got {pair!r:.60}")
+    known = {**layout.labels, **told}
+    wanted = [NEEDS[plane] for plane in planes if plane in NEEDS]
+    if layout.boxes and "boxes" not in told and "boxes" in wanted:
+        wanted.remove("boxes")
+    if missing := [kind for kind in wanted if kind not in known]:
+        raise ValueError(f"truth needs {missing[0]}, which this layout has not: say where it is")
+    return {kind: known[kind] for kind in dict.fromkeys([*wanted, *set(told) & {*ALWAYS}])}
+
+
+def _require_own_names(pictures: Iterable[Member]) -> None:
+    """Refuse pictures that differ by their endings alone, whose planes would have one name."""
+    known: dict[Path, str] = {}
+    for one in pictures:
+        other = known.setdefault(Path(one.name).with_suffix(""), one.name)
+        if other != one.name:
+            raise ValueError(f"truth and shards must have names: {other} and {one.name} share one")
+
+
+def _make_folders(paths: Iterable[Path]) -> None:
+    for folder in {path.parent for path in paths}:
+        folder.mkdir(parents=True, exist_ok=True)
 
 
 # What the tasks of a process share.

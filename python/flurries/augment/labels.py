@@ -85,8 +85,10 @@ class Weathered:
         if name not in later:
             raise AttributeError(f"a Weathered has no attribute {name!r}")
         # All of them, when the first is asked for: they cost several times what the picture does.
-        made = vars(self).pop("_mixture", None)
-        vars(self).update(dict.fromkeys(later) | (made() if made else {}), _mixture=None)
+        # Threads that ask at once make the same.
+        made = self._mixture
+        if name not in vars(self):
+            vars(self).update(dict.fromkeys(later) | (made() if made else {}), _mixture=None)
         return vars(self)[name]
 
     def __getstate__(self) -> dict[str, Any]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
@@ -30,8 +30,10 @@ class Layout:
 
     `signs`: each is the path of some file. `pictures`: these get weather. `films`: of the frames of
     a film, whose name the groups are, and ``t`` the frame's number or its microseconds since 1970.
-    `eyes`: what in the name of a left picture is another text in that of the right one. `lens`:
-    focal length in widths of the picture, and distance between the eyes in metres.
+    `eyes`: what in the name of a left picture is another text in that of the right one. `labels`:
+    what in the name of a picture is another one in that of its label. `boxes`: tables of boxes of
+    COCO's kind. `lens`: focal length in widths of the picture, and distance between the eyes in
+    metres.
     """
 
     signs: tuple[str, ...] = ()
@@ -40,6 +42,8 @@ class Layout:
     eyes: tuple[tuple[str, str], ...] = (("/left/", "/right/"),)
     fps: float = 30.0
     lens: tuple[float, float] = (1.2, 0.12)
+    labels: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    boxes: str = ""
 
 
 _KITTI = r"image_0?[0-3]"
@@ -52,8 +56,12 @@ LAYOUTS = {
         (("leftImg8bit", "rightImg8bit"),),
         17.0,
         (1.105, 0.209),
+        {"masks": ("leftImg8bit", "gtFine")},
     ),
-    "coco": Layout((r"(.*/)?(annotations/.*|_annotations\.coco)\.json",)),
+    "coco": Layout(
+        (r"(.*/)?(annotations/.*|_annotations\.coco)\.json",),
+        boxes=r"(.*/)?(annotations/instances_.*|_annotations\.coco)\.json",
+    ),
     "kitti": Layout(
         (rf"(.*/)?{_KITTI}/.*",),
         rf"(.*/)?{_KITTI}/.*",
@@ -66,6 +74,11 @@ LAYOUTS = {
         tuple((f"/image_{k}{a}/", f"/image_{k}{b}/") for k in ("", "0") for a, b in ("23", "01")),
         10.0,
         (0.58, 0.54),
+        {
+            "boxes": ("image_2", "label_2"),
+            "masks": ("image_2", "instance"),
+            "flow": ("image_2", "flow_occ"),
+        },
     ),
     "nuscenes": Layout(
         (r"(.*/)?samples/CAM_\w+/.*",),
@@ -75,8 +88,19 @@ LAYOUTS = {
         12.0,
         (0.79, 0.12),
     ),
-    "voc": Layout((r"(.*/)?JPEGImages/.*", r"(.*/)?Annotations/.*\.xml"), r"(.*/)?JPEGImages/.*"),
-    "yolo": Layout((r"(.*/)?images/.*", r"(.*/)?labels/.*\.txt"), r"(.*/)?images/.*"),
+    "voc": Layout(
+        (r"(.*/)?JPEGImages/.*", r"(.*/)?Annotations/.*\.xml"),
+        r"(.*/)?JPEGImages/.*",
+        labels={
+            "boxes": ("JPEGImages", "Annotations"),
+            "masks": ("JPEGImages", "SegmentationObject"),
+        },
+    ),
+    "yolo": Layout(
+        (r"(.*/)?images/.*", r"(.*/)?labels/.*\.txt"),
+        r"(.*/)?images/.*",
+        labels={"boxes": ("images", "labels")},
+    ),
     "plain": Layout(),
 }
 # Any picture whose name ends in a number, as one of the film that the rest of the name is.

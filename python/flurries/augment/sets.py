@@ -3,43 +3,47 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flurries import augment
+from flurries import augment, io
 from flurries._contract import Array
 from flurries.augment.calibration import Profile
 from flurries.augment.layouts import Member, kept_name
 from flurries.augment.weather import Weather
-from flurries.io import (
-    Picture,
-    Slate,
-    linear_to_srgb,
-    read_depth,
-    read_picture,
-    read_slate,
-    replacing,
-    srgb_to_linear,
-    write_layers,
-    write_picture,
-)  # fmt: skip
+from flurries.io.annotations import ENDINGS, read_label
 from flurries.io.pictures.header import opened_picture, upright
 from flurries.output.journal import Mark
 from flurries.output.sequence import Job
 from flurries.scene.fingerprint import Hashes
 
 WEATHERS = {"snow": "Snowfall", "rain": "Rainfall", "fog": "Fog"}
-# Planes that tell the truth about a picture's weather, as fields of `Weathered`.
-TRUTH = {
-    "alpha": "alpha", "depth": "depth", "disparity": "weather_disparity", "motion": "motion",
-}  # fmt: skip
+# What tells the truth about a picture's weather: how its file ends, and fields of `Weathered`.
+TRUTH: dict[str, tuple[str, ...]] = {
+    "clean": ("",),
+    "weather": (".png", "layer"),
+    "alpha": (".png", "alpha"),
+    "layers": (".exr", "falling"),
+    "motion": (".exr", "motion"),
+    "flow": (".exr", "flow"),
+    "depth": (".exr", "depth"),
+    "disparity": (".exr", "weather_disparity", "disparity"),
+    "occlusion": (".json", "boxes", "occlusion", "coverage", "visibility"),
+    "instances": (".json", "instances", "instance_occlusion", "instance_visibility"),
+}
+# Labels of the set that truth is made of; others change a picture.
+NEEDS = {"depth": "depth", "flow": "flow", "occlusion": "boxes", "instances": "masks"}
+ALWAYS = ("depth", "wet")
+# Planes that take longer; and whose first two channels are x and y.
+_SLOW = {"disparity", "layers", "motion"}
+_VECTORS = ("falling", "flow", "motion")
 COPY = "copy"
-_DEPTHS = (".exr", ".tif", ".tiff", ".png", ".npy")
 # The orientation that undoes another.
 _UNDONE = {6: 8, 8: 6}
 
@@ -71,24 +75,28 @@ class Part:
             return base / str(self.level) / self.name
         if not self.plane:
             return base / str(self.level) / kept_name(self.name)
-        suffix = ".png" if self.plane == "alpha" else ".exr"
+        suffix = TRUTH[self.plane][0] or Path(self.name).suffix
         return base / f"{self.level}-{self.plane}" / Path(self.name).with_suffix(suffix)
+
+    @property
+    def copied(self) -> bool:
+        return self.plane in (COPY, "clean")
 
 
 class Stored(NamedTuple):
     """A picture with what must stay as it was stored."""
 
-    picture: Picture
+    picture: io.Picture
     orientation: int
     grey: bool
-    slate: Slate
+    slate: io.Slate
     cover: Array | None  # The alpha that the colors are premultiplied with.
 
     @classmethod
     def of(cls, path: Path) -> Stored:
         with opened_picture(path, None) as opened:
             orientation, grey = opened.orientation, len(opened.color) == 1
-        said, picture = read_slate(path), read_picture(path)
+        said, picture = io.read_slate(path), io.read_picture(path)
         turned = () if orientation == 1 else (("Orientation", "int", orientation),)
         slate = replace(said, attributes=said.attributes + turned, origin=(0, 0), display=None,
                         crop=None)  # fmt: skip
@@ -105,19 +113,25 @@ class Stored(NamedTuple):
             pixels = np.divide(pixels, cover, out=np.zeros_like(pixels), where=cover > 0.0)
         pixels = pixels[..., :1] if self.grey else pixels
         # What is brighter than white stays so.
-        return linear_to_srgb(pixels) if self.picture.encoding == "linear" else pixels
+        return io.linear_to_srgb(pixels) if self.picture.encoding == "linear" else pixels
 
-    def turned(self, plane: Array) -> Array:
+    def turned(self, plane: Array, *, vectors: bool = False) -> Array:
         """Return a plane of the picture as seen, as the file's rows and columns have it."""
         back = _UNDONE.get(self.orientation, self.orientation)
-        return np.ascontiguousarray(upright(plane, back))
+        found = np.array(upright(plane, back), order="C")
+        if vectors:
+            # How far along x and y as seen the next column is, and the next row.
+            places = upright(np.moveaxis(np.mgrid[:2, :2][::-1], 0, -1), back)
+            steps = np.stack([places[0, 1] - places[0, 0], places[1, 0] - places[0, 0]], axis=-1)
+            found[..., :2] = found[..., :2] @ steps
+        return found
 
     def write(self, path: Path, pixels: Array, header: dict[str, Any]) -> None:
         """Write a picture in weather as this one is stored."""
         alpha, encoding = self.picture.alpha, self.picture.encoding
-        pixels = srgb_to_linear(pixels) if encoding == "linear" else pixels
+        pixels = io.srgb_to_linear(pixels) if encoding == "linear" else pixels
         pixels = pixels if self.cover is None else pixels * self.cover
-        write_picture(
+        io.write_picture(
             path, self.turned(pixels), alpha=None if alpha is None else self.turned(alpha),
             encoding=encoding, metadata=header, slate=self.slate,
             premultiplied=None if alpha is None else self.picture.premultiplied,
@@ -135,11 +149,13 @@ class Pictures(Job):
     seed: int
     profile: Profile
     overwrite: bool
-    motion: bool  # Whether a plane is wanted that takes longer.
+    planes: tuple[str, ...]  # Of truth, that are wanted.
     fps: float
     focal: float  # Widths of the picture.
     distance: float  # Of both eyes, metres.
-    swap: tuple[str, str] | None  # A text in a picture's path, and that in its depth's.
+    # Of each label a text in a picture's path, and what stands there in the label's.
+    swaps: Mapping[str, tuple[str, str]]
+    boxes: Mapping[str, list[list[float]]] | None  # Of pictures by their names, as COCO has them.
     unit: float  # Of depths, metres.
     tolerant: bool = True
     _hashes: Hashes = field(default_factory=Hashes)
@@ -151,7 +167,7 @@ class Pictures(Job):
 
     def mark_of(self, index: int) -> Mark:
         part = self.parts[index]
-        if part.plane == COPY:
+        if part.copied:
             return Mark(COPY, 0, self._hashes[self.source / part.name])
         scale = "" if self.profile == "natural" else f"-{self.profile}"
         camera = f"{self.fps:g} {self.focal:g} {self.distance:g} {self.unit:g}"
@@ -161,30 +177,44 @@ class Pictures(Job):
     def make(self, index: int, numbers: Iterable[int]) -> Any:
         """Return what is written: a picture as read and in weather, or the file that is copied."""
         part = self.parts[index]
-        if part.plane == COPY:
+        if part.copied:
             return self.source / part.name
-        key = self._views(part), part.kind, part.level, self._content(part)
+        # Truth is made with its picture.
+        key = self._views(part), part.kind, part.level, self._content(replace(part, plane=""))
         if self._last[0] != key:
             self._last = key, self._made(part)
-        return (part.plane, *self._last[1][part.name])
+        stored, seen = self._last[1][part.name]
+        # Here, once, and not by each who writes a plane.
+        _ = [getattr(seen, name) for name in TRUTH.get(part.plane, ())[1:]]
+        return part.plane, stored, seen
 
     def save(self, path: Path, made: Any, header: dict[str, Any]) -> None:
         if isinstance(made, Path):
-            with replacing(path) as temporary:
+            with io.replacing(path) as temporary:
                 shutil.copyfile(made, temporary)
             return
         plane, stored, seen = made
         if not plane:
             return stored.write(path, seen.image, header)  # type: ignore[no-any-return]
-        values = getattr(seen, TRUTH[plane])
-        if values is None:
-            wanted = "a depth" if plane == "depth" else "a stereo pair"
-            raise ValueError(f"its {plane} is not known: that takes {wanted}")
-        values = stored.turned(values)
-        if plane == "alpha":
-            write_picture(path, np.rint(values * 65535.0).astype(np.uint16), metadata=header)
-        else:
-            write_layers(path, {plane: values}, half=False, metadata=header)
+        suffix, *fields = TRUTH[plane]
+        found = {name: getattr(seen, name) for name in fields}
+        found = {name: value for name, value in found.items() if value is not None}
+        if not found:
+            raise ValueError(f"its {plane} is not known: that takes a stereo pair")
+        if suffix == ".json":
+            with io.replacing(path) as temporary:
+                temporary.write_text(json.dumps({k: _plain(v) for k, v in found.items()}))
+            return
+        found = {k: stored.turned(v, vectors=k in _VECTORS) for k, v in found.items()}
+        if suffix == ".exr":
+            io.write_layers(path, found, half=False, metadata=header)
+            return
+        levels = np.rint(found[fields[0]] * 65535.0).astype(np.uint16)
+        alpha = None
+        if plane == "weather":
+            levels, alpha = np.empty_like(levels[..., :3]), levels[..., 3]
+            levels[:] = np.rint(np.array(seen.color) * 65535.0)
+        io.write_picture(path, levels, alpha=alpha, metadata=header)
 
     def notes(self, index: int, made: Any) -> dict[str, Any]:
         part = self.parts[index]
@@ -205,47 +235,60 @@ class Pictures(Job):
 
     def _made(self, part: Part) -> dict[str, Any]:
         """Return each picture of a part's views as it was read, and in its weather, by its name."""
-        views, depths = self._views(part), None
-        pair = len(views) > 1
+        views = self._views(part)
         read = [Stored.of(self.source / view) for view in views]
-        if self.swap is not None:
-            depths = [self._read_depth(self._depth_of(view)) for view in views]
+        given: dict[str, Any] = {
+            kind: [self._label(kind, *one) for one in zip(views, read, strict=True)]
+            for kind in (*self.swaps, *(() if self.boxes is None else ("boxes",)))
+        }
+        pictures: Any = tuple(one.display for one in read)
+        if len(views) == 1:
+            (pictures,), given = pictures, {kind: label for kind, (label,) in given.items()}
         seen = augment.replay(self._record(part)).apply(
-            tuple(one.display for one in read) if pair else read[0].display,
-            time=self.known[part.name].time, fps=self.fps, motion=self.motion,
-            depth=depths if pair or depths is None else depths[0], distance=self.distance,
+            pictures, time=self.known[part.name].time, fps=self.fps, distance=self.distance,
+            motion=not _SLOW.isdisjoint(self.planes), **given,
         )  # fmt: skip
-        each = seen if pair else (seen,)
+        each = seen if len(views) > 1 else (seen,)
         return {view: (one, made) for view, one, made in zip(views, read, each, strict=True)}
 
     def _views(self, part: Part) -> tuple[str, ...]:
         """Return the pictures that are made together: both of a pair."""
         return self.known[part.name].eyes or (part.name,)
 
-    def _depth_of(self, name: str) -> Path:
-        assert self.swap is not None
-        way = self.source / name.replace(*self.swap)
-        for suffix in _DEPTHS:
-            path = way.with_suffix(suffix)
-            if path != self.source / name and path.is_file():
+    def path_of_label(self, kind: str, name: str) -> Path | None:
+        """Return the file of a picture's label; None where there is none, but a folder of such."""
+        base, way = self.source / name, self.source / name.replace(*self.swaps[kind])
+        for ending in ENDINGS[kind]:
+            path = way.with_name(way.stem + ending)
+            if path != base and path.is_file():
                 return path
-        raise FileNotFoundError(2, f"No depth {' '.join(_DEPTHS)} of {name} is there", str(way))
+        if kind in ("boxes", "masks") and (way.parent == base.parent or way.parent.is_dir()):
+            return None
+        raise FileNotFoundError(2, f"No {kind} {' '.join(ENDINGS[kind])} of {name}", str(way))
 
-    def _read_depth(self, path: Path) -> Array:
-        if path.suffix == ".npy":
-            found: Array = np.load(path, allow_pickle=False)
-        elif path.suffix == ".png":
-            found = read_picture(path).pixels[..., 0]
-        else:
-            found = read_depth(path)
-        return np.asarray(np.asarray(found, np.float32) * np.float32(self.unit))
+    def hash_of(self, path: Path) -> str:
+        return self._hashes[path]
+
+    def _label(self, kind: str, name: str, picture: Stored) -> Array:
+        shape = picture.picture.pixels.shape[:2]
+        if kind == "boxes" and self.boxes is not None:
+            return np.reshape(self.boxes.get(name, ()), (-1, 4))
+        path = self.path_of_label(kind, name)
+        if path is None:
+            return np.zeros((0, 4)) if kind == "boxes" else np.zeros(shape, np.uint8)
+        found = read_label(kind, path, shape)
+        return found * np.float32(self.unit) if kind == "depth" else found
 
     def _content(self, part: Part) -> str:
         """Return a hash of the files that a picture in weather depends on."""
         views = self._views(part)
         files = [self.source / view for view in views]
-        files += [] if self.swap is None else map(self._depth_of, views)
+        kinds = [kind for kind in self.swaps if kind in (*ALWAYS, NEEDS.get(part.plane))]
+        labels = [self.path_of_label(kind, view) for kind in kinds for view in views]
+        files += [label for label in labels if label is not None]
         first, *more = [self._hashes[file] for file in files]
+        if part.plane == "occlusion" and self.boxes is not None:
+            more += [repr(self.boxes.get(view)) for view in views]
         return hashlib.sha256("".join([first, *more]).encode()).hexdigest() if more else first
 
     def _record(self, part: Part) -> dict[str, Any]:
@@ -259,3 +302,10 @@ class Pictures(Job):
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_last": (None, {})}
+
+
+def _plain(values: Array) -> list[Any]:
+    """Return numbers as JSON has them: what is not known is null."""
+    known = np.isfinite(values)
+    found: list[Any] = np.where(known, np.asarray(values, object), None).tolist()  # type: ignore[call-overload]
+    return found

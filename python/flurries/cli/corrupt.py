@@ -6,6 +6,7 @@ import click
 
 from flurries.augment import corrupt as sets
 from flurries.augment.layouts import LAYOUTS
+from flurries.augment.sets import TRUTH
 from flurries.cli.options import FILE, OVERWRITE, command, dask, option, switch, voice
 from flurries.cli.words import Words, count, say
 
@@ -40,8 +41,10 @@ FAILED = 2
 @option("--depths", str, "TEXT:TEXT", "rgb:depth", "none",
         "a text in a picture's path, and what stands there in that of its depth")  # fmt: skip
 @option("--depth-unit", float, "M", "0.001", None, "metres of one step of the depths", default=1.0)
-@option("--truth", str, "NAMES", "alpha,depth", "none",
-        "planes to write, too: alpha, depth, disparity, motion")  # fmt: skip
+@option("--labels", str, "KIND=TEXT:TEXT", "flow=rgb:flow", "the layout's",
+        "the same for boxes, masks, flow, and masks of wet ground", multiple=True)  # fmt: skip
+@option("--truth", str, "NAMES", "alpha,depth", "none", f"to write, too: {', '.join(TRUTH)}")
+@option("--shards", int, "N", "1000", "none", "samples of each tar for webdataset", default=0)
 @switch("--dry-run", "say what would be made, and make nothing")
 @option("--workers", int, "N", "4", "all cores", "processes")
 @dask("processes of this machine")
@@ -49,7 +52,7 @@ FAILED = 2
 @voice
 def corrupt(
     words: Words, source: str, target: str, weather: str, truth: str | None, depths: str | None,
-    dry_run: bool, **how: Any,
+    labels: tuple[str, ...], dry_run: bool, **how: Any,
 ) -> int:  # fmt: skip
     """Write the data set IN_DIR in weather: its pictures changed, other files copied.
 
@@ -57,9 +60,12 @@ def corrupt(
     what is missing.
     """
     pair: Any = None if depths is None else tuple(depths.split(":"))
+    told: Any = {
+        kind: tuple(text.split(":")) for kind, _, text in (o.partition("=") for o in labels)
+    }
     made = sets.corrupt(
         source, target, weather=weather.split(","), truth=truth.split(",") if truth else (),
-        depths=pair, dry_run=dry_run, progress=words.progress("file"), **how,
+        depths=pair, labels=told, dry_run=dry_run, progress=words.progress("file"), **how,
     )  # fmt: skip
     words.say(f"{source}: layout {made.layout}")
     for why, number in {**made.found, **made.skipped}.items():

@@ -1,0 +1,96 @@
+"""Shards: samples of a set in weather as plain tar files, named as webdataset reads them."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import tarfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from flurries.augment.sets import COPY, Part, Pictures
+from flurries.io import replacing
+from flurries.io.stores import Store
+from flurries.output.journal import Journal, Mark
+from flurries.output.sequence import Job
+
+# What a sample says of its weather.
+_SAID = ("source", "weather", "severity", "strength", "record")
+
+
+# The name of a member, its content, and what tells it from others.
+Member: TypeAlias = "tuple[str, Path | bytes, str]"
+
+
+@dataclass(kw_only=True)
+class Shards(Job):
+    """All shards of a set by their ways; those that are there and not right are made again."""
+
+    folder: Path
+    shards: list[tuple[Path, list[Member]]]
+    scratch: bool = True
+
+    @classmethod
+    def of(cls, job: Pictures, count: int) -> Shards:
+        """Return the shards, of so many samples each, of pictures that have been made."""
+        journal = Journal(Store(), job.folder)
+        lines = {name: journal.lines(name)[-1] for name in journal.names()}
+        samples: dict[tuple[str, int], dict[str, list[Part]]] = {}
+        for part in job.parts:
+            if part.plane != COPY:
+                own = samples.setdefault((part.kind, part.level), {})
+                own.setdefault(part.name, []).append(part)
+        found = []
+        for (kind, level), each in samples.items():
+            parts = list(each.values())
+            for number, first in enumerate(range(0, len(parts), count)):
+                group = parts[first : first + count]
+                members = [member for one in group for member in _sample(job, one, lines)]
+                found.append((Path(kind, f"{level}-shards", f"{number:06d}.tar"), members))
+        return cls(folder=job.folder, shards=[shard for shard in found if shard[1]])
+
+    def path_of(self, index: int) -> Path:
+        return self.folder / self.shards[index][0]
+
+    def mark_of(self, index: int) -> Mark:
+        told = "".join(f"{name}\0{content}\0" for name, _, content in self.shards[index][1])
+        return Mark("shards", index, hashlib.sha256(told.encode()).hexdigest())
+
+    def make(self, index: int, numbers: Iterable[int]) -> Any:
+        return self.shards[index][1]
+
+    def save(self, path: Path, made: Any, header: dict[str, Any]) -> None:
+        with replacing(path) as temporary, tarfile.open(temporary, "w") as shard:
+            for name, content, _ in made:
+                data = content if isinstance(content, bytes) else content.read_bytes()
+                # Nobody's and of no time: equal members are equal bytes.
+                told = tarfile.TarInfo(name)
+                told.size = len(data)
+                shard.addfile(told, io.BytesIO(data))
+
+
+def _sample(job: Pictures, parts: list[Part], lines: dict[str, Any]) -> list[Member]:
+    """Return the members of a picture: their names, contents and what these are known by."""
+    first, *planes = parts
+    line = lines.get(first.path.as_posix())
+    if line is None:
+        return []  # It could not be made.
+    # What follows the first dot of a name says what a member is.
+    way = Path(first.name).with_suffix("")
+    key = way.with_name(way.name.replace(".", "_")).as_posix()
+    said = json.dumps({name: line[name] for name in _SAID})
+    found: list[Member] = [
+        (f"{key}{first.path.suffix.lower()}", job.folder / first.path, line["sha256"]),
+        (f"{key}.json", said.encode(), said),
+    ]
+    for part in planes:
+        if (line := lines.get(part.path.as_posix())) is not None:
+            member = f"{key}.{part.plane}{part.path.suffix.lower()}"
+            found.append((member, job.folder / part.path, line["sha256"]))
+    for kind in job.swaps:
+        if (path := job.path_of_label(kind, first.name)) is not None:
+            found.append((f"{key}.{kind}{path.suffix}", path, job.hash_of(path)))
+    return found
