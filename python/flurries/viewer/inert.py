@@ -6,13 +6,13 @@ from typing import Any
 from flurries.frame.needs import has_keys, needs_of
 from flurries.scene.scene import Scene
 from flurries.viewer import controls
-from flurries.viewer.controls import DIRECTION, LONGEST, OCTAVES, SEED, SPEED
-from flurries.viewer.rows import COLOR, LAMP, ON, OPENING, PRESET
+from flurries.viewer.controls import DIRECTION, LAMP, OPENING, PRESET
 
 # Rows that shape one part of an effect alone, by the part's name in the plan.
 _SHAPES = {
-    "texture": ("mean", "exponent", OCTAVES, LONGEST), "flakes": ("flake_size", "drop_size"),
-}  # fmt: skip
+    "texture": ("mean", "exponent", controls.OCTAVES, controls.LONGEST),
+    "flakes": ("flake_size", "drop_size"),
+}
 
 # Rows that may bring back what is left out.
 _SWITCHES = ("amount", "texture", "flakes", "drops", "count", "density", "haze", "opacity", PRESET)
@@ -38,18 +38,18 @@ def inert(scene: Scene, values: Mapping[str, Any]) -> dict[str, str]:
         veiled = bool(steps) and steps <= {"veil", "join", "local light"}
         if veiled:
             even = "only a veil is shown"
-            whys |= {name: even for name in own if name not in (*_SWITCHES, COLOR)}
+            whys |= {name: even for name in own if name not in (*_SWITCHES, controls.COLOR)}
         if DIRECTION in own and not has_keys(effect) and not any(controls.air_of(effect)[:2]):
             whys.setdefault(DIRECTION, "the speed is 0")
         if even:
-            whys = dict.fromkeys((DIRECTION, SPEED, SEED), even) | whys
+            whys = dict.fromkeys((DIRECTION, controls.SPEED, controls.SEED), even) | whys
         shown, drawn = shown or bool(steps), drawn or (bool(steps) and not veiled)
         moving |= bool(steps) and not even
         blurred |= "flakes" in steps or ("texture" in steps and hasattr(effect, "emission"))
         found |= {prefix + name: why for name, why in whys.items()}
     found |= dict.fromkeys(controls.CAMERA, "" if moving else _NONE)
     found[controls.LENS] = "" if drawn else _NONE
-    if values.get(f"{LAMP}.on") != ON:
+    if values.get(f"{LAMP}.on") != controls.ON:
         found |= {key: "the lamp is off" for key in rows if key.startswith(f"{LAMP}.")}
         found[f"{LAMP}.on"] = "" if shown else _NONE
     if scene.lens is None or not blurred:
