@@ -221,7 +221,7 @@ def test_a_record_that_is_none_is_refused(change: Any):
 
 @EACH
 def test_draws_fill_their_ranges(kind: str):
-    weather = KINDS[kind](amount=(0.1, 0.9), seed=3)
+    weather = KINDS[kind](amount=(0.1, 0.9), shade=(0.0, 500.0), drops=(1.0, 9.0), seed=3)
     records = [weather.record(index=k) for k in range(400)]
     for name in ("amount", *weather.DRAWN):
         low, high = getattr(weather, name)

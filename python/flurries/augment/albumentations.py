@@ -15,7 +15,6 @@ from albumentations.core import transforms_interface as _interface
 
 from flurries import augment
 from flurries._contract import rate_of
-from flurries.augment.pictures import mixed
 from flurries.augment.pipelines import thicker, transforms
 
 __all__ = ["Fog", "Rainfall", "Snowfall"]
@@ -52,10 +51,8 @@ class _Transform(_host.ImageOnlyTransform):  # type: ignore[misc]
                 "image must have 1, 3, or 5 and more channels, got 4: give an alpha as a mask"
             )
         # Bands of a spectrum: each is covered as grey is.
-        covered = weather.apply(np.zeros(img.shape[:2], np.float32), depth=depth)
-        bands = [img[..., band : band + 1] for band in range(img.shape[2])]
-        seen = [mixed(band, covered.alpha, covered.color, weather.white) for band in bands]
-        return np.concatenate(seen, axis=2)
+        bands = [np.ascontiguousarray(img[..., k : k + 1]) for k in range(img.shape[2])]
+        return np.concatenate([weather(band, depth=depth) for band in bands], axis=2)
 
     def apply_to_images(
         self, images: Any, *args: Any, record: Mapping[str, Any], depth: Any = None, **params: Any

@@ -19,7 +19,17 @@ from flurries._contract import choice, flag, integer, mapping, rate_of, real, se
 from flurries.augment.calibration import PROFILES, Profile
 from flurries.augment.card import write_card
 from flurries.augment.layouts import LAYOUTS, Layout, Member, files_of, layout_of, members_of
-from flurries.augment.sets import ALWAYS, COPY, NEEDS, TRUTH, WEATHERS, Part, Pictures, strength_of
+from flurries.augment.sets import (
+    ALWAYS,
+    COPY,
+    NEEDS,
+    TRUTH,
+    WEATHERS,
+    Part,
+    Pictures,
+    strength_of,
+    weather_of,
+)
 from flurries.augment.shards import Shards
 from flurries.io import frame_range
 from flurries.io.annotations import read_coco
@@ -73,8 +83,9 @@ def corrupt(
     focal: float | None = None, distance: float | None = None,
     depths: tuple[str, str] | None = None, depth_unit: float = 1.0,
     labels: Mapping[str, tuple[str, str]] | None = None, truth: str | Sequence[str] = (),
-    shards: int = 0, workers: int | None = None, dask: str | None = None, overwrite: bool = False,
-    dry_run: bool = False, progress: Callable[[Iterable[Any]], Iterable[Any]] | None = None,
+    shards: int = 0, shade: float = 0.0, drops: float = 0.0, workers: int | None = None,
+    dask: str | None = None, overwrite: bool = False, dry_run: bool = False,
+    progress: Callable[[Iterable[Any]], Iterable[Any]] | None = None,
 ) -> Corrupted:  # fmt: skip
     """Write a data set in weather: its pictures changed, all its other files copied.
 
@@ -112,6 +123,8 @@ def corrupt(
     shards : int
         Samples of each tar file for webdataset, ``out/snow/3-shards/000000.tar``, with a picture,
         its truth and labels under one name. 0 writes none.
+    shade, drops : float
+        See :class:`flurries.augment.Snowfall`.
     dask : str, optional
         Address of a Dask scheduler in place of own processes; "" starts a cluster here.
     overwrite : bool
@@ -150,6 +163,8 @@ def corrupt(
         real("depth_unit", depth_unit, above=0.0),
         integer("shards", shards, low=0, high=10**9),
     )
+    more = {name: value for name, value in (("shade", shade), ("drops", drops)) if value}
+    weather_of("snow", 1, profile, **more)
     swaps = _swaps(depths, labels, by, planes)
     pictures, others = members_of(source, files, by, fps=rate, films=films, pairs=pairs)
     if not pictures:
@@ -185,7 +200,7 @@ def corrupt(
         folder=target.absolute(), source=source.absolute(),
         known={one.name: one for one in pictures}, parts=parts, seed=start, profile=profile,
         overwrite=again, planes=planes, fps=rate, focal=lens, distance=apart, swaps=swaps,
-        boxes=boxes, unit=unit,
+        boxes=boxes, unit=unit, more=more,
     )  # fmt: skip
     # All of them now: a worker may have a folder to itself no more than another.
     _make_folders(target / part.path for part in parts)

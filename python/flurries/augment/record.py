@@ -42,11 +42,13 @@ class Recorded:
     ground: Ground | None = None
     focal: float = 1.2
     white: float = 1.0
+    shade: Range = 0.0
+    drops: Range = 0.0
     seed: int | None = None
     weather_seed: int | None = None
 
-    # Limits of the weather's own numbers that are drawn, in the order of their random numbers.
-    DRAWN: ClassVar[Mapping[str, Limits]] = {}
+    # Limits of numbers that are drawn, in the order of their random numbers: these come last.
+    DRAWN: ClassVar[Mapping[str, Limits]] = {"shade": (0.0, 1e5), "drops": (0.0, 1e4)}
     # Limits of those that are not.
     FIXED: ClassVar[Mapping[str, Limits]] = {"focal": (0.05, 1e3), "white": (1e-30, 1e30)}
     WEATHER: ClassVar[Kind]

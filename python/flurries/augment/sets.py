@@ -157,6 +157,7 @@ class Pictures(Job):
     swaps: Mapping[str, tuple[str, str]]
     boxes: Mapping[str, list[list[float]]] | None  # Of pictures by their names, as COCO has them.
     unit: float  # Of depths, metres.
+    more: Mapping[str, float]  # Of the weathers, where it is not as usual.
     tolerant: bool = True
     _hashes: Hashes = field(default_factory=Hashes)
     # The pictures made last, as read and in weather, and what they are.
@@ -170,7 +171,8 @@ class Pictures(Job):
         if part.copied:
             return Mark(COPY, 0, self._hashes[self.source / part.name])
         scale = "" if self.profile == "natural" else f"-{self.profile}"
-        camera = f"{self.fps:g} {self.focal:g} {self.distance:g} {self.unit:g}"
+        camera = "".join(f"{name} {value:g} " for name, value in self.more.items())
+        camera += f"{self.fps:g} {self.focal:g} {self.distance:g} {self.unit:g}"
         scene = f"{part.kind}-{part.level}-{self.seed}{scale}-{part.plane} {camera}"
         return Mark(scene, self._number(part), self._content(part))
 
@@ -292,7 +294,8 @@ class Pictures(Job):
         return hashlib.sha256("".join([first, *more]).encode()).hexdigest() if more else first
 
     def _record(self, part: Part) -> dict[str, Any]:
-        weather = weather_of(part.kind, part.level, self.profile, seed=self.seed, focal=self.focal)
+        how = {"seed": self.seed, "focal": self.focal, **self.more}
+        weather = weather_of(part.kind, part.level, self.profile, **how)
         return dict(weather.record(index=self._number(part)))
 
     def _number(self, part: Part) -> int:

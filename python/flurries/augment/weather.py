@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Array, choice, flag, int64, mapping, output, rate_of, real
+from flurries.augment import surfaces
 from flurries.augment.air import FPS, Air, Here, View
-from flurries.augment.distance import Depth, Distances, distances_of
+from flurries.augment.distance import Depth, Distances, Ground, distances_of
 from flurries.augment.labels import Weathered, boxes_of, flow_of, hidden
 from flurries.augment.pictures import layer_of, mixed, picture_of, stack_of
 from flurries.augment.record import VERSION, Recorded
@@ -31,18 +32,19 @@ class Weather(Recorded):
     @overload
     def __call__(
         self, image: npt.ArrayLike, *, index: int | None = None, time: float | None = None,
-        depth: Depth = None, return_layer: Literal[False] = False, out: Array | None = None,
+        depth: Depth = None, wet: Any = None, return_layer: Literal[False] = False,
+        out: Array | None = None,
     ) -> Array: ...  # fmt: skip
 
     @overload
     def __call__(
         self, image: npt.ArrayLike, *, index: int | None = None, time: float | None = None,
-        depth: Depth = None, return_layer: Literal[True], out: Array | None = None,
+        depth: Depth = None, wet: Any = None, return_layer: Literal[True], out: Array | None = None,
     ) -> tuple[Array, Array]: ...  # fmt: skip
 
     def __call__(
         self, image: npt.ArrayLike, *, index: int | None = None, time: float | None = None,
-        depth: Depth = None, return_layer: bool = False, out: Array | None = None,
+        depth: Depth = None, wet: Any = None, return_layer: bool = False, out: Array | None = None,
     ) -> Any:  # fmt: skip
         """Return the picture in this weather.
 
@@ -61,6 +63,8 @@ class Weather(Recorded):
             How far away what is seen is: metres, infinity where nothing stands, 0 or NaN where it
             is not known; relative depths through :class:`flurries.scene.DepthMap`. Without it
             `ground`'s, else that of the sky.
+        wet : (H, W) bool or float, optional
+            Share of ground under water, 0 to 1: darker, a mirror along the horizon of `ground`.
         return_layer : bool
             Also return the weather alone, (H, W, 4) float32, premultiplied.
         out : like `image`, optional
@@ -73,7 +77,7 @@ class Weather(Recorded):
         given = picture_of("image", image)
         moment, rate = (0.0, None) if time is None else (_seconds(time), FPS)
         record = self._drawn(given, index)
-        made = self._made([given], [record], [depth], [moment], return_layer, rate)
+        made = self._made([given], [record], [depth], [wet], [moment], return_layer, rate)
         ((seen, layer),) = made
         if out is not None:
             result = output(out, seen.shape, seen.dtype, given)
@@ -83,7 +87,7 @@ class Weather(Recorded):
 
     def clip(
         self, frames: npt.ArrayLike, *, index: int | None = None, fps: float = 30.0,
-        time: float = 0.0, depth: Depth = None, return_layer: bool = False,
+        time: float = 0.0, depth: Depth = None, wet: Any = None, return_layer: bool = False,
     ) -> Any:  # fmt: skip
         """Return the frames of one film in one weather that moves; arguments as of a call.
 
@@ -94,7 +98,7 @@ class Weather(Recorded):
             Frames per second.
         time : float
             Seconds at the first frame.
-        depth : as for a call, or (T, H, W), optional
+        depth, wet : as for a call, or (T, H, W), optional
             For all frames, or of each.
 
         Returns
@@ -105,11 +109,11 @@ class Weather(Recorded):
         given, rate = stack_of("frames", frames), rate_of(fps)
         records = [self._drawn(given[0], index)] * len(given)
         times = [_seconds(time) + number / rate for number in range(len(given))]
-        return self._stacked(given, records, depth, times, return_layer, rate)
+        return self._stacked(given, records, depth, wet, times, return_layer, rate)
 
     def batch(
         self, images: npt.ArrayLike, *, index: int | Sequence[int] | None = None,
-        depth: Depth = None, return_layer: bool = False,
+        depth: Depth = None, wet: Any = None, return_layer: bool = False,
     ) -> Any:  # fmt: skip
         """Return pictures, each in a weather of its own; arguments as of a call.
 
@@ -118,7 +122,7 @@ class Weather(Recorded):
         images : (N, H, W) or (N, H, W, 1 or 3)
         index : int or N ints, optional
             Of the first picture, whose followers count up; or of each.
-        depth : as for a call, or (N, H, W), optional
+        depth, wet : as for a call, or (N, H, W), optional
 
         Returns
         -------
@@ -132,11 +136,12 @@ class Weather(Recorded):
             index = [(first + k) % 2**64 - 2**63 for k in range(len(given))]
         wanted = _each("index", index, len(given))
         records = [self._drawn(image, k) for image, k in zip(given, wanted, strict=True)]
-        return self._stacked(given, records, depth, [0.0] * len(given), return_layer)
+        return self._stacked(given, records, depth, wet, [0.0] * len(given), return_layer)
 
     def pair(
         self, left: npt.ArrayLike, right: npt.ArrayLike, *, index: int | None = None,
-        time: float = 0.0, depth: Depth = None, distance: float = 0.12, return_layer: bool = False,
+        time: float = 0.0, depth: Depth = None, wet: Any = None, distance: float = 0.12,
+        return_layer: bool = False,
     ) -> Any:  # fmt: skip
         """Return both pictures of a rectified stereo pair in one weather; arguments as of a call.
 
@@ -144,7 +149,7 @@ class Weather(Recorded):
         ----------
         left, right : (H, W) or (H, W, 1 or 3)
             Of one height and width.
-        depth : as for a call, or (left, right), optional
+        depth, wet : as for a call, or (left, right), optional
         distance : float
             Of the two cameras, metres: what is z metres away has the disparity
             ``focal * distance / z``. Set `focal` to the camera's.
@@ -157,14 +162,15 @@ class Weather(Recorded):
         pictures = _pair(left, right)
         records = [self._drawn(pictures[0], index)] * 2
         times, eyes = [_seconds(time)] * 2, (None, distance, (-1, 1))
-        made = self._made(pictures, records, depth, times, return_layer, *eyes)
+        made = self._made(pictures, records, depth, wet, times, return_layer, *eyes)
         seen, layers = zip(*made, strict=True)
         return (*seen, *layers) if layers[0] is not None else seen
 
     def apply(
         self, image: Any, *, index: int | None = None, time: float | None = None, fps: float = 30.0,
-        depth: Depth = None, boxes: Any = None, masks: Any = None, flow: Any = None,
-        motion: bool = False, eye: Literal["left", "right"] | None = None, distance: float = 0.12,
+        depth: Depth = None, wet: Any = None, boxes: Any = None, masks: Any = None,
+        flow: Any = None, motion: bool = False, eye: Literal["left", "right"] | None = None,
+        distance: float = 0.12,
     ) -> Any:  # fmt: skip
         """Return a picture in this weather with its labels; or those of a film or a stereo pair.
 
@@ -172,7 +178,7 @@ class Weather(Recorded):
         ----------
         image : array, or (left, right)
             A picture as for a call, a film (T, H, W, 1 or 3), or the two of a rectified pair.
-        index, time, depth, fps, distance
+        index, time, depth, wet, fps, distance
             As for a call, `clip` and `pair`; `fps` also of the film that a picture is of.
         boxes : (n, 4), optional
             (x0, y0, x1, y1) in pixels; the result says how much of each is hidden.
@@ -206,6 +212,7 @@ class Weather(Recorded):
             sides *= len(pictures)
         else:
             pictures, times, depth = [picture_of("image", image)], [moment], [depth]
+            wet = [wet]
             labels = [[label] for label in labels]
         count, record = len(pictures), self._drawn(pictures[0], index)
         each = [_each(name, label, count) for name, label in zip(_LABELS, labels, strict=True)]
@@ -214,6 +221,7 @@ class Weather(Recorded):
         flows = [None if one is None else flow_of(one, shape) for one in each[2]]
         goes_on = rate if time is not None or len(set(times)) > 1 else None
         airs = self._airs(pictures, [record] * count, depth, times, goes_on, distance, sides)
+        wets = _spread("wet", wet, count)
         found = []
         for k, here in enumerate(airs):
             alpha, veil = here.alpha()
@@ -221,10 +229,18 @@ class Weather(Recorded):
             if wanted or sides or flows[k] is not None or here.distances.given is not None:
                 later = partial(mixture_of, here, alpha, flows[k], wanted, rate)
             found.append(Weathered(
-                mixed(pictures[k], alpha, color, self.white), alpha, color, record, each[0][k],
-                each[1][k], **hidden(alpha, veil, corners[k], each[1][k]), _mixture=later,
+                self._seen(pictures[k], alpha, here, record, wets[k]), alpha, color, record,
+                each[0][k], each[1][k], **hidden(alpha, veil, corners[k], each[1][k]),
+                _mixture=later,
             ))  # fmt: skip
         return tuple(found) if pair else found if film else found[0]
+
+    def _seen(
+        self, picture: Array, alpha: Array, here: Here, record: dict[str, Any], wet: Any
+    ) -> Array:
+        if wet is None and record["shade"] == record["drops"] == 0.0:
+            return mixed(picture, alpha, record["color"], self.white)
+        return surfaces.seen(picture, alpha, here, record, wet, (self.ground or Ground()).horizon)
 
     def _airs(
         self, pictures: Iterable[Array], records: list[dict[str, Any]], depth: Depth,
@@ -233,8 +249,7 @@ class Weather(Recorded):
     ) -> Iterator[Here]:  # fmt: skip
         """Yield the air before each picture: before both eyes one, by what the left one sees."""
         half = 0.5 * real("distance", apart, low=0.0, high=1e3)
-        several = isinstance(depth, (list, tuple)) or getattr(depth, "ndim", 0) == 3
-        depths = _each("depth", depth, len(times)) if several else [depth] * len(times)
+        depths, several = _spread("depth", depth, len(times)), _is_several(depth)
         far: Distances | None = None
         first: Here | None = None
         for k, (picture, record) in enumerate(zip(pictures, records, strict=True)):
@@ -250,25 +265,26 @@ class Weather(Recorded):
             yield here
 
     def _made(
-        self, pictures: Iterable[Array], records: list[dict[str, Any]], depth: Depth,
+        self, pictures: Iterable[Array], records: list[dict[str, Any]], depth: Depth, wet: Any,
         times: list[float], layers: bool, *how: Any,
     ) -> Iterator[tuple[Array, Array | None]]:  # fmt: skip
         """Yield each picture in its weather, and the layer where it is asked for."""
         whole = flag("return_layer", layers)
         airs = self._airs(pictures, records, depth, times, *how)
-        for picture, record, here in zip(pictures, records, airs, strict=True):
+        wets = _spread("wet", wet, len(times))
+        for picture, record, here, mask in zip(pictures, records, airs, wets, strict=True):
             alpha, _ = here.alpha(passing=True)
-            seen = mixed(picture, alpha, record["color"], self.white)
+            seen = self._seen(picture, alpha, here, record, mask)
             yield seen, layer_of(alpha, record["color"]) if whole else None
 
     def _stacked(
-        self, given: Array, records: list[dict[str, Any]], depth: Depth, times: list[float],
-        layers: bool, *how: Any,
+        self, given: Array, records: list[dict[str, Any]], depth: Depth, wet: Any,
+        times: list[float], layers: bool, *how: Any,
     ) -> Any:  # fmt: skip
         result = np.empty(given.shape, given.dtype.newbyteorder("="))
         shape = (*given.shape[:3], 4)
         whole = np.empty(shape, np.float32) if flag("return_layer", layers) else None
-        for k, made in enumerate(self._made(given, records, depth, times, layers, *how)):
+        for k, made in enumerate(self._made(given, records, depth, wet, times, layers, *how)):
             result[k] = made[0]
             if whole is not None:
                 whole[k] = made[1]
@@ -320,6 +336,15 @@ def _pair(left: Any, right: Any) -> list[Array]:
 
 def _seconds(time: float) -> float:
     return real("time", time, low=-1e9, high=1e9)
+
+
+def _is_several(value: Any) -> bool:
+    return isinstance(value, (list, tuple)) or getattr(value, "ndim", 0) == 3
+
+
+def _spread(name: str, value: Any, count: int) -> list[Any]:
+    """Return what belongs to each of several pictures, or to all of them."""
+    return _each(name, value, count) if _is_several(value) else [value] * count
 
 
 def _each(name: str, value: Any, count: int) -> list[Any]:

@@ -28,6 +28,7 @@ class Precipitation(Weather):
 
     DRAWN: ClassVar[Mapping[str, Limits]] = {
         "wind": (-100.0, 100.0), "fall": (-100.0, 100.0), "exposure": (0.0, 10.0),
+        **Recorded.DRAWN,
     }  # fmt: skip
     FIXED: ClassVar[Mapping[str, Limits]] = {**Recorded.FIXED, "veil": (0.0, 1.0)}
 
@@ -66,6 +67,10 @@ class Snowfall(Precipitation):
         Focal length, in lengths of the picture's longer side.
     white : float
         Value of white in float pictures; in integers it is their full scale.
+    shade : number or range
+        Metres of this weather overhead, which take the sun's light and half of its shadows.
+    drops : number or range
+        Drops on the lens: discs that show what is around them upside down. No label knows them.
     seed : int, optional
         Seed of all draws. Without it each call draws anew, in every process.
     weather_seed : int, optional
@@ -100,7 +105,8 @@ class Rainfall(Precipitation):
 
     Parameters
     ----------
-    amount, severity, profile, veil, wind, color, ground, focal, white, seed, weather_seed
+    amount, severity, profile, veil, wind, color, ground, focal, white, shade, drops, seed, \
+    weather_seed
         See :class:`Snowfall`.
     fall : number or range
         Fall speed, metres per second: 4 for drizzle, 9 for the largest drops.
@@ -138,7 +144,7 @@ class Fog(Weather):
 
     Parameters
     ----------
-    amount, severity, profile, ground, focal, white, seed, weather_seed
+    amount, severity, profile, ground, focal, white, shade, drops, seed, weather_seed
         See :class:`Snowfall`.
     visibility : number or range, optional
         Distance in metres at which 5 % of a contrast is left, in place of amount and severity.
@@ -172,7 +178,9 @@ class Fog(Weather):
     patches: Range = (0.0, 0.3)
     wind: Range = (-0.1, 0.1)
 
-    DRAWN: ClassVar[Mapping[str, Limits]] = {"patches": (0.0, 1.0), "wind": (-100.0, 100.0)}
+    DRAWN: ClassVar[Mapping[str, Limits]] = {
+        "patches": (0.0, 1.0), "wind": (-100.0, 100.0), **Recorded.DRAWN,
+    }  # fmt: skip
     WEATHER: ClassVar[Kind] = "fog"
 
     def __post_init__(self) -> None:

@@ -45,6 +45,9 @@ FAILED = 2
         "the same for boxes, masks, flow, and masks of wet ground", multiple=True)  # fmt: skip
 @option("--truth", str, "NAMES", "alpha,depth", "none", f"to write, too: {', '.join(TRUTH)}")
 @option("--shards", int, "N", "1000", "none", "samples of each tar for webdataset", default=0)
+@option("--shade", float, "M", "500", None, "metres of the weather overhead, which dim the light",
+        default=0.0)  # fmt: skip
+@option("--drops", float, "N", "30", None, "drops on the lens", default=0.0)
 @switch("--dry-run", "say what would be made, and make nothing")
 @option("--workers", int, "N", "4", "all cores", "processes")
 @dask("processes of this machine")
