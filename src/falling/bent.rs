@@ -7,6 +7,8 @@
 //! that the nodes say. Nodes and runs count from the picture's first pixel: windows and parts have the
 //! bits of the whole.
 
+use std::ops::Range;
+
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 
 use super::layers::left;
@@ -107,7 +109,8 @@ impl<'a> Sight<'a> {
         let (down, right) = self.rounds(at);
         let (row, col) = ((at.0 + down) as usize, (at.1 + right) as usize);
         let line = &self.places[place][row * self.period.1 as usize..][..self.period.1 as usize];
-        std::array::from_fn(|i| line[(col + i) % line.len()])
+        let near = line.get(col..).and_then(<[u8]>::first_chunk).copied();
+        near.unwrap_or_else(|| std::array::from_fn(|i| line[(col + i) % line.len()]))
     }
 }
 
@@ -191,10 +194,11 @@ pub fn read<'a>(
             reserve(&mut plane, size)?;
             plane.resize(size, 0.0);
             let top = corner[0] + APART + rows.start - margin;
+            let runs = first / RUN..(corner[1] + APART + columns + margin).div_ceil(RUN);
             for sight in &part.sights {
                 cancel.check()?;
                 for (row, line) in (top..).zip(plane.chunks_exact_mut(width)) {
-                    sum(line, sight, row, cells.start);
+                    sum(line, sight, row, &runs);
                 }
             }
             for (row, mut out) in out.rows_mut().into_iter().enumerate() {
@@ -223,9 +227,10 @@ fn node<const N: usize>(nodes: &ArrayView3<'_, f32>, row: usize, col: usize) -> 
     })
 }
 
-/// Adds a row of a sheet, from a cell on.
+/// Adds some runs of a row of a sheet to a line that begins with the cell of the first.
 #[dispatch]
-fn sum<const LEVEL: u8>(line: &mut [f32], sight: &Sight<'_>, row: usize, first: usize) {
+fn sum<const LEVEL: u8>(line: &mut [f32], sight: &Sight<'_>, row: usize, needed: &Range<usize>) {
+    let first = needed.start / RUNS;
     let mut right: [f32; NUMBERS] = node(&sight.nodes, row, first);
     for (col, cell) in (first..).zip(line.chunks_exact_mut(APART)) {
         let left = right;
@@ -246,12 +251,15 @@ fn sum<const LEVEL: u8>(line: &mut [f32], sight: &Sight<'_>, row: usize, first: 
                 (at.0 + ((y + down) >> 2), at.1 + ((x + aside) >> 2) + (k * RUN) as i32);
             (places[k], gains[k], bases[k]) = (4 * down + aside, gain * sight.unit, base);
         }
+        let skipped = needed.start.saturating_sub(col * RUNS);
+        let end = RUNS.min(needed.end - col * RUNS);
         let runs = cell.as_chunks_mut::<RUN>().0.iter_mut().enumerate();
         let rounds = sight.rounds((rows[0], cols[0]));
         let last = (rows[RUNS - 1] + rounds.0, cols[RUNS - 1] + rounds.1);
         let on = |at: i32, most: i32| (0..=most).contains(&at);
         // What is even is farthest at its ends.
-        if on(last.0, sight.period.0 - 1) && on(last.1, sight.period.1 - RUN as i32) {
+        let whole = end - skipped == RUNS;
+        if whole && on(last.0, sight.period.0 - 1) && on(last.1, sight.period.1 - RUN as i32) {
             let mut from = [0; RUNS];
             for k in 0..RUNS {
                 from[k] = (rows[k] + rounds.0) * sight.period.1 + cols[k] + rounds.1;
@@ -265,7 +273,7 @@ fn sum<const LEVEL: u8>(line: &mut [f32], sight: &Sight<'_>, row: usize, first: 
                 }
             }
         } else {
-            for (k, out) in runs {
+            for (k, out) in runs.take(end).skip(skipped) {
                 let bytes = sight.run((rows[k], cols[k]), places[k] as usize & 15);
                 for i in 0..RUN {
                     out[i] += multiply_add::<f32, LEVEL>(f32::from(bytes[i]), gains[k], bases[k]);
@@ -368,8 +376,6 @@ fn hidden<const LEVEL: u8>(out: &mut [f32]) {
 
 #[cfg(test)]
 mod tests {
-    use std::ops::Range;
-
     use ndarray::{Array2, Array3};
 
     use super::super::layers::{self, Layer, Others};

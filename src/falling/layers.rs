@@ -267,15 +267,29 @@ fn depths<const LEVEL: u8>(
                 }
             }
             let (out, bytes) = (&mut out[done..done + run], &bytes[col..col + run]);
-            for (out, &byte) in out.iter_mut().zip(bytes) {
-                *out = multiply_add::<f32, LEVEL>(f32::from(byte), sight.gain, *out);
-            }
+            let rest = blocks::<64, LEVEL>((&mut *out, bytes), sight.gain);
+            blocks::<1, LEVEL>(blocks::<8, LEVEL>(rest, sight.gain), sight.gain);
             if depth.is_some() && sight.base != 0.0 {
                 out.iter_mut().for_each(|out| *out += sight.base);
             }
             (done, col) = (done + run, (col + run) % sight.period.1);
         }
     }
+}
+
+/// Adds bytes times a factor in whole blocks, and returns the rest: a loop would add its odd end one by one.
+#[inline(always)]
+fn blocks<'a, const N: usize, const LEVEL: u8>(
+    (out, bytes): (&'a mut [f32], &'a [u8]),
+    gain: f32,
+) -> (&'a mut [f32], &'a [u8]) {
+    let ((blocks, out), (own, bytes)) = (out.as_chunks_mut::<N>(), bytes.as_chunks::<N>());
+    for (out, bytes) in blocks.iter_mut().zip(own) {
+        for i in 0..N {
+            out[i] = multiply_add::<f32, LEVEL>(f32::from(bytes[i]), gain, out[i]);
+        }
+    }
+    (out, bytes)
 }
 
 /// The light that an optical depth leaves.

@@ -135,8 +135,10 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
         (planes[at].weight, film.many[numbers[at]], sheet.mean)
         for (at, *_), sheet in zip(every, sheets, strict=True)
     ]).T[..., None, None]  # fmt: skip
-    gains, nodes = weights * np.sqrt(many), np.empty((len(every), *seen.shape[1:3], 4), np.float32)
-    part = np.stack([np.broadcast_to(part, seen.shape[1:3]) for _, _, part, _ in every])
+    gains, part = weights * np.sqrt(many), np.empty((len(every), *seen.shape[1:3]))
+    for own, (_, _, share, _) in zip(part, every, strict=True):
+        own[...] = share
+    nodes = np.empty((*part.shape, 4), np.float32)
     nodes[..., :2], nodes[..., 2] = seen[[at for at, *_ in every]], gains * part
     # Planes that give way to each other have the deviation of one, and so have some flakes that
     # stand for many; the mean is made up for.
@@ -171,14 +173,21 @@ def _on_torus(at: Float64, seed: int, planes: list[Plane], areas: list[tuple[int
     (rows, columns), draws = np.array(areas, float).T, np.zeros((len(planes), 2))
     for own, one in zip(draws, planes, strict=True):
         if any(one.which):
-            stream = reduce(lambda mix, n: (mix * 1_000_003 + n) % (1 << 61), one.which, one.layer)
-            _core.uniform(own, seed, stream)
+            own[:] = _place(seed, one.layer, *one.which)
     at += np.floor(draws * np.stack([columns, rows], axis=1))[:, None, None]
     down = np.floor(at[:, 0, 0, 1] / rows)
     at[..., 1] -= (down * rows)[:, None, None]
     at[..., 0] -= (down * np.rint(SHEAR * columns))[:, None, None]
     at[..., 0] -= (columns * np.floor(at[:, 0, 0, 0] / columns))[:, None, None]
     return at
+
+
+@kept(1024)
+def _place(seed: int, *numbers: int) -> Float64:
+    """Return where a plane lies on its sheet, (2,) of 0 to 1."""
+    draw = np.empty(2)
+    _core.uniform(draw, seed, reduce(lambda mix, n: (mix * 1_000_003 + n) % (1 << 61), numbers))
+    return draw
 
 
 def _rungs(
@@ -205,7 +214,8 @@ def _eyes_of(frame: Frame, film: Film, times: tuple[float, float]) -> Eyes:
     eye = np.stack([ways[layer.share] for layer in film.layers], axis=1)
     for number, t in enumerate(times):
         camera = frame.later(t - frame.t).camera if bends else frame.camera
-        own, turn = rays_of(camera, frame.shape)
+        if bends or not rays:
+            own, turn = rays_of(camera, frame.shape)
         rays.append(own)
         eye[number] += turn @ np.array(camera.offset)
     return Eyes(np.stack(rays), eye, np.array([rates[layer.share] for layer in film.layers]))

@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Float64
+from flurries._contract import Array, Float64
 from flurries._kept import kept
 from flurries.camera.lens import Camera
+from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion
 from flurries.frame.view import Frame
 from flurries.particles.population import Slab
@@ -44,12 +45,18 @@ def clumps_of(weather: Any, frame: Frame) -> Clumps | None:
     """Return the clumps of a weather at a frame; None if it is even."""
     if not weather.clumps:
         return None
-    motion = weather.motion
-    waves, phases, rates = _waves(motion, frame.seed)
-    (place,) = motion.places(frame.path, frame.fps, [frame.t])
-    turned = np.exp(2j * math.pi * (phases + waves @ place - rates * (frame.t / frame.fps)))
+    return _clumps(weather.motion, frame.seed, frame.path, frame.fps, frame.t, weather.clumps)
+
+
+@kept(32)
+def _clumps(
+    motion: Motion, seed: int, path: CameraPath, fps: float, t: float, strength: float
+) -> Clumps:
+    waves, phases, rates = _waves(motion, seed)
+    (place,) = motion.places(path, fps, [t])
+    turned = np.exp(2j * math.pi * (phases + waves @ place - rates * (t / fps)))
     weights = math.sqrt(1.0 / _WAVES) * np.stack([turned.real, turned.imag], axis=1)
-    return Clumps(waves, weights, weather.clumps)
+    return Clumps(waves, weights, strength)
 
 
 @kept(32)
@@ -95,10 +102,8 @@ def denser(
     seen = np.sinc(along * thick)
     seen *= np.exp(-0.5 * (math.pi * (APART * depths / camera.focal) * length) ** 2)
     points = depths[..., None] * rays.reshape(-1, 3) + turn @ np.array(camera.offset)
-    found, sums = np.empty(points.shape[:2]), np.empty((points.shape[1], 1))
-    for own, at, weights in zip(found, points, clumps.weights * seen[..., None], strict=True):
-        _core.wind_waves(sums, at, clumps.waves, weights)
-        _core.denser(own, sums[:, 0], clumps.strength)
+    found, weights = np.empty(points.shape[:2]), clumps.weights * seen[..., None]
+    _core.denser(found, points, clumps.waves, weights, clumps.strength)
     return found.reshape(-1, *rays.shape[:2])
 
 
@@ -107,10 +112,13 @@ def gains_of(weather: Any, frame: Frame, slabs: Sequence[Slab]) -> Any:
     clumps = clumps_of(weather, frame)
     if clumps is None:
         return None
-    rays, turn = rays_of(frame.camera, frame.shape)
-    parts = [part for part in np.array_split(np.arange(len(slabs)), _GROUPS) if len(part)]
-    found = denser(
-        clumps, frame.camera, turn, rays, [slabs[part[len(part) // 2]] for part in parts]
-    )
-    corner = frame.window[0], frame.window[2]
-    return np.asarray(found, np.float32), [len(part) for part in parts], corner
+    camera, most = frame.camera, min(_GROUPS, len(slabs))
+    parts = np.array_split(np.arange(len(slabs)), most)
+    middles = [slabs[part[len(part) // 2]] for part in parts]
+
+    def make() -> Array:
+        rays, turn = rays_of(camera, frame.shape)
+        return np.asarray(denser(clumps, camera, turn, rays, middles), np.float32)
+
+    found = frame.once(weather, "denser", make, eye=True)
+    return found, [len(part) for part in parts], (frame.window[0], frame.window[2])

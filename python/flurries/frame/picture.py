@@ -15,6 +15,7 @@ from flurries.frame.bands import Window, bands_of, common, crop, within
 from flurries.frame.layer import Layer, layers_of
 from flurries.frame.matte import Front
 from flurries.frame.mixing import Mix, behind
+from flurries.frame.planes import plane
 from flurries.frame.program import Ask, Program
 from flurries.frame.view import Frame, Shared
 
@@ -44,7 +45,7 @@ def images(
     pictures = [Picture(asks, mix, plate, front, window, inner) for asks in asked]
     if len(bands) == 1:
         return [picture.compose(window, None) for picture in pictures]
-    results = [np.empty_like(plate, order="C") for _ in eyes]
+    results = [plane(plate.shape, plate.dtype) for _ in eyes]
     # The eyes' bands are made in turn, so that the second finds what the first has made.
     for band in bands:
         for picture, result in zip(pictures, results, strict=True):

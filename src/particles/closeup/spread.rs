@@ -64,6 +64,9 @@ pub fn along(way: &Way, light: impl Fn(f64) -> f64) -> Vec<Tap> {
 fn used(picture: &[f32], columns: usize) -> Option<[usize; 4]> {
     let (mut rows, mut left, mut right) = (None, columns, 0);
     for (row, line) in picture.chunks_exact(columns).enumerate() {
+        if line.iter().fold(0, |any, v| any | v.to_bits()) == 0 {
+            continue;
+        }
         let Some(first) = line.iter().position(|&v| v != 0.0) else { continue };
         let last = line.iter().rposition(|&v| v != 0.0).unwrap_or(first);
         let top = rows.map_or(row, |(top, _)| top);
