@@ -1,7 +1,5 @@
 """Refuse a Python that the extension does not load in, before it fails with words of its own."""
 
-from __future__ import annotations
-
 import sys
 
 if "t" in getattr(sys, "abiflags", ""):

@@ -4,8 +4,6 @@ Every refusal names the argument, says what came and what is wanted. Types and l
 here; ranges that a kernel can judge are judged there.
 """
 
-from __future__ import annotations
-
 import functools
 import inspect
 import math

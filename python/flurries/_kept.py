@@ -6,8 +6,6 @@ fork in another thread would leave closed: two threads may make the same thing t
 bits. The child of a fork has what its parent kept. `ALL` lists what modules keep.
 """
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Callable
 from functools import lru_cache, wraps

@@ -1,7 +1,5 @@
 """What ran, how long it took and what it allocated: off unless asked for."""
 
-from __future__ import annotations
-
 import time
 import tracemalloc
 from collections import Counter

@@ -1,7 +1,5 @@
 """Warnings of input that is taken and hardly meant: levels for light, depths in no metres."""
 
-from __future__ import annotations
-
 import sys
 import warnings
 

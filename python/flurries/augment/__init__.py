@@ -1,7 +1,5 @@
 """Weather for data sets: snow, rain and fog on arrays, with labels."""
 
-from __future__ import annotations
-
 import importlib
 from types import ModuleType
 

@@ -1,7 +1,5 @@
 """The card of a set in weather, for people; and a table of its pictures, for loaders."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from pathlib import Path

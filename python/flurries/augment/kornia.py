@@ -3,8 +3,6 @@
 Draws come from torch's random numbers. Gradients go through to what is seen of a picture.
 """
 
-from __future__ import annotations
-
 import itertools
 from typing import Any, ClassVar
 

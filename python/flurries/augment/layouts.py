@@ -1,7 +1,5 @@
 """Data sets as people publish them: their pictures, and which of them have one weather."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """Fog that is thicker here than there: a slow spectral field, the same at every size."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from statistics import NormalDist

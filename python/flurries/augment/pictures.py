@@ -1,7 +1,5 @@
 """What pictures, clips and batches may look like, and how weather is mixed into them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from flurries import _core

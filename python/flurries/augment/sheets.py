@@ -6,8 +6,6 @@ layers' gains make up for. Depths are in units of the nearest one: what is twice
 a lens twice as long looks the same.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

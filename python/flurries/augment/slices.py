@@ -1,7 +1,5 @@
 """What falls, cut into slices of depth: how opaque, how far away and how fast each is."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """`flurries benchmark`: a data set in a fixed table of weathers, and scores of a model on it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

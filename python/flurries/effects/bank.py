@@ -4,8 +4,6 @@ Without a `center` it is all around the camera, and what is farther than it reac
 all of it. With one it is a bank or a cloud that stands in the world.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import partial

@@ -7,8 +7,6 @@ half of the slices at a time. Between two wavelengths one fades out as the other
 powers sum to that of the spectrum, what the kernel's spline takes of long ones included.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

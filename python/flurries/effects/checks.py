@@ -1,7 +1,5 @@
 """What the fields of effects may be, by their names: checked once, when an effect is made."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import partial

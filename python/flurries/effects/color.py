@@ -1,7 +1,5 @@
 """The color of an effect: display values, or the light of the background and of lamps."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, Literal, NamedTuple, NewType, TypeAlias
 

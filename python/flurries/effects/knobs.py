@@ -1,7 +1,5 @@
 """One number in place of many: looks by name, and arguments that set several fields."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Iterable
 from dataclasses import fields

@@ -16,8 +16,6 @@ variance of all that the waves show, .78^2 (looks before a wall at twice `near_d
 held is .7 of the logarithm of the first and .3 of the second.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from statistics import NormalDist

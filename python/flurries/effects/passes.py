@@ -1,7 +1,5 @@
 """What the pixels of a layer show besides color: how it moves, how far it is, which flake it is."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Looks by name, tuned by eye on dark, bright and busy photographs (docs/looks.md)."""
 
-from __future__ import annotations
-
 from typing import Any, Literal, TypeAlias
 
 SnowLook: TypeAlias = Literal[

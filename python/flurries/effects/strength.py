@@ -6,8 +6,6 @@ number times opacity times the mean area (`Population.extinction`), and one sees
 `fall` any that are given hold, and the others follow. Here stands the one table of severities.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

@@ -6,8 +6,6 @@ wall's own (`flurries/effects/maps.py`): these waves keep their contrast, and th
 with the share of the air.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

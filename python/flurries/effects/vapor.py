@@ -1,7 +1,5 @@
 """One layer of gas: particles in a box that wraps (Johnson 2005), and what a bank shares."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, get_args
 

@@ -3,8 +3,6 @@
 What a frame is mixed of is several times as large as it: of a large one only a band is ever held.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How layers become a picture: in which light they are mixed, and in what form it goes back."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Container
 from dataclasses import dataclass
 from typing import Any

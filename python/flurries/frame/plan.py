@@ -3,8 +3,6 @@
 Printed as a table, shown as a picture in a notebook, or given as JSON.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections import Counter

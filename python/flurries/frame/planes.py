@@ -4,8 +4,6 @@ The system clears fresh memory page by page, which a frame with layers waits for
 is kept here, up to a limit, and used again once no array and no view of it is left.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from collections import deque

@@ -1,7 +1,5 @@
 """Pictures for a screen: what notebooks and the viewer show."""
 
-from __future__ import annotations
-
 import base64
 import html
 import io

@@ -3,8 +3,6 @@
 Importing it costs NumPy; OpenImageIO and PyAV are imported by the first call that needs them.
 """
 
-from __future__ import annotations
-
 from flurries.io.atomic import remove_leftovers, replacing
 from flurries.io.color import linear_to_srgb, srgb_to_linear
 from flurries.io.files import Budget

@@ -1,7 +1,5 @@
 """Labels of data sets as their files have them: boxes, instances, motion and planes of numbers."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The one gate to OpenImageIO: imported when first needed, its threads, limits and errors tamed."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import platform

@@ -1,7 +1,5 @@
 """USD stages that are written: points over time, and the camera that sees them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -3,8 +3,6 @@
 A worker must have what the client has: if not, it refuses and says what, before a file.
 """
 
-from __future__ import annotations
-
 import asyncio
 import importlib
 import logging

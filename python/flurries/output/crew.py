@@ -1,7 +1,5 @@
 """Who makes many files: processes or a cluster's workers, to which groups of them are tasks."""
 
-from __future__ import annotations
-
 import os
 import queue
 import time

@@ -4,8 +4,6 @@ It is made in groups of frames, each a file of its own in a folder beside the fi
 there; so a run that was stopped goes on. The film joins them and encodes nothing again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The frames of a scene as files, each by itself."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Flakes of a scene as points of a USD stage, with the camera that sees them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How each kind of video is encoded: codecs, bits, qualities, frame rates."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """The sound of a film, cut to some of its frames: copied where the new file can hold it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ A name is hashed to 32 bits, which are kept as a float. Of each pixel the file h
 their shares: ``CryptoObject00.R`` is a number, ``.G`` its share, ``.B`` and ``.A`` the next two.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re
