@@ -1,13 +1,12 @@
 """What the eye inside the gas costs: ``python benches/gas.py [--runs N]``.
 
-For both eyes, beside the frames a second of Johnson 2005, section 4.1; and what a moving fog takes
-in slices with structure and with a lamp. Depth and two eyes are in `benches/layers.py`.
+For both eyes, beside the frames a second of Johnson 2005, section 4.1. Frames of a moving fog are
+in `benches/layers.py`.
 """
 
 from __future__ import annotations
 
 import argparse
-from itertools import count
 
 import numpy as np
 from timing import timed
@@ -45,25 +44,6 @@ def inside(runs: int) -> None:
             f"  {number} particles r {radius}: {row[0]:.0f}, {row[1]:.0f} on two threads; "
             f"the paper {paper}"
         )
-    fl.set_threads(1)
-    plate = np.full((768, 1024, 3), 128, np.uint8)
-    fog = fl.Mist("fog", count=1674, radius=2.16, box=24.0, wind=(1.0, 0.0, 0.0))
-    bank = fl.Mist("bank", visibility=20.0, wind=(1.0, 0.0, 0.0))
-    flat = fl.Scene(plate, effects=[fog])
-    stirred = fl.Scene(plate, effects=[bank])
-    lit = fl.Scene(plate, effects=[bank], lights=[fl.scene.Lamp((1.0, -2.0, 8.0), power=60.0)])
-    time_of = count()
-    found = timed(
-        {
-            "one eye": lambda: flat.render(next(time_of)),
-            "structure": lambda: stirred.render(next(time_of)),
-            "structure and a lamp": lambda: lit.render(next(time_of)),
-        },
-        runs,
-    )
-    one = found["one eye"][0]
-    print(f"moving fog, 1024 x 768, 20 m, one thread: {one:.1f} ms;", end=" ")
-    print(", ".join(f"{name} {found[name][0] / one:.2f}" for name in found if name != "one eye"))
 
 
 if __name__ == "__main__":

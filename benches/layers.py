@@ -1,4 +1,4 @@
-"""What whole frames cost with layers, with a scene's depth and for a second eye: ratios in one run.
+"""What whole frames cost with layers, a depth, a second eye, lamps and a lens: ratios in one run.
 
     python benches/layers.py [--rounds N]
 
@@ -16,9 +16,14 @@ import numpy as np
 from timing import Calls, alone, timed
 
 import flurries as fl
+from flurries.camera import Lens
 
 SHAPE = (768, 1024)
 EYES = {"distance": 0.02, "convergence": 4.0}
+LIT = {
+    "lights": [fl.scene.Lamp((x, -2.0, 8.0), power=60.0) for x in (-3.0, -1.0, 1.0, 3.0)],
+    "lens": Lens(focus=6.0, f_stop=1.4),
+}
 
 
 def scenes(*, flying: bool) -> dict[str, tuple[fl.Scene, fl.Scene]]:
@@ -37,19 +42,20 @@ def scenes(*, flying: bool) -> dict[str, tuple[fl.Scene, fl.Scene]]:
 
 
 def ratios(flat: fl.Scene, deep: fl.Scene, rounds: int) -> list[float]:
-    """Return ms of a frame; over it layers, depth, both eyes; and both before a depth over one."""
-    frame = count()
+    """Return ms of a frame; over it layers, depth, both eyes, light; then both by depth."""
+    frame, lit = count(), flat.replace(**LIT)
     calls: Calls = {
         "one": lambda: flat.render(next(frame)),
         "layers": lambda: flat.layers(next(frame)),
         "depth": lambda: deep.render(next(frame)),
         "both": lambda: flat.stereo(next(frame), **EYES),
+        "lit": lambda: lit.render(next(frame)),
         "both, deep": lambda: deep.stereo(next(frame), **EYES),
     }
-    one, layers, depth, both, deeper = (
+    one, layers, depth, both, light, deeper = (
         least for least, _ in timed(calls, rounds, warm=1, clock=time.process_time).values()
     )
-    return [one, layers / one, depth / one, both / one, deeper / depth]
+    return [one, layers / one, depth / one, both / one, light / one, deeper / depth]
 
 
 def measured(rounds: int) -> dict[str, list[float]]:
@@ -65,8 +71,8 @@ def measured(rounds: int) -> dict[str, list[float]]:
 def table(rounds: int) -> list[str]:
     """Return the lines of a table, measured where NumPy's products wake no other threads."""
     lines = [
-        "| scene | ms | `layers=True` | with depth | both eyes | both eyes, with depth |",
-        "| --- | --- | --- | --- | --- | --- |",
+        "| scene | ms | `layers=True` | with depth | both eyes | lamps, lens | both, with depth |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     said = alone(f"import json, layers; print(json.dumps(layers.measured({rounds})))")
     for name, found in json.loads(said).items():
