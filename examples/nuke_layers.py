@@ -40,7 +40,7 @@ def names_in(node: Any) -> list[str]:
 def over(pattern: str, plate: Any, blur: bool = False) -> Any:
     """Lay each effect of the weather over a plate; with `blur`, along its own motion.
 
-    A scene with a foreground has it in the layer "foreground": lay it over what this returns.
+    Lay a foreground of the scene over what this returns: `--plate` writes it, too.
     """
     layers, behind = read(pattern), plate
     for name in names_in(layers):

@@ -15,8 +15,7 @@ from flurries.augment.corrupt import corrupt
 from flurries.cli import main
 from flurries.io import read_picture, write_picture
 from flurries.io.stores import Store
-from flurries.output.journal import NAME, Journal
-from flurries.output.store import check
+from flurries.output.journal import NAME, Journal, check
 from test_nothing_wrong import contents as everything
 
 

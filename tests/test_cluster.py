@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.output.store import check
+from flurries.output.journal import check
 from test_nothing_wrong import contents
 from workers import group, workers
 

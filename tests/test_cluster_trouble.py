@@ -21,7 +21,7 @@ import flurries as fl
 from flurries._threads import scope
 from flurries.io import read_picture
 from flurries.output import crew
-from flurries.output.store import check
+from flurries.output.journal import check
 from flurries.scene.fingerprint import BITS
 from test_nothing_wrong import SMALL, contents, python
 from workers import group, workers

@@ -311,7 +311,7 @@ def test_every_frame_is_there_and_the_walker_hides_the_snow_behind(folder: Path)
     for frame in (1001, 1008):
         layers = io.read_layers(folder / f"snow.{frame}.exr")
         walker = io.read_picture(folder / f"roto.{frame}.exr").pixels[..., 0] > 0.99
-        before, beside = (layers["alpha"][part].mean() for part in (walker, ~walker))
+        before, beside = (layers["snow"][..., 3][part].mean() for part in (walker, ~walker))
         assert before < 0.5 * beside
         depth = layers["snow.depth"][walker]
         assert depth[np.isfinite(depth)].max() <= 4.5

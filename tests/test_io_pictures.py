@@ -202,6 +202,7 @@ def test_layers_come_back(tmp_path):
     layers = {
         "rgba": noise((70, 9, 4)), "snow": noise((70, 9, 4), 1), "light": noise((70, 9, 3), 2),
         "depth": np.abs(noise((70, 9), 3)) * 1000, "motion": noise((70, 9, 2), 4) * 100,
+        "snow.forward": noise((70, 9, 2), 8) * 100,
         "alpha": np.abs(noise((70, 9), 5)), "left.mask": np.abs(noise((70, 9), 6)),
         "noise": noise((70, 9), 7),
     }  # fmt: skip
@@ -210,6 +211,7 @@ def test_layers_come_back(tmp_path):
     assert set(read_header(tmp_path / "a.exr").channels) == {
         *("R", "G", "B", "A", "snow.R", "snow.G", "snow.B", "snow.A", "light.R", "light.G"),
         *("light.B", "depth.Z", "motion.X", "motion.Y", "alpha.A", "left.mask.A", "noise.Y"),
+        *("snow.forward.u", "snow.forward.v"),
     }
     assert header_of(tmp_path / "a.exr")["seed"] == "3"
     found = read_layers(tmp_path / "a.exr")

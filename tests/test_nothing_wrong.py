@@ -15,8 +15,7 @@ from PIL import Image
 import flurries as fl
 from flurries.io import read_picture, remove_leftovers, write_picture
 from flurries.io.atomic import owner_of_new_files
-from flurries.output.journal import is_journal
-from flurries.output.store import check
+from flurries.output.journal import check, is_journal
 
 W, H = 1024, 800
 SNOW = fl.effects.TentSnow(flakes=50)

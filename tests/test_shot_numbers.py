@@ -58,7 +58,7 @@ def scene(**changes: object) -> fl.Scene:
 def test_every_number_has_its_own_plate_matte_depth_and_camera(shot: Path):
     made = scene()
     assert made._range == (1001, 1008)
-    made.write("out.####.exr", layers=True)
+    made.write("out.####.exr", layers=True, plate=True)
     assert sorted(path.name for path in shot.glob("out.*")) == [f"out.{n}.exr" for n in RANGE]
     for step, number in enumerate(RANGE, 1):
         layers = io.read_layers(f"out.{number}.exr")
@@ -199,7 +199,7 @@ def test_a_plate_that_is_a_part_of_its_picture_remains_it(shot: Path, layers: bo
     levels = np.full((6, 10, 3), 0.2, np.float32)
     write_exr("crop.1001.exr", levels, "RGB", kind="half", data=(12, 8), display=(0, 0, *SIZE))
     part = fl.Scene("crop.1001.exr", effects=[fl.Snow("heavy")])
-    part.write("out.1001.exr", layers=layers, bits="float")
+    part.write("out.1001.exr", layers=layers, plate=layers, bits="float")
     found = oiio.ImageInput.open("out.1001.exr")
     spec = found.spec()
     window = (spec.x, spec.y, spec.width, spec.height, spec.full_width, spec.full_height)

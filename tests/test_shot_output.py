@@ -19,8 +19,8 @@ SNOW = [fl.Snow("heavy")]
 # Of every field a value that is not its default.
 OTHER = {
     "bits": "float", "codec": "ffv1", "motion": "y-up", "colorspace": "ACEScg",
-    "compression": "piz", "quality": "draft", "layers": True, "alone": True, "deep": True,
-    "damaged": "hold", "sound": False,
+    "compression": "piz", "quality": "draft", "layers": True, "plate": True, "alone": True,
+    "deep": True, "damaged": "hold", "sound": False,
 }  # fmt: skip
 
 
@@ -67,7 +67,7 @@ def test_the_command_line_obeys_the_file_and_comes_before_it(tmp_path: Path):
     second = header(tmp_path / "b.1.exr")
     assert second.channelformats[0] == oiio.HALF
     assert second.get_string_attribute("flurries:motion").endswith("y down")
-    up, down = (io.read_layers(tmp_path / f"{name}.1.exr")["forward"] for name in "ab")
+    up, down = (io.read_layers(tmp_path / f"{name}.1.exr")["snow.forward"] for name in "ab")
     np.testing.assert_allclose(up[..., 1], -down[..., 1], atol=2e-2)
     assert np.abs(down[..., 1]).max() > 0.1
 

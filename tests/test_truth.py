@@ -171,7 +171,7 @@ def test_channels_are_called_as_compositors_call_them(tmp_path: Path):
     front[150:, :100] = (0.1, 0.2, 0.05, 0.8)
     two = [TentSnow(flakes=300), TentRain()]
     scene = fl.Scene(LIGHT, effects=two, depth=30.0, foreground=front, seed=9)
-    scene.write(tmp_path / "a.exr", 12, layers=True)
+    scene.write(tmp_path / "a.exr", 12, layers=True, plate=True)
     spec = oiio.ImageBuf(str(tmp_path / "a.exr")).spec()
     types = {name: str(spec.channelformat(i)) for i, name in enumerate(spec.channelnames)}
     named = {*"RGBA", "depth.Z", "alpha.A", "weather.depth.Z"}
@@ -181,17 +181,47 @@ def test_channels_are_called_as_compositors_call_them(tmp_path: Path):
             "coverage.A", "id.lo", "id.hi"]  # fmt: skip
     named |= {f"{layer}.{end}" for layer in ("snow", "rain") for end in ends}
     assert types == {
-        name: "uint" if ".id" in name else "float" if name[-1] in "Zuv" else "half"
-        for name in named
+        name: "uint" if ".id" in name else "float" if name[-1] == "Z" else "half" for name in named
     }
     said = header_of(tmp_path / "a.exr")
     assert said["version"] == fl.__version__ and (said["seed"], said["frame"]) == ("9", "12")
     assert said["light"] == "linear" and "y down" in said["motion"] and len(said["scene"]) > 16
     whole, read = scene.layers(12), read_layers(tmp_path / "a.exr")
-    assert np.array_equal(read["snow.forward"], whole.layers["snow"].motion)
-    assert np.array_equal(read["forward"], whole.motion)
+    for name, wanted in (("snow.forward", whole.layers["snow"].motion), ("forward", whole.motion)):
+        assert np.array_equal(read[name], wanted.astype(np.float16))
     assert np.array_equal(read["rain.id"], np.maximum(whole.layers["rain"].ids, 0))
     assert np.array_equal(read["rain.depth"], whole.layers["rain"].depth)
+
+
+def test_nothing_stands_twice_in_a_file_and_bits_are_as_many_as_show(tmp_path: Path):
+    picture = np.random.default_rng(1).integers(0, 256, (96, 128, 3), np.uint8)
+    snow, mist = fl.Snow("heavy"), fl.Mist("fog")
+    whole = ["alpha", "backward", "forward", "weather.depth"]
+    for plate, effects in ((picture, [snow]), (LIGHT, [snow]), (picture, [snow, mist])):
+        scene = fl.Scene(plate, effects=effects, depth=20.0, fps=24.0)
+        scene.write(tmp_path / "a.exr", 3, layers=True, overwrite=True)
+        got, made = read_layers(tmp_path / "a.exr"), scene.layers(3)
+        names = [name.partition(".")[0] for name in got]
+        # Those of one layer are its own.
+        assert sorted(set(got) & set(whole)) == (whole if len(effects) == 2 else [])
+        assert set(names) <= {"snow", "mist", *(one.partition(".")[0] for one in whole)}
+        for name, layer in made.layers.items():
+            # 9 bits over bytes, and else the 11 of a half, which is coarser below 2^-14.
+            error = 2.0**-9 if plate is picture else 2.0**-11
+            parts = {
+                "": (layer.rgba, error), ".coverage": (layer.coverage, error),
+                ".forward": (layer.motion, 2.0**-11), ".backward": (layer.backward, 2.0**-11),
+                ".depth": (layer.depth, 0.0),
+            }  # fmt: skip
+            for end, (wanted, most) in parts.items():
+                assert (name + end in got) == (wanted is not None)
+                if wanted is not None:
+                    limit = most * np.maximum(np.abs(wanted), 2.0**-13)
+                    close = np.abs(got[name + end] - wanted) <= limit
+                    assert (close | (got[name + end] == wanted)).all(), name + end
+        scene.write(tmp_path / "b.exr", 3, layers=True, bits="float", overwrite=True)
+        exact = read_layers(tmp_path / "b.exr")
+        assert all(np.array_equal(exact[name], made.layers[name].rgba) for name in made.layers)
 
 
 @pytest.mark.parametrize("layers", [True, False])
@@ -200,7 +230,7 @@ def test_two_eyes_are_two_views(layers: bool, tmp_path: Path):
     eye = scene.camera.camera
     sides = {"left": -0.03, "right": 0.03}
     eyes = {name: fl.Camera(eye.focal, offset=(side, 0, 0)) for name, side in sides.items()}
-    scene.write(tmp_path / "%d.exr", "3-4", layers=layers, bits="float", eyes=eyes)
+    scene.write(tmp_path / "%d.exr", "3-4", layers=layers, plate=layers, bits="float", eyes=eyes)
     for part, name in enumerate(eyes):
         buffer = oiio.ImageBuf(str(tmp_path / "4.exr"), part, 0)
         spec = buffer.spec()
@@ -271,7 +301,7 @@ def test_the_recipe_of_the_page_rebuilds_the_picture(tmp_path: Path, monkeypatch
         plate, depth=200.0, foreground=front,
         effects=[kind(color="local", haze=0.2) for kind in (fl.Snow, fl.Rain)],
     )  # fmt: skip
-    scene.write("shot.%04d.exr", "12", layers=True, bits="float")
+    scene.write("shot.%04d.exr", "12", layers=True, plate=True, bits="float")
     page = (Path(__file__).parents[1] / "docs" / "layers.md").read_text()
     (recipe,) = re.findall(r"```python\n(import OpenImageIO.*?)```", page, re.S)
     made: dict[str, Any] = {}

@@ -243,7 +243,7 @@ bpy.ops.render.render(write_still=True)
 def test_the_example_for_blender_composes_what_flurries_does(bpy: Any, tmp_path: Path):
     """Out of a .blend, through our command line, and back over the render: with two veils."""
     script = Path(__file__).parents[2] / "examples" / "blender.py"
-    words = ["--snow", "heavy", "--mist", "fog", "--color", "local", "--bits", "float"]
+    words = ["--snow", "heavy", "--mist", "fog", "--color", "local", "--bits", "float", "--plate"]
     run(sys.executable, "-c", IN_A_SHOT, script, tmp_path, *words)
     again = oiio.ImageBuf(str(tmp_path / "again.exr")).get_pixels(oiio.FLOAT)[..., :3]
     ours = io.read_layers(tmp_path / "weather" / "weather.1002.exr")

@@ -148,7 +148,7 @@ CALLS: dict[str, Call] = {
         {"rgba": LAYER}, floats=("rgba",), loose=True, takes={"rgba": ("NaN",)},
         of=lambda rgba: io.write_layers("out5.exr", {"rgba": rgba}),
         then=lambda _: io.read_layers("out5.exr")),
-    "output.store.check": Call({"place": "frames"}),
+    "output.journal.check": Call({"place": "frames"}),
     "Scene.write": Call(
         {"pattern": "one/%04d.png", "frames": "1", "overwrite": True}, of=SCENE.write, loose=True),
     "scene.toml.load": Call({"path": "scene.toml"}),

@@ -15,7 +15,7 @@ import pytest
 from length import times
 
 import test_gate
-from flurries.output.store import check
+from flurries.output.journal import check
 from test_cluster import SLOW
 from test_nothing_wrong import contents
 from workers import group, workers

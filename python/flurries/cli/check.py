@@ -4,7 +4,7 @@ import click
 
 from flurries.cli.options import FILE, command, voice
 from flurries.cli.words import Words, count, say
-from flurries.output.store import check as check_all
+from flurries.output.journal import check as check_all
 
 DIFFERENT = 3
 

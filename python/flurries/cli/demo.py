@@ -39,7 +39,7 @@ def demo(words: Words, output: str, size: int, frames: int) -> None:
     made = _film(target / "three.mp4", three(picture), frames, words)
     made += _film(target / "flight.mp4", [flying], frames, words)
     middle = (frames + 1) // 2
-    flying.replace(space="linear").write(layers, [middle], layers=True, overwrite=True)
+    flying.replace(space="linear").write(layers, [middle], layers=True, plate=True, overwrite=True)
     for file in (*made, layers):
         print(file)
 

@@ -23,7 +23,7 @@ GROUPS = {title: frozenset(f"--{name}" for name in names.split()) for title, nam
     "Camera and picture": "camera center colorspace down extend eyes fly foreground lens linear "
     "camera-scale start",
     "Files": "alone bits codec compression damaged deep layers motion no-sound output-colorspace "
-    "quality",
+    "plate quality",
     "Work": "dask dask-patience quiet reproducible threads verbose",
 }.items()}  # fmt: skip
 

@@ -48,6 +48,7 @@ NAMED = 10
 @option("--motion", tuple(MOTION), None, "y-up", "the scene's, else y-down",
         "which way motion vectors of --layers count")  # fmt: skip
 @switch("--layers", "EXR with the weather, depth and motion as layers", default=None)
+@switch("--plate", "in the EXR of --layers the composite and the plate, too", default=None)
 @switch("--alone", "only the weather, as RGBA; .exr, .png, .tif, or a .mov of --codec prores-4444",
         default=None)  # fmt: skip
 @switch("--deep", "only the weather, as deep samples of an EXR", default=None)

@@ -206,25 +206,40 @@ def _chosen(planes: Sequence[Array | None], most: Array, unknown: float) -> Arra
 # The layers of a frame under the names that files and compositors have for them.
 
 
-def planes(rendered: Rendered, *, up: bool = False) -> dict[str, Array]:
+def planes(rendered: Rendered, *, up: bool, plate: bool, whole: bool) -> dict[str, Array]:
     """Return a frame as the layers of an EXR, see `flurries.io.write_layers`."""
 
     def turned(motion: Array | None) -> Any:
         return motion * np.array([1.0, -1.0], np.float32) if up and motion is not None else motion
 
-    found = {
-        "rgba": opaque(rendered.image), "alpha": rendered.alpha, "background": rendered.background,
-        "foreground": rendered.foreground, "forward": turned(rendered.motion),
-        "backward": turned(rendered.backward), "depth": rendered.depth,
-        "weather.depth": rendered.weather_depth,
-    }  # fmt: skip
-    for name, layer in rendered.layers.items():
+    # A composite of 8 bits shows no more of its layers.
+    short = _short if rendered.image.dtype == np.uint8 and not whole else np.asarray
+    found: dict[str, Array | None] = {}
+    if plate:
+        found = {
+            "rgba": opaque(rendered.image), "background": rendered.background,
+            "foreground": rendered.foreground, "depth": rendered.depth,
+        }  # fmt: skip
+    if len(rendered.layers) != 1:
+        # What one layer says of itself would stand there twice.
         found |= {
-            name: layer.rgba, f"{name}.depth": layer.depth, f"{name}.coverage": layer.coverage,
+            "alpha": short(rendered.alpha), "weather.depth": rendered.weather_depth,
+            "forward": turned(rendered.motion), "backward": turned(rendered.backward),
+        }  # fmt: skip
+    for name, layer in rendered.layers.items():
+        cover = None if layer.coverage is None else short(layer.coverage)
+        found |= {
+            name: short(layer.rgba), f"{name}.depth": layer.depth, f"{name}.coverage": cover,
             f"{name}.forward": turned(layer.motion), f"{name}.backward": turned(layer.backward),
             f"{name}.id": None if layer.ids is None else np.maximum(layer.ids, 0),
         }  # fmt: skip
     return {name: plane for name, plane in found.items() if plane is not None}
+
+
+def _short(values: Array) -> Array:
+    """Round to 9 bits: what a difference of large numbers loses."""
+    large: Array = values * np.float32(2**15 + 1)
+    return np.asarray(large - (large - values))
 
 
 def opaque(image: Array) -> Array:

@@ -36,30 +36,7 @@ def grouped(scene: Scene, frames: Any) -> list[list[int]]:
 
 
 def to_dask(scene: Rendering, frames: Any = None, *, group: int | None = None) -> Any:
-    """Return the frames of a scene as a lazy array.
-
-    Parameters
-    ----------
-    scene : Scene
-        What to render.
-    frames : str, int or iterable of int, optional
-        As `flurries.output.write.write`.
-    group : int, optional
-        Frames to a chunk; half a second's work if not given.
-
-    Returns
-    -------
-    dask.array.Array (T, H, W, 3)
-        Of the dtype that `Scene.render` gives, with its bits, in the mode of the moment. It is
-        rendered where and when Dask computes it, a chunk of frames at a time.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> film = fl.Scene(size=(64, 48), effects=fl.Snow()).to_dask("0-9")  # doctest: +SKIP
-    >>> film.shape, film[3].compute().shape  # doctest: +SKIP
-    ((10, 48, 64, 3), (48, 64, 3))
-    """
+    """Return the frames of a scene as a lazy array, see :meth:`flurries.Scene.to_dask`."""
     dask = required("dask")
     array = required("dask.array")
     scene = expect_scene(scene)

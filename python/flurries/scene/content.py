@@ -49,7 +49,8 @@ class Content:
         return (
             None if self.space is None else (self.space, config_hash()),
             said.kind, said.bits or "half", said.codec, said.compression,
-            said.motion if said.kind == "layers" else None, self.eyes and list(self.eyes.items()),
+            (said.motion, said.plate) if said.kind == "layers" else None,
+            self.eyes and list(self.eyes.items()),
         )  # fmt: skip
 
     def render(self, number: int, *, fine: bool = False) -> Any:
@@ -137,7 +138,8 @@ class Content:
 
     def _planes(self, frame: Any, cut: Any) -> dict[str, Array]:
         if self.output.kind == "layers":
-            found = planes(frame, up=self.output.motion == "y-up")
+            up, whole = self.output.motion == "y-up", self.output.bits == "float"
+            found = planes(frame, up=up, plate=self.output.plate, whole=whole)
         else:
             found = {"rgba": opaque(frame)}
         if cut is None:

@@ -41,6 +41,7 @@ class OutputFields(TypedDict, total=False):
     compression: Compression | None
     quality: Quality | None
     layers: bool | None
+    plate: bool | None
     alone: bool | None
     deep: bool | None
     damaged: Damaged | None
@@ -72,7 +73,9 @@ class Output:
     quality : {"high", "medium", "draft"}
         Quality of a film.
     layers : bool
-        EXR only: all layers, depths and motions as named channels beside the composite.
+        EXR only: all layers, depths and motions of the weather as named channels.
+    plate : bool
+        Beside layers the composite, the background, its depth and the foreground.
     alone : bool
         The weather alone as RGBA: premultiplied linear light in EXR, straight display values in PNG
         and in a film of ProRes 4444.
@@ -100,13 +103,14 @@ class Output:
     compression: Compression = "zip"
     quality: Quality = "high"
     layers: bool = False
+    plate: bool = False
     alone: bool = False
     deep: bool = False
     damaged: Damaged = "stop"
     sound: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("layers", "alone", "deep", "sound"):
+        for name in ("layers", "plate", "alone", "deep", "sound"):
             flag(name, getattr(self, name))
         choice("damaged", self.damaged, DAMAGED)
         choice("compression", self.compression, tuple(COMPRESSIONS))
@@ -157,6 +161,7 @@ class Output:
              "another one for it, such as 'sRGB - Display' (--output-colorspace)"),
             (space is not None and not space.linear and exr,
              f"colorspace {space and space.name!r} is not linear, as an EXR is: {text}"),
+            (self.plate and kind != "layers", f"plate is a part of layers, which {text} has not"),
             (kind in ("layers", "deep") and not exr, f"{kind} needs an EXR, got {text!r}"),
             (eyes and not exr, f"eyes need an EXR, got {text!r}"),
         ]  # fmt: skip

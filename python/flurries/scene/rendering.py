@@ -320,7 +320,7 @@ class Rendering(Sources):
         )  # fmt: skip
 
     def to_dask(self, frames: Frames = None, *, group: int | None = None) -> dask.array.Array:
-        """Return frames as a lazy Dask array; see :func:`flurries.output.groups.to_dask`."""
+        """Return `render`'s frames as a lazy Dask array (T, H, W, 3), `group` of them a chunk."""
         from flurries.output.groups import to_dask
 
         made: dask.array.Array = to_dask(self, frames, group=group)

@@ -6,9 +6,7 @@ ever made, and it is read back before it takes its final name.
 
 from __future__ import annotations
 
-import mmap
 import os
-import struct
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -37,11 +35,11 @@ _LARGE = 1 << 18
 
 _SIZES = ("width", "height", "nchannels")
 
-# Whole numbers of 32 bits beside halves and floats in an EXR. OpenImageIO turns what it writes to
-# channels of several types into floats on the way, which know 24 bits. So whole numbers are written
-# as floats of the same bits, and then the header is told what they are: EXR holds and packs both
-# types alike, as four bytes, but for the compressions that round.
-_UINT, _FLOAT = struct.pack("<i", 0), struct.pack("<i", 2)
+# OpenImageIO turns what it writes to channels of several types into floats and back, which takes
+# longer than all else and knows 24 bits of a whole number. But zip packs bytes, rows of 4 bytes as
+# two rows of halves. So such parts are written as halves, under headers of their own; then those
+# that are meant take their place, with the table of where the packed rows are, 8 bytes each.
+_PLACE = 8
 
 
 class Part(NamedTuple):
@@ -49,7 +47,7 @@ class Part(NamedTuple):
 
     specification: Any
     band: Callable[[int, int], Array]
-    integers: Sequence[str] = ()  # Channels of floats whose bits are whole numbers.
+    halves: bool = False  # Whether its rows are halves, a channel of 4 bytes two of them.
 
 
 def write_parts(
@@ -59,19 +57,46 @@ def write_parts(
     """Write a picture of one or several parts atomically, and verify it."""
     target = os.fspath(path)
     with replacing(path) as temporary:
-        sums = [("uint8", 0)]
+        sums, wanted, head, at = [("uint8", 0)], parts, b"", 0
+        size = _PLACE * sum(-(-part.specification.height // _BLOCK_ROWS) for part in parts)
+        if parts[0].halves:
+            head = _header(target, temporary, parts)[:-size]
+            wanted = [_in_halves(part, len(head)) for part in parts]
+            at = len(_header(target, temporary, wanted)) - size
         if encoded:
             temporary.write_bytes(encoded)
         else:
-            sums = _write(target, temporary, parts)
+            sums = _write(target, temporary, wanted)
         if temporary.suffix.lower() == ".dpx":
             # OpenImageIO puts the hidden name there, and the way to it.
             with temporary.open("r+b") as file:
                 file.seek(36)
                 file.write(bytes(100))
-        _verify(target, temporary, parts, sums, lossless=lossless)
-        if any(part.integers for part in parts):
-            _declare_integers(temporary, parts)
+        _verify(target, temporary, wanted, sums, lossless=lossless)
+        if head:
+            with temporary.open("r+b") as file:
+                file.seek(at)
+                table = file.read(size)
+                file.seek(0)
+                file.write(head + table)
+
+
+def _header(target: str, temporary: Path, parts: Sequence[Part]) -> bytes:
+    """Return an EXR without pixels: headers, and the table of places."""
+    with output_of(target, temporary, [part.specification for part in parts]):
+        pass
+    return temporary.read_bytes()
+
+
+def _in_halves(part: Part, room: int) -> Part:
+    """Return a part whose header has halves alone, and room for another."""
+    spec = openimageio().ImageSpec(part.specification)
+    spec.nchannels = spec.pixel_bytes(True) // 2
+    spec.channelformats = ()
+    spec.set_format("half")
+    spec.channelnames = tuple(f"{number:04d}" for number in range(spec.nchannels))
+    spec.attribute("Software", "-" * room)
+    return Part(spec, part.band)
 
 
 def _write(target: str, temporary: Path, parts: Sequence[Part]) -> list[tuple[str, int]]:
@@ -146,17 +171,3 @@ def _verify(
                     raise OSError("its pixels are not those that were written")
     except (OSError, ValueError) as error:
         raise OSError(f"{target}: does not read back: {error}") from error
-
-
-def _declare_integers(path: Path, parts: Sequence[Part]) -> None:
-    """Say in the headers of an EXR's parts which channels are whole numbers."""
-    with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as data:
-        at = 0
-        for part in parts:
-            # In a list of channels the type follows the name.
-            for name in sorted(part.integers):
-                entry = b"\0%s\0" % name.encode()
-                if (at := data.find(entry + _FLOAT, at)) < 0:
-                    raise OSError(f"{path}: does not say where its channel {name} is")
-                at += len(entry)
-                data[at : at + len(_UINT)] = _UINT

@@ -157,7 +157,9 @@ def write_picture(
     whole = stored.startswith("uint")
     said.put(specification, form.name, "display" if whole else "linear", strings)
     if form.name == "openexr":
-        specification.attribute("compression", packing(compression))
+        # Zip at level 1 takes two thirds of the time of OpenEXR's 4, for 5 in 100 more bytes.
+        level = ":1" if compression.startswith("zip") else ""
+        specification.attribute("compression", compression + level)
     elif form.name == "dpx" and bits == 10:
         specification.attribute("oiio:BitsPerSample", 10)
     elif form.name in ("png", "tiff") and whole:
@@ -177,12 +179,6 @@ def format_of(path: str | os.PathLike[str]) -> Format:
             f"{os.fspath(path)}: pictures are written as {', '.join(FORMATS)}, not as {suffix!r}"
         )
     return FORMATS[suffix]
-
-
-def packing(compression: str) -> str:
-    """Return OpenImageIO's name of a compression with its level."""
-    # Zip at level 1 takes two thirds of the time of OpenEXR's level 4, for 5 in 100 more bytes.
-    return f"{compression}:1" if compression.startswith("zip") else compression
 
 
 def _encode_jpeg(pixels: Array, quality: int, strings: Mapping[str, str], slate: Slate) -> bytes:
