@@ -155,8 +155,10 @@ def extinction(loss: float, way: Float64, density: Float64) -> float:
         return -math.log1p(-loss) / float(way[0] * density[0])
     ways = way[:, None] * density
     # Sums: a call of `mean` takes longer than all the rest of a step.
-    wanted, total, found = (1.0 - loss) * ways.size, np.add.reduce, 0.0
-    # What is left is convex and falls, so Newton's steps from 0 never go too far.
+    wanted, total = (1.0 - loss) * ways.size, np.add.reduce
+    # What is left is convex and falls, so Newton's steps never go too far from what would do were
+    # all ways as long as their mean: it leaves too much.
+    found = -math.log1p(-loss) * ways.size / float(total(ways, axis=None))
     for _ in range(_STEPS):
         left = np.exp(-found * ways)
         slope = float(total(left * ways, axis=None))

@@ -20,7 +20,7 @@ from flurries.scene.depth import DepthMap
 Depth: TypeAlias = Any
 
 # Depths that stand for all of a picture's when its mean loss of contrast is worked out.
-QUANTILES = 256
+QUANTILES = 64
 
 # Between depths of infinity no other could be found, metres.
 _FARTHEST = np.float32(1e9)
@@ -154,10 +154,12 @@ class Distances:
         if self.plane.size <= QUANTILES:
             return np.asarray(self.plane.reshape(-1), np.float64)
         # An even sample: sorting 8 million depths would cost more than the weather.
-        step = max(int((self.plane.size / 65536) ** 0.5), 1)
+        step = max(int((self.plane.size / 4096) ** 0.5), 1)
         sample = self.plane[::step, ::step] if self.plane.shape[1] > 1 else self.plane
-        ranks = (np.arange(QUANTILES) + 0.5) / QUANTILES
-        return np.asarray(np.quantile(np.minimum(sample, _FARTHEST), ranks), np.float64)
+        ordered = np.sort(np.minimum(sample, _FARTHEST), axis=None)
+        # `np.quantile` takes twice as long.
+        ranks = (np.arange(QUANTILES) + 0.5) / QUANTILES * (ordered.size - 1)
+        return np.asarray(np.interp(ranks, np.arange(ordered.size), ordered), np.float64)
 
     @property
     def end(self) -> float:
