@@ -9,6 +9,7 @@ runs it. How it measures says the page. Whoever cannot be installed or run is re
 from __future__ import annotations
 
 import argparse
+import multiprocessing
 import os
 import platform
 import random
@@ -26,19 +27,26 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 HOME = ROOT / ".venv-peers"
 PEERS = ["opencv-python-headless", "albumentationsx", "imgaug", "kornia"]
-# With the number of pictures that loaders take.
-SIZES = {128: 200, 224: 150, 512: 60, 1024: 24}
-ALONE, LOADER = "in single calls", "in a DataLoader of 2 workers"
-# Calls of ours before the first that is timed.
-WARM = 64
+# Shapes of the pictures, and the number that loaders take.
+MIXED = ((128, 128), (480, 640), (224, 224), (427, 640), (1024, 768), (333, 500), (512, 512))
+SIZES = {
+    "128 px": (((128, 128),), 200), "224 px": (((224, 224),), 150), "512 px": (((512, 512),), 60),
+    "1024 px": (((1024, 1024),), 24), "mixed sizes": (MIXED, 60),
+}  # fmt: skip
+ALONE, COLD = "warm, in single calls", "the first 20 pictures of a process"
+LOADER, LABELS = "in a DataLoader of 2 workers", "with labels"
+FIRST = 20
+OURS = {"snow": "Snowfall", "rain": "Rainfall", "fog": "Fog"}
+# Rounds of ours before the first that is timed.
+WARM = 300
 # It draws no flakes, so it does not count as snow.
 WHITENS = "(no flakes: it whitens)"
 
 Call = Callable[[], Any]
-# Kind, name and call.
-Peers = Iterator[tuple[str, str, Call]]
-# Milliseconds of every call, by kind, size and way of running.
-Times = dict[tuple[str, int, str], dict[str, list[float]]]
+# Kind, name, and a call for each picture.
+Peers = Iterator[tuple[str, str, list[Call]]]
+# Milliseconds of a picture in every round, by kind, size and way of running.
+Times = dict[tuple[str, str, str], dict[str, list[float]]]
 
 
 def main() -> None:
@@ -87,13 +95,16 @@ def measure(runs: int) -> tuple[Times, list[str]]:
     torch.set_num_threads(1)
     found: Times = {}
     failures: list[str] = []
-    for size, count in SIZES.items():
-        for kind, calls in classes(size, failures).items():
+    for size, (shapes, count) in SIZES.items():
+        for kind, calls in classes(shapes, failures).items():
+            found[kind, size, COLD] = {
+                name: [in_child(call) for _ in range(2)] for name, call in calls.items()
+            }
             times: dict[str, list[float]] = {name: [] for name in calls}
             # Ours as often as fills the sheets that it keeps: as a training's first batches do.
             for name, call in calls.items():
-                for _ in range(WARM if name.startswith("flurries") else 0):
-                    call()
+                for number in range(WARM if name.startswith("flurries") else 0):
+                    call[number % len(call)]()
             # Each once to warm up; then in turns, so that a slow moment is everybody's, and in
             # another order each time: after a peer of much memory the caches are empty.
             for turn in range(runs + 1):
@@ -101,32 +112,84 @@ def measure(runs: int) -> tuple[Times, list[str]]:
                 random.Random(turn).shuffle(order)
                 for name, call in order:
                     start = time.process_time()
-                    call()
+                    for one in call:
+                        one()
                     if turn:
-                        times[name].append(1e3 * (time.process_time() - start))
+                        times[name].append(1e3 * (time.process_time() - start) / len(call))
             found[kind, size, ALONE] = times
             times = {
                 name: [in_loader(call, count) for _ in range(2)] for name, call in calls.items()
             }
             found[kind, size, LOADER] = times
+            found[kind, size, LABELS] = labels(kind, shapes[-1])
     return found, failures
+
+
+def in_child(calls: list[Call]) -> float:
+    """Return the milliseconds of a picture among the first ones of a process that is forked."""
+    from flurries._kept import ALL
+
+    context = multiprocessing.get_context("fork")
+    ours, other = context.Pipe()
+
+    def first() -> None:
+        # What this process has kept since.
+        ALL["flurries.augment.sheets"].clear()
+        start = time.process_time()
+        for number in range(FIRST):
+            calls[number % len(calls)]()
+        other.send(1e3 * (time.process_time() - start) / FIRST)
+
+    child = context.Process(target=first)
+    child.start()
+    spent: float = ours.recv()
+    child.join()
+    return spent
+
+
+def labels(kind: str, shape: tuple[int, int]) -> dict[str, list[float]]:
+    """Return what boxes and depths cost of ours, which no peer has, in turns with the picture."""
+    import numpy as np
+    from skimage import data
+
+    import flurries as fl
+    from flurries.io import fit
+
+    picture = fit(data.coffee(), shape)
+    made = getattr(fl.augment, OURS[kind])(severity=3)
+    depth = np.geomspace(2.0, 90.0, shape[0])[:, None] * np.ones(shape)
+    rows = np.arange(20.0)[:, None]
+    boxes = np.hstack([rows, rows, rows + 40.0, rows + 60.0])
+    calls: dict[str, Call] = {
+        "picture": lambda: made(picture, index=1),
+        "depth": lambda: made(picture, depth=depth, index=1),
+        "20 boxes": lambda: made.apply(picture, boxes=boxes, index=1),
+        "20 boxes and depth": lambda: made.apply(picture, boxes=boxes, depth=depth, index=1),
+    }  # fmt: skip
+    times: dict[str, list[float]] = {name: [] for name in calls}
+    for _ in range(21):
+        for name, call in calls.items():
+            start = time.process_time()
+            call()
+            times[name].append(1e3 * (time.process_time() - start))
+    return {name: spent[1:] for name, spent in times.items()}
 
 
 class Pictures:
     """A data set whose every item is a call."""
 
-    def __init__(self, call: Call, count: int) -> None:
-        self.call, self.count = call, count
+    def __init__(self, calls: list[Call], count: int) -> None:
+        self.calls, self.count = calls, count
 
     def __len__(self) -> int:
         return self.count
 
     def __getitem__(self, index: int) -> int:
-        self.call()
+        self.calls[index % len(self.calls)]()
         return index
 
 
-def in_loader(call: Call, count: int) -> float:
+def in_loader(calls: list[Call], count: int) -> float:
     """Return the milliseconds of the workers' processors that a picture takes in a loader of two.
 
     Other work on the machine does not lengthen them.
@@ -134,7 +197,7 @@ def in_loader(call: Call, count: int) -> float:
     from torch.utils.data import DataLoader
 
     before = os.times()
-    loader = DataLoader(Pictures(call, count), batch_size=16, num_workers=2)  # type: ignore[arg-type]
+    loader = DataLoader(Pictures(calls, count), batch_size=16, num_workers=2)  # type: ignore[arg-type]
     seen = sum(len(batch) for batch in loader)
     assert seen == count
     del loader
@@ -151,6 +214,8 @@ def verdict(times: Times) -> list[str]:
     """
     lines = []
     for (kind, size, way), calls in times.items():
+        if way == LABELS:
+            continue
         own = [name for name in calls if name.startswith("flurries")]
         others = [name for name in calls if name not in own and WHITENS not in name]
         said, least = [], []
@@ -159,7 +224,7 @@ def verdict(times: Times) -> list[str]:
             least.append(law(calls[first]) / max(law(calls[name]) for name in own))
             said.append(f"{least[-1]:.2f} ({first})")
         lines.append(
-            f"{kind}, {size} x {size}, {way}: {'' if min(least) > 1.0 else 'NOT '}faster than all;"
+            f"{kind}, {size}, {way}: {'' if min(least) > 1.0 else 'NOT '}faster than all;"
             f" the fastest other takes this much of our time, by the fastest run {said[0]}, by the"
             f" median {said[1]}"
         )
@@ -172,14 +237,16 @@ def page(times: Times, failures: list[str], runs: int) -> str:
         "# Weather for data sets, beside that of other libraries\n",
         "Made by `make peers` (`python benches/peers.py --page docs/internals/peers.md`), which"
         " installs all libraries into an environment of its own. uint8 RGB in and out, for kornia"
-        f" the float tensor that it wants, made beforehand; one thread each; {runs} runs in turns,"
-        " the fastest and the median in milliseconds of processor time; in loaders the workers'"
-        " processor time over the number of pictures, of two runs, with what a worker costs to"
-        " start. Read them as ratios: they are of one run on one machine.\n",
-        "Ours at two severities; the verdict takes the slower one. A transform that only brightens"
-        " the picture draws no snow and is listed, but does not count.\n",
-        "Ours is called 64 times before it is timed: it keeps sheets of far flakes, and pictures"
-        " whose sheet is not there yet take longer.\n",
+        f" the float tensor that it wants, made beforehand; one thread each; {runs} rounds in"
+        " turns, the fastest and the median in milliseconds of processor time for a picture; in"
+        " loaders the workers' processor time over the number of pictures, of two runs, with what"
+        " a worker costs to start. Read them as ratios: they are of one run on one machine.\n",
+        "Ours draws severity, wind, fall and exposure anew for each picture, natural and hard; the"
+        " verdict takes the slower one. A transform that only brightens the picture draws no snow"
+        " and is listed, but does not count. Mixed sizes are seven of 128 to 1024 px, in turn.\n",
+        f"Ours keeps sheets of far flakes: warm is after {WARM} pictures, which fill them, and"
+        f" cold are the first {FIRST} pictures of a process that is forked, two such. A DataLoader"
+        " here has between both: its workers begin with what this process keeps.\n",
         "## Verdict\n",
         *(f"- {line}" for line in verdict(times)),
     ]
@@ -192,7 +259,7 @@ def page(times: Times, failures: list[str], runs: int) -> str:
     for (kind, size, way), calls in times.items():
         ours = min(next(iter(calls.values())))
         parts += [
-            f"\n## {kind.capitalize()}, {size} x {size}, {way}\n",
+            f"\n## {kind.capitalize()}, {size}, {way}\n",
             "| transform | fastest, ms | median, ms | / ours |",
             "| --- | --- | --- | --- |",
         ]
@@ -203,24 +270,25 @@ def page(times: Times, failures: list[str], runs: int) -> str:
     return "\n".join(parts) + "\n"
 
 
-def classes(size: int, failures: list[str]) -> dict[str, dict[str, Call]]:
+def classes(shapes: Any, failures: list[str]) -> dict[str, dict[str, list[Call]]]:
     """Return the calls to be timed, ours first."""
     from skimage import data
 
     import flurries as fl
     from flurries.io import fit
 
-    picture = fit(data.coffee(), (size, size))
-    found: dict[str, dict[str, Call]] = {"snow": {}, "rain": {}, "fog": {}}
-    for kind, ours in zip(found, ("Snowfall", "Rainfall", "Fog"), strict=True):
-        for severity in (3, 5):
-            transform = getattr(fl.augment, ours)(severity=severity)
-            found[kind][f"flurries {ours}(severity={severity})"] = lambda t=transform: t(picture)
+    pictures = [fit(data.coffee(), shape) for shape in shapes]
+    found: dict[str, dict[str, list[Call]]] = {kind: {} for kind in OURS}
+    for kind, ours in OURS.items():
+        for profile in ("natural", "hard"):
+            made = getattr(fl.augment, ours)(severity=(1, 5), profile=profile)
+            name = f'flurries {ours}(severity=(1, 5), profile="{profile}")'
+            found[kind][name] = [partial(made, picture) for picture in pictures]
     for peer in (albumentations, imgaug, kornia):
         try:
-            for kind, name, call in peer(picture):
-                call()
-                found[kind][name] = call
+            for kind, name, calls in peer(pictures):
+                calls[0]()
+                found[kind][name] = calls
         except Exception as error:
             words = " ".join(f"{peer.__name__}: {type(error).__name__}: {error}".split())[:160]
             if words not in failures:
@@ -229,7 +297,7 @@ def classes(size: int, failures: list[str]) -> dict[str, dict[str, Call]]:
     return found
 
 
-def albumentations(picture: Any) -> Peers:
+def albumentations(pictures: list[Any]) -> Peers:
     import albumentations as A
 
     kinds = ("drizzle", "heavy", "torrential")
@@ -241,10 +309,11 @@ def albumentations(picture: Any) -> Peers:
         made = getattr(A, name)(**options, p=1.0)
         whitens = f" {WHITENS}" if kind == "snow" and not options else ""
         words = ", ".join(f'{key}="{value}"' for key, value in options.items())
-        yield kind, f"albumentationsX {name}({words}){whitens}", partial(made, image=picture)
+        calls = [partial(made, image=picture) for picture in pictures]
+        yield kind, f"albumentationsX {name}({words}){whitens}", calls
 
 
-def imgaug(picture: Any) -> Peers:
+def imgaug(pictures: list[Any]) -> Peers:
     import numpy as np
 
     if "sctypes" not in vars(np):
@@ -258,16 +327,18 @@ def imgaug(picture: Any) -> Peers:
 
     # Its fog wants an older NumPy still.
     for kind, name in (("snow", "Snowflakes"), ("rain", "Rain")):
-        yield kind, f"imgaug {name}()", partial(getattr(iaa, name)(), image=picture)
+        made = getattr(iaa, name)()
+        yield kind, f"imgaug {name}()", [partial(made, image=picture) for picture in pictures]
 
 
-def kornia(picture: Any) -> Peers:
+def kornia(pictures: list[Any]) -> Peers:
     import kornia.augmentation as K
     import torch
 
-    batch = torch.from_numpy(picture).permute(2, 0, 1)[None].float() / 255.0
-    yield "snow", f"kornia RandomSnow() {WHITENS}", partial(K.RandomSnow(p=1.0), batch)
-    yield "rain", "kornia RandomRain()", partial(K.RandomRain(p=1.0), batch)
+    batches = [torch.from_numpy(p).permute(2, 0, 1)[None].float() / 255.0 for p in pictures]
+    for kind, made, words in (("snow", K.RandomSnow(p=1.0), f" {WHITENS}"),
+                              ("rain", K.RandomRain(p=1.0), "")):  # fmt: skip
+        yield kind, f"kornia Random{kind.title()}(){words}", [partial(made, b) for b in batches]
 
 
 if __name__ == "__main__":

@@ -172,7 +172,9 @@ class Here:
     def falling(self) -> Falling:
         air, hard = self.air, self.air.profile == "hard"
         return Falling(
-            air.kind, 0 if hard else max(round(10.0 * air.amount), 1), self.far / self.near,
+            air.kind, 0 if hard else max(round(10.0 * air.amount), 1),
+            # The same before every lens of the hard profile, so that it has the same sheets.
+            round(self.far / self.near, 12),
             GAINS[air.kind] if hard else 1.0, self.thickness * self.near,
             self.view.focal / self.near, air.velocity, air.exposure,
         )  # fmt: skip
@@ -214,7 +216,7 @@ class Here:
             return None
         law, (x, y), reached = self.falling.law, air.velocity, near * self.sheets.reach
         times = [self.time + s for s in (0.0, -0.5 * air.exposure, 0.5 * air.exposure, *steps)]
-        end = reached if reached >= self.far else reached * (1.0 + FADE)
+        end = reached if reached > 0.9 * self.far else reached * (1.0 + FADE)
         fade = near * (1.0 - _NEAR_FADE), near * (1.0 + _NEAR_FADE)
         sway, swing = _SWAY[air.kind]
         one = Class(

@@ -22,7 +22,7 @@ from flurries.particles.population import FADE, Population, SizeClass, layer_edg
 from flurries.particles.sizes import Sizes
 
 # Bytes of all sheets of a process, at most: the oldest go.
-MOST_BYTES = 64 << 20
+MOST_BYTES = 128 << 20
 
 _LAYERS = 6
 
