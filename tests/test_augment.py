@@ -97,6 +97,15 @@ def test_films_and_pairs_are_their_pictures(kind: str):
         del own["fps"]
         assert np.array_equal(weather(PICTURE, **own), one)
         assert film[number].occlusion == pytest.approx([film[number].alpha[5:30, 5:40].mean()])
+    # And so are all their labels.
+    flows, masks = [RNG.standard_normal((48, 64, 2)) for _ in frames], list(frames[..., 0] % 3)
+    film = weather.apply(frames, flow=flows, masks=masks, motion=True, eye="left", **how)
+    for number, seen in enumerate(film):
+        own = {**how, "time": number / 25.0, "depth": walls[number], "eye": "left"}
+        one = weather.apply(PICTURE, flow=flows[number], masks=masks[number], motion=True, **own)
+        for name in ("flow", "depth", "motion", "disparity", "weather_disparity", "instances",
+                     "instance_visibility"):  # fmt: skip
+            assert np.array_equal(getattr(seen, name), getattr(one, name)), name
     assert weather.clip(frames[..., 0], index=5).shape == frames.shape[:3]
     both, how = (PICTURE, PICTURE[::-1]), {"index": 3, "time": 0.5, "distance": 0.3}
     truth, pair = weather.apply(both, **how), weather.pair(*both, **how)
