@@ -6,16 +6,16 @@ import math
 import threading
 from dataclasses import dataclass, replace
 from functools import cached_property
+from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flurries import _core
+from flurries import _core, spectral
 from flurries._contract import Array, Float64
 from flurries.augment import calibration
 from flurries.augment.calibration import GAINS, Kind, Profile
 from flurries.augment.distance import Distances
-from flurries.augment.patches import Patches
 from flurries.augment.sheets import Falling, Sheets, sheets_of
 from flurries.effects.air import NEAREST, Class, Eye, images_of
 from flurries.effects.air import Air as Request
@@ -42,7 +42,44 @@ _SWAY = {"snow": (0.02, 4.0), "rain": (0.0, 0.0)}
 
 _STREAM = 7005
 
+# Points of a fog's field along the longer side; its waves have 16 to 120 of them.
+_POINTS = 120
+_BAND = (16.0, 120.0)
+_UNEVEN = spectral.Texture(wavelengths=_BAND, exponent=1.5, tile=240, overlap=60)
+
+# Quantiles of the normal law, for means over all densities.
+_NORMAL = np.array([NormalDist().inv_cdf((k + 0.5) / 33) for k in range(33)])
+
 _STILL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class Patches:
+    """Fog that is thicker here than there: a slow spectral field, the same at every size."""
+
+    # Standard deviation of the extinction against its mean, where none is below 0.
+    strength: float
+    # How fast the largest patches drift, picture widths per second.
+    wind: tuple[float, float]
+
+    def densities(self) -> Float64:
+        """Return equally likely densities, (n,)."""
+        if self.strength == 0.0:
+            return np.ones(1)
+        return np.asarray(np.maximum(1.0 + self.strength * _NORMAL, 0.0))
+
+    def motion(self, shape: tuple[int, int], fps: float) -> Float64:
+        """Return the patches' motion, (2,) pixels per frame: the mean of their waves."""
+        mean = math.sqrt(_BAND[0] / _BAND[1])
+        return np.asarray(self.wind) * (mean * max(shape) / fps)
+
+    def field(self, shape: tuple[int, int], seed: int, time: float) -> tuple[Array, float, float]:
+        """Return a field of variance 1, the pixels between its points, and its strength."""
+        cell = max(shape) / _POINTS
+        size = (math.ceil(shape[0] / cell) + 2, math.ceil(shape[1] / cell) + 2)
+        drift = (np.asarray(self.wind) * time) * _POINTS
+        made = spectral.field(size, drift=drift, seed=seed, texture=_UNEVEN)
+        return made, cell, self.strength
 
 
 class View(NamedTuple):

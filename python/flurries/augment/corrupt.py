@@ -17,20 +17,9 @@ from typing import Any
 
 from flurries._contract import choice, flag, integer, mapping, rate_of, real, seed_of
 from flurries.augment.calibration import PROFILES, Profile
-from flurries.augment.card import write_card
 from flurries.augment.layouts import LAYOUTS, Layout, Member, files_of, layout_of, members_of
-from flurries.augment.sets import (
-    ALWAYS,
-    COPY,
-    NEEDS,
-    TRUTH,
-    WEATHERS,
-    Part,
-    Pictures,
-    strength_of,
-    weather_of,
-)
-from flurries.augment.shards import Shards
+from flurries.augment.published import Shards, write_card
+from flurries.augment.sets import ALWAYS, COPY, NEEDS, TRUTH, WEATHERS, Part, Pictures, weather_of
 from flurries.io import frame_range
 from flurries.io.annotations import read_coco
 from flurries.output.cluster import cluster
@@ -147,7 +136,11 @@ def corrupt(
     planes = tuple(choice("truth", plane, tuple(TRUTH)) for plane in _several(truth))
     levels = _levels(severity)
     choice("profile", profile, PROFILES)
-    strengths = {f"{kind} {n}": strength_of(kind, n, profile) for kind in kinds for n in levels}
+    strengths = {
+        f"{kind} {n}": str(weather_of(kind, n, profile).strength()[0])
+        for kind in kinds
+        for n in levels
+    }
     start, again, dry = seed_of(seed), flag("overwrite", overwrite), flag("dry_run", dry_run)
     count = os.cpu_count() or 1 if workers is None else integer("workers", workers, low=1, high=256)
     if not (dask is None or isinstance(dask, str)):

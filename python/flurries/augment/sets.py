@@ -53,11 +53,6 @@ def weather_of(kind: str, severity: int, profile: Profile, **more: Any) -> Weath
     return weather
 
 
-def strength_of(kind: str, severity: int, profile: Profile) -> str:
-    """Return how strong a weather is, in words."""
-    return str(weather_of(kind, severity, profile).strength()[0])
-
-
 @dataclass(frozen=True)
 class Part:
     """One file that is made: a picture in a weather, a plane of its truth, or a copy."""
@@ -225,7 +220,7 @@ class Pictures(Job):
             return notes
         notes |= {"plane": part.plane} if part.plane else {}
         notes |= {"weather": part.kind, "severity": part.level, "record": self._record(part)}
-        notes["strength"] = strength_of(part.kind, part.level, self.profile)
+        notes["strength"] = str(weather_of(part.kind, part.level, self.profile).strength()[0])
         if not part.plane:
             # Of the pixels, whatever encodes them.
             image = made[2].image
