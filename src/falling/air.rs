@@ -2,6 +2,7 @@
 
 use super::cells::DENSEST;
 use super::law::{Sizes, Table};
+use super::notes::Notes;
 use crate::base::error::Error;
 
 /// The time of the frame, and those at which its shutter opens and closes; after them others may come.
@@ -70,6 +71,8 @@ pub struct Class {
     /// How far a wind of depth has carried the air (x, y) at each time, by the depth along the house's z ahead of
     /// the camera, metres. None where there is no such wind.
     pub profile: Vec<[Table; 2]>,
+    /// Where in this air its one flake is, put there by hand, metres; else its flakes are those of cells.
+    pub placed: Option<Vector>,
 }
 
 /// How many times as dense as on the mean it is where the waves of clumps sum to `s`.
@@ -103,6 +106,7 @@ pub struct Air {
     pub waves: Vec<f64>,
     /// With them the classes have the densities of the densest places.
     pub clumps: Option<Clumps>,
+    pub notes: Option<Notes>,
     /// Pixels of the whole picture, (height, width).
     pub shape: (usize, usize),
     /// The pixels that are wanted: top, bottom, left, right.
@@ -127,6 +131,7 @@ impl Air {
             && (0.0..=1.0).contains(&self.opacity)
             && self.near > 0.0
             && finite(&[self.sway, self.room, self.near])
+            && self.notes.as_ref().is_none_or(|notes| notes.sound(times))
             && self.eyes.iter().all(|eye| {
                 finite(&eye.turn.concat())
                     && finite(&eye.center)

@@ -63,12 +63,18 @@ impl List {
             part.add(air, &sights, lines, cancel)
         })?;
         let mut all = parts.into_iter();
-        let Some(mut first) = all.next() else { return Ok(Self::default()) };
+        let mut first = all.next().unwrap_or_default();
         for part in all {
             reserve(&mut first.flakes, part.flakes.len())?;
             first.flakes.extend_from_slice(&part.flakes);
             reserve(&mut first.others, part.others.len())?;
             first.others.extend_from_slice(&part.others);
+        }
+        for class in &air.classes {
+            if let Some(at) = class.placed {
+                let born = Cells::new(air.seed, class.number).placed();
+                first.blown(air, class, &[(Places::placed(air, class, at), born)], cancel)?;
+            }
         }
         Ok(first)
     }
@@ -107,21 +113,33 @@ impl List {
                 failed?;
             }
         }
+        self.blown(air, class, &found, cancel)
+    }
+
+    /// Adds flakes of a class, which waves of the wind carry and of which clumps have their share.
+    fn blown(
+        &mut self,
+        air: &Air,
+        class: &Class,
+        found: &[(Places<'_>, Born)],
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
         if found.is_empty() {
             return Ok(());
         }
         let mut points = collected(std::iter::repeat_n(0.0, 3 * found.len()))?;
         let at = |points: &mut [f64], of: &dyn Fn(&Places<'_>, &Born) -> Vector| {
-            for (point, (places, born)) in points.chunks_exact_mut(3).zip(&found) {
+            for (point, (places, born)) in points.chunks_exact_mut(3).zip(found) {
                 point.copy_from_slice(&of(places, born));
             }
         };
         at(&mut points, &|places, born| places.in_air(NOW, born));
         let channels = if class.waves.is_empty() { 0 } else { 3 * air.eyes.len() };
         let blown = sums(&points, &air.waves, &class.waves, channels, cancel)?;
+        let own = |index: usize| (channels > 0).then(|| &blown[channels * index..][..channels]);
         let Some(clumps) = &air.clumps else {
-            for ((places, born), own) in found.iter().zip(blown.chunks_exact(channels)) {
-                self.see(places, born, Some(own), 1.0)?;
+            for (index, (places, born)) in found.iter().enumerate() {
+                self.see(places, born, own(index), 1.0)?;
             }
             return Ok(());
         };
@@ -129,8 +147,7 @@ impl List {
         let sums = sums(&points, &clumps.waves, &clumps.weights, 1, cancel)?;
         for (index, ((places, born), s)) in found.iter().zip(sums).enumerate() {
             let denser = denser(clumps.strength, s);
-            let own = (channels > 0).then(|| &blown[channels * index..][..channels]);
-            self.see(places, born, own, denser / (1.0 + clumps.strength))?;
+            self.see(places, born, own(index), denser / (1.0 + clumps.strength))?;
         }
         Ok(())
     }
@@ -215,6 +232,12 @@ impl<'a> Places<'a> {
         Self { air, class, corner, side, part }
     }
 
+    /// The flake that is at a place in the air.
+    fn placed(air: &'a Air, class: &'a Class, at: Vector) -> Self {
+        let corner = std::array::from_fn(|a| at[a] - class.at[NOW][a]);
+        Self { air, class, corner, side: 0.0, part: (0, 1) }
+    }
+
     /// Whether a flake of the cell is in the part.
     #[inline]
     fn holds(&self, born: &Born) -> bool {
@@ -264,6 +287,9 @@ impl<'a> Places<'a> {
                 place[a] += blown[3 * time + a];
             }
         }
+        if let Some(notes) = &self.air.notes {
+            place = notes.passed(time, place);
+        }
         self.air.eyes[time].turned(place)
     }
 
@@ -286,7 +312,10 @@ impl<'a> Places<'a> {
             return None;
         }
         let below = self.corner[1] + born.inside[1] * self.side;
-        let amount = part * class.amount.at(below);
+        let mut amount = part * class.amount.at(below);
+        if let Some(notes) = &air.notes {
+            amount *= notes.share(born.id, eye.seen(point).0, depth);
+        }
         let rank = born.arrival / class.density;
         let (first, last) = class.ranks;
         share *= presence(rank, amount * last)

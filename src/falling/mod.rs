@@ -7,6 +7,7 @@ pub mod draw;
 pub mod law;
 pub mod layers;
 pub mod list;
+pub mod notes;
 pub mod sheet;
 pub mod sight;
 pub mod stamp;

@@ -7,6 +7,7 @@
 use super::air::{Air, CLOSE, Class, Eye, NOW, OPEN, Vector};
 use super::cells::{levels, side};
 use super::law::last_rank;
+use super::notes::Notes;
 use crate::base::error::{Error, pushed};
 
 /// Pixels that the smallest image reaches beyond its middle, and a little more.
@@ -67,7 +68,7 @@ impl Sight {
             let moved: Vector = std::array::from_fn(|a| class.at[time][a] - class.at[NOW][a]);
             room += norm(moved) + norm(std::array::from_fn(|a| other.offset[a] - eye.offset[a]));
         }
-        room += waves_reach(air, class);
+        room += waves_reach(air, class) + air.notes.as_ref().map_or(0.0, Notes::reach);
         let slope = |axis: usize, px: f64| (px - eye.center[axis]) / eye.focal[axis];
         let low: [f64; 2] = std::array::from_fn(|axis| slope(axis, first[axis] - aside));
         let high: [f64; 2] = std::array::from_fn(|axis| slope(axis, last[axis] + aside));
@@ -125,7 +126,7 @@ impl Sight {
     /// The lines of cells of all levels that may be seen, in a fixed order.
     pub fn lines(&self, air: &Air, number: usize, lines: &mut Vec<Line>) -> Result<(), Error> {
         let class = &air.classes[number];
-        if self.below <= 0.0 || self.far <= 0.0 {
+        if self.below <= 0.0 || self.far <= 0.0 || class.placed.is_some() {
             return Ok(());
         }
         // Layers of cells are cut across the axis that the view is most along; a wind of depth carries each

@@ -17,6 +17,7 @@ use crate::falling::draw::{Images, balls_of, lens_of};
 use crate::falling::law::{Sizes, Table};
 use crate::falling::layers::{self, Gains, Layer, Others};
 use crate::falling::list::List;
+use crate::falling::notes::{Body, Mask, Notes};
 use crate::falling::sheet::Sheet;
 use crate::falling::stamp::Law;
 use crate::particles::balls::Balls;
@@ -37,7 +38,7 @@ impl BallImages {
 from_attributes!(Eye { turn, focal, center, offset } of eye);
 
 from_attributes!(Class {
-    number, density, shown, by_size, ranks, at, swung;
+    number, density, shown, by_size, ranks, at, swung, placed;
     sizes: Sizes::new(attribute!(class, sizes), attribute!(class, slope)),
     amount: Table { range: attribute!(class, heights), values: attribute!(class, amounts) },
     waves: waves(class)?,
@@ -54,8 +55,20 @@ from_attributes!(Clumps {
     weights: numbers(attribute!(clumps, weights))?,
 } of clumps);
 
+from_attributes!(Mask {
+    depths;
+    shares: {
+        let shares: PyReadonlyArray2<'_, f32> = attribute!(mask, shares);
+        shares.as_array().to_owned()
+    },
+} of mask);
+
+from_attributes!(Body { at, half, round } of body);
+
+from_attributes!(Notes { between, hidden, mask, bodies } of notes);
+
 from_attributes!(Air {
-    seed, opacity, classes, eyes, sway, clumps, shape, window, room, near;
+    seed, opacity, classes, eyes, sway, clumps, notes, shape, window, room, near;
     waves: waves(air)?,
 } of air);
 

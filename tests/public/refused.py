@@ -61,7 +61,7 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
     },
     "Snow": {
         "flake_size": ((0.01, 0.005, 0.02),), "density": (-1.0,), "method": ("drawn",),
-        "emission": (1.5,), "look": ("v1",),
+        "emission": (1.5,), "look": ("v1",), "time": (NAN, 1e3, "slow"),
     },
     "Mist": {
         "amount": SHARE, "count": (-1, 10.0, 10**9), "visibility": (0.0, -3.0), "radius": (0.0,),

@@ -87,6 +87,9 @@ CALLS: dict[str, Call] = {
     "effects.TentSnow": Call({}),
     "effects.TentRain": Call({}),
     "Rain": Call({}),
+    "effects.Body": Call({"place": (0.0, 0.0, 3.0), "size": 0.5}),
+    "effects.Where": Call(
+        {"source": 0.5}, infinite=("far",), loose=True, refused={"near": (-1.0,)}),
     "Mist": Call({}),
     "effects.ConeSnow": Call({}),
     "effects.ConeRain": Call({}, refused={"spread": (-1.0,)}),

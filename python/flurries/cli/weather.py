@@ -31,7 +31,7 @@ PRESETS = {kind: tuple(KINDS[kind].PRESETS) for kind in ("snow", "rain", "mist")
 KNOBS = ("severity", "rate", "visibility")
 TAKERS = {name: (*kind.KNOBS, "visibility") for name, kind in KINDS.items()}
 FIELDS = ("amount", "wind", "color")
-FALLING = ("density", "shutter", "near", "method")
+FALLING = ("density", "shutter", "time", "near", "where", "split", "method")
 
 MISSING = (
     "a picture needs weather: add --snow PRESET, such as --snow heavy, --rain PRESET or "
@@ -55,6 +55,10 @@ def _shutter(text: str) -> float:
         raise click.BadParameter(f"wants frames or an angle like 180deg, got {text!r}") from None
 
 
+def _depths(text: str) -> tuple[float, ...]:
+    return numbers(text.count(",") + 1)(text)
+
+
 PRESET = "the preset's"
 
 scene_options: Callable[[Any], Any] = join(
@@ -76,7 +80,13 @@ scene_options: Callable[[Any], Any] = join(
            "color of the weather; local: that of the picture's own light"),
     option("--shutter", _shutter, "S", "180deg", PRESET,
            "how long a flake or drop is exposed, frames or an angle: its streak"),
+    option("--time", float, "SPEED", "0.5", "1",
+           "how fast the time of snow and rain alone goes: 0.5 is slow motion, 0 stands still"),
     option("--near", float, "METRES", "0.5", PRESET, "how near flakes and drops come"),
+    option("--where", FILE, "FILE", "mask.png", "everywhere",
+           "a picture of where there are flakes and drops: white all, black none"),
+    option("--split", _depths, "METRES", "3,12", "one layer",
+           "depths that part snow and rain into layers: near, mid and far"),
     option("--method", ("flakes", "tent", "cone", "simulated"), None, "tent", "flakes",
            "how snow and rain are made: flakes near and far; tent, Langer's texture; cone, drawn "
            "on a cone; simulated, every flake drawn"),

@@ -8,6 +8,7 @@ from flurries.effects.field import Field
 from flurries.effects.kinds import register
 from flurries.effects.mist import Mist
 from flurries.effects.motion import Motion
+from flurries.effects.notes import Body, Where
 from flurries.effects.precipitation import Precipitation, Veil
 from flurries.effects.tent import TentRain, TentSnow
 from flurries.effects.texture import Texture
@@ -15,7 +16,7 @@ from flurries.frame.layer import Layer
 from flurries.frame.view import Frame
 
 __all__ = [
-    "ConeRain", "ConeSnow", "Field", "Flakes", "Frame", "Hex", "Layer", "Mist",
+    "Body", "ConeRain", "ConeSnow", "Field", "Flakes", "Frame", "Hex", "Layer", "Mist",
     "Motion", "Precipitation", "Rain", "Snow", "TentRain", "TentSnow", "Texture", "Veil",
-    "register",
+    "Where", "register",
 ]  # fmt: skip

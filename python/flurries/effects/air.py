@@ -19,6 +19,7 @@ from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur
 from flurries.effects.clumps import Clumps, clumps_of
 from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
+from flurries.effects.notes import Asked
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, value_at
 from flurries.particles.population import FADE
@@ -65,6 +66,7 @@ class Class(NamedTuple):
     depths: tuple[float, float]
     # How far a wind of depth has carried the air at each time, metres, at even depths.
     profile: list[tuple[list[float], list[float]]]
+    placed: Any = None  # (3,): where the one flake that somebody put there is in this air, metres.
 
 
 class Closeup(NamedTuple):
@@ -95,15 +97,17 @@ class Air(NamedTuple):
     room: float  # Metres around the view in which blurred flakes may be seen.
     near: float  # Metres.
     closeup: Closeup | None  # How flakes look from near.
+    notes: Asked | None = None
 
 
 def air_of(weather: Any, frame: Frame, amount: float, steps: tuple[float, ...] = ()) -> Air:
     """Return the flakes of a `Drawn` before a frame's camera, with places at steps of frames."""
     clumps, path, fps = clumps_of(weather, frame), frame.path, frame.fps
-    exposure, wind = weather.motion.exposure(frame), weather.motion.varied
-    slope, shares, opacity = weather.law.slope, weather.shares(frame), weather.opacity_at(frame.t)
+    motion = weather.motion
+    exposure, wind = motion.exposure(frame), motion.varied
     after = (0.0, -0.5 * exposure, 0.5 * exposure, *steps)
-    times = [frame.t + step for step in after]
+    times, clock = motion.clocks(frame.t, after)
+    slope, shares, opacity = weather.law.slope, weather.shares(frame), weather.opacity_at(frame.t)
     eyes = [_eye(frame.camera, frame)] * len(after)
     if path.turns or path.zooms:
         eyes[1:] = [_eye(frame.later(s).camera if s else frame.camera, frame) for s in after[1:]]
@@ -115,12 +119,15 @@ def air_of(weather: Any, frame: Frame, amount: float, steps: tuple[float, ...] =
         far = max((one.reach * (1.0 + FADE) for one in shares), default=1.0)
         room = 0.75 * max(near * blur.circle(near), far * blur.circle(far)) / frame.camera.focal
     if weather.shape != "round" or blur is not None:
-        closeup = Closeup(weather.shape, SWITCH, blur, frame.seed, frame.t / fps, exposure / fps)
+        pace = motion.clock.value(frame.t) if isinstance(motion.clock, Keys) else motion.clock
+        closeup = Closeup(
+            weather.shape, SWITCH, blur, frame.seed, clock[0] / fps, pace * exposure / fps
+        )
     part = 0.0
     if frame.lap is not None and weather.keyed:
         # The round that goes has lost those of low ranks, which the next one shows.
         part = min(frame.lap.part(frame.t), 1.0 - 1e-9)
-    swung = [weather.sway[1] / (2.0 * math.pi * fps) * t for t in times]
+    swung = [weather.sway[1] / (2.0 * math.pi * fps) * t for t in clock]
     ways = [share.motion.places(path, fps, times) for share in shares]
     classes = []
     for number, (share, at) in enumerate(zip(shares, ways, strict=True)):
@@ -141,12 +148,14 @@ def air_of(weather: Any, frame: Frame, amount: float, steps: tuple[float, ...] =
             shown=share.shown, by_size=weather.by_size, heights=(-end, end),
             amounts=[min(amount * one / (1.0 - part), 1.0) for one in there], ranks=(part, 1.0),
             at=at, swung=swung, waves=waves, depths=(0.0, end), profile=profile,
+            placed=share.placed,
         ))  # fmt: skip
     return Air(
         seed=frame.seed, opacity=opacity, images=images_of(opacity), classes=classes, eyes=eyes,
         sway=weather.sway[0],
         waves=None if wind is None or wind.waves is None else cycles_of(wind.waves),
-        clumps=clumps, shape=frame.shape,
+        clumps=clumps, notes=weather.notes and weather.notes.asked(frame, times),
+        shape=frame.shape,
         window=frame.window if frame.shared is None else frame.shared.window,
         room=room, near=NEAREST, closeup=closeup,
     )  # fmt: skip
@@ -154,8 +163,9 @@ def air_of(weather: Any, frame: Frame, amount: float, steps: tuple[float, ...] =
 
 def amounts_at(weather: Any, frame: Frame, share: Any, heights: Float64) -> Float64:
     """Return the part of a class's flakes that is there, at heights below the eye, metres."""
-    fall = max(float(value_at(share.motion.fall, frame.t)), 1e-3)
-    left = frame.t - frame.fps * np.maximum(weather.cloud + heights, 0.0) / fall
+    now = share.motion.now(frame.t)
+    fall = max(float(value_at(share.motion.fall, now)), 1e-3)
+    left = now - frame.fps * np.maximum(weather.cloud + heights, 0.0) / fall
     return np.array([weather.emission.at(time) for time in left.ravel().tolist()])
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from functools import reduce
+from functools import partial, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,16 +74,22 @@ class Plane(NamedTuple):
     which: list[int]  # Its numbers among its like.
 
 
-def read_bent(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
+def read_bent(
+    weather: Weather, frame: Frame, film: Film, amount: float, parts: Float64 | None = None
+) -> Array:
     """Return the opacity of the far flakes over the window, (h, w) float32."""
-    groups = frame.once(weather, "bent", lambda: _groups(weather, frame, film, amount), eye=True)
+    # `parts` are shares of the layers, (L,).
+    make = partial(_groups, weather, frame, film, amount, parts)
+    groups = frame.once(weather, f"bent {parts}", make, eye=True)
     result = plane(frame.size)
     depth = None if frame.depth is None else frame.crop(frame.depth)
     _core.sheet_bent(result, (frame.window[0], frame.window[2]), groups, depth)
     return result
 
 
-def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[Any]:
+def _groups(
+    weather: Weather, frame: Frame, film: Film, amount: float, parts_of: Float64 | None
+) -> list[Any]:
     """Return sheets between two depths, with nodes, motion in px and depths; near ones first."""
     half = 0.5 * weather.motion.exposure(frame)
     times = (frame.t - half, frame.t + half)
@@ -143,6 +149,8 @@ def _groups(weather: Weather, frame: Frame, film: Film, amount: float) -> list[A
     # Planes that give way to each other have the deviation of one, and so have some flakes that
     # stand for many; the mean is made up for.
     nodes[..., 3] = (weights**2 * many - gains) * part * means
+    if parts_of is not None:
+        nodes[..., 2:] *= parts_of[[numbers[at] for at, *_ in every], None, None, None]
     made = zip(sheets, nodes, strict=True)
     return [
         (list(itertools.islice(made, count)), move, *ends[:2])

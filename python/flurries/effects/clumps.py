@@ -54,7 +54,7 @@ def _clumps(
 ) -> Clumps:
     waves, phases, rates = _waves(motion, seed)
     (place,) = motion.places(path, fps, [t])
-    turned = np.exp(2j * math.pi * (phases + waves @ place - rates * (t / fps)))
+    turned = np.exp(2j * math.pi * (phases + waves @ place - rates * (motion.now(t) / fps)))
     weights = math.sqrt(1.0 / _WAVES) * np.stack([turned.real, turned.imag], axis=1)
     return Clumps(waves, weights, strength)
 

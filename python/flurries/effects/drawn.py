@@ -59,6 +59,7 @@ class Share:
     reach: float  # Depth up to which its flakes are drawn, metres.
     # Depths between which drawn ones fade in, and between which they fade out again, metres.
     shown: tuple[float, float, float, float]
+    placed: tuple[float, ...] | None = None  # Where in its air its one flake is, by hand, metres.
 
 
 class Drawn(ABC):
@@ -79,7 +80,7 @@ class Drawn(ABC):
             return Needs.none("flakes", "there are none")
         still = frame.settled and self.motion.still and 0.0 in self.sway
         # Shapes tumble.
-        still = still and self.shape == "round" and not has_keys(self)
+        still = still and self.shape == "round" and self.notes is None and not has_keys(self)
         # However few there are, one that is there shows whole.
         return Needs((Step("flakes", once=still),), most=1.0)
 
@@ -162,6 +163,7 @@ class Flakes(Drawn):
     emission: ClassVar[float] = 1.0
     clumps: ClassVar[float] = 0.0
     near: ClassVar[float] = 0.0
+    notes: ClassVar[None] = None
 
     @cached_property
     def law(self) -> Sizes:

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import InitVar, dataclass, field
+from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property, partial
+from itertools import pairwise
 from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -20,6 +21,7 @@ from flurries.effects.bent import moved_by_wind, read_bent
 from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color, lamp_shade
 from flurries.effects.knobs import Described, effect
 from flurries.effects.motion import Motion, product, times
+from flurries.effects.notes import Body, Notes, as_bodies, as_ids, as_placed, as_where, depths_of
 from flurries.effects.passes import plane_motion
 from flurries.effects.precipitation import Mixture, Precipitation, Veil
 from flurries.effects.presets import RAIN_LOOKS, SNOW_LOOKS, RainLook, SnowLook
@@ -74,27 +76,39 @@ class FlakeTexture:
 
     def needs(self, frame: Frame, amount: float) -> Needs:
         weather = self.weather
-        if not weather.film(frame).layers:
+        if not self._covers(frame).any():
             return Needs.none("texture", "all flakes are drawn one by one")
         still = frame.settled and weather.motion.still and not has_keys(weather.emission)
+        still = still and weather.notes is None
         return Needs((Step("texture", once=still),), most=1.0 - 1e-6)
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         film = self.weather.film(frame)
         read = read_sheets if film.rigid else read_bent
-        return read(self.weather, frame, film, amount)
+        if (notes := self.weather.notes) is None:
+            return read(self.weather, frame, film, amount)
+        return notes.thinned(frame, film, partial(read, self.weather, frame, film, amount))
+
+    def _covers(self, frame: Frame) -> Any:
+        """Return what each layer covers, (L,)."""
+        film, notes = self.weather.film(frame), self.weather.notes
+        return film.covers if notes is None else film.covers * notes.parts(film)
 
     def lamp_shade(self, frame: Frame, optics: Optics) -> Shade:
         """Return the light of the frame's lamps on it, by places."""
         film = self.weather.film(frame)
-        return lamp_shade(frame, film.depths, film.covers, optics)
+        return lamp_shade(frame, film.depths, self._covers(frame), optics)
 
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
         film, motion = self.weather.film(frame), self.weather.motion
-        weights, nearness = film.covers, film.covers / film.depths
+        weights = self._covers(frame)
+        if not weights.any():
+            far = np.full(frame.size, np.inf, np.float32)
+            return [np.zeros((*frame.size, 2), np.float32) for _ in others], far
+        nearness = weights / film.depths
         speed = float(nearness @ film.falls / nearness.sum() / self.weather.mean_speed)
         depth = np.full(frame.size, weights.sum() / nearness.sum(), np.float32)
-        mean = Motion(times(motion.fall, speed), motion.wind)
+        mean = replace(motion, fall=times(motion.fall, speed))
         here, *places = mean.places(frame.path, frame.fps, [at.t for at in (frame, *others)])
         moves = [
             plane_motion(depth, frame, other, np.subtract(place, here))
@@ -120,12 +134,19 @@ class Falling(metaclass=Described):
     color: PlacedColor = "ambient"
     haze: Number = 0.0
     shutter: Number | None = None
+    time: Number = 1.0
     clumps: float = 0.0
     near: float = 0.4
     far: float = 60.0
     backdrop: float | None = None
     cloud: float = 10.0
     handover: float | None = None
+    where: Any = None
+    holdout: Any = None
+    split: tuple[float, ...] | None = None
+    hide: tuple[int, ...] = ()
+    place: tuple[tuple[float, ...], ...] = ()
+    wakes: tuple[Body, ...] = ()
     method: Method = "flakes"
     shape: Shape = "natural"
     look: str = "v2"
@@ -136,12 +157,15 @@ class Falling(metaclass=Described):
 
     CHECKS: ClassVar[dict[str, checks.Check]] = {
         "density": partial(as_number, low=0.0, high=1e6), "emission": checks.share,
+        "time": partial(as_number, low=-100.0, high=100.0),
         "opacity": lambda name, value: real(name, value, low=0.0, high=OPAQUE),
         "color": lambda _, value: as_color(value, (AMBIENT, LOCAL)), "clumps": checks.part,
         "flake_size": size_law, "drop_size": size_law, "far": checks.length,
         "backdrop": checks.length, "cloud": checks.length, "handover": checks.length,
         "method": checks.one_of(get_args(Method)), "shape": checks.one_of(get_args(Shape)),
-        "gain": partial(as_number, low=0.0, high=100.0), "look": checks.one_of(("v2",)),
+        "where": as_where, "holdout": as_where, "split": depths_of, "hide": as_ids,
+        "place": as_placed, "wakes": as_bodies, "look": checks.one_of(("v2",)),
+        "gain": partial(as_number, low=0.0, high=100.0),
     }  # fmt: skip
     NAME: ClassVar[str]
     MATTER: ClassVar[Matter]
@@ -161,36 +185,41 @@ class Falling(metaclass=Described):
         if isinstance(wind, Wind) and wind.profile is not None and isinstance(self.emission, Keys):
             # Flakes are there or not by the heights that they fell through.
             raise ValueError("emission: cannot be keyed in a wind with a profile over depth")
-        if not isinstance(sizes, Keys):
-            return self._made(sizes, self.amount)
-        frames = [frame for frame, _ in sizes.keys]
-        parts = []
-        for frame, size in sizes.keys:
-            # 1 at its own key, 0 at the others.
-            share = Keys([(other, float(other == frame)) for other in frames])
-            parts.append(self._made(size, product(self.amount, share if len(frames) > 1 else 1.0)))
-        return Mixture(parts)
+        keys = sizes.keys if isinstance(sizes, Keys) else [(0.0, sizes)]
+        frames, parts = [frame for frame, _ in keys], []
+        ends = [0.0, *(self.split or ()), math.inf]
+        places = ("near", *["mid"] * (len(ends) - 3), "far") if self.split else ("",)
+        for place, between in reversed([*zip(places, pairwise(ends), strict=True)]):
+            for frame, size in keys:
+                # 1 at its own key, 0 at the others.
+                share = Keys([(other, float(other == frame)) for other in frames])
+                amount = product(self.amount, share) if len(frames) > 1 else self.amount
+                parts.append(self._made(size, amount, place, between))
+        return Mixture(parts) if self.split or isinstance(sizes, Keys) else parts[0]
 
-    def _made(self, size: Any, amount: Number) -> Precipitation:
+    def _made(self, size: Any, amount: Number, place: str, between: Any) -> Precipitation:
+        said, edges = (self.where, self.hide, self.place, self.wakes), (0.0, *(self.split or ()))
         law, density, most = Sizes.with_mean(*size), self.density, largest(self.density)
         # The air holds as many as there ever are; fewer are shown where the density is less.
         if isinstance(density, Keys):
             amount = product(amount, times(density, 1.0 / most)) if most > 0.0 else 0.0
         speed = self.MATTER.speed
         mean = float(speed(np.array([law.mean]))[0])
-        motion = Motion(mean if self.fall is None else self.fall, self.wind, self.shutter)
+        fall = mean if self.fall is None else self.fall
+        motion = Motion(fall, self.wind, self.shutter, self.time)
         air, gain = Population(most, law, self.opacity, speed), getattr(self, "gain", 1.0)
         weather = checks.part_of(
             Weather, self, population=air, motion=motion,
             sway=getattr(self, "sway", (0.0, 0.0)), simulated=self.method == "simulated",
             shape=self.NATURAL if self.shape == "natural" else "round",
             keyed=isinstance(amount, Keys),
+            notes=Notes(*said, between, edges) if any(said) or place else None,
         )  # fmt: skip
         return Precipitation(
-            name=self.NAME, amount=amount, color=self.color,
+            name=f"{self.NAME}.{place}" if place else self.NAME, amount=amount, color=self.color,
             brightness=1.0 + THIN * math.exp(-air.extinction * DIMS) if gain is None else gain,
             optics=self.OPTICS, motion=motion, texture=FlakeTexture(weather), flakes=weather,
-            veil=Veil(self.haze, self.far),
+            veil=Veil(self.haze if between[1] == math.inf else 0.0, self.far), holdout=self.holdout,
         )  # fmt: skip
 
 
@@ -235,6 +264,9 @@ class Snow(Falling):
     shutter : float, optional
         Exposure in frames, 0 to 1 for a usual camera, centred on the frame. Keyed. If not
         given, 0.5, and 1/250 s in a still; see `fps` of :class:`flurries.Scene`.
+    time : float
+        How fast the time of the weather alone goes: 0.5 is slow motion, 0 stands still, below 0 it
+        goes back. Keyed. What is keyed of `fall`, `wind` and `emission` goes by this time.
     sway : (amplitude, rate)
         Amplitude in metres and rate in radians per second. Each near flake swings with a phase of
         its own.
@@ -252,6 +284,23 @@ class Snow(Falling):
     handover : float, optional
         Depth in metres up to which flakes are drawn one by one. If not given, it follows from the
         density and the focal length.
+    where : path, array, function, float or effects.Where, optional
+        Where there are flakes: shares of 0 to 1 over the picture, see
+        :class:`flurries.effects.Where`. Drawn flakes are there or not, by their middles; the
+        texture beyond them is thinner.
+    holdout : path, array, function, float or effects.Where, optional
+        A mask, 1 where this effect alone is hidden: flakes are cut by it, as by a foreground.
+    split : sequence of float, optional
+        Depths in metres that part the weather into layers, "snow.near", "snow.mid" and "snow.far"
+        with ``(3, 12)``: over each other they are the whole.
+    hide : sequence of int
+        Flakes that are not shown, by their `id` in :func:`flurries.flakes`.
+    place : (n, 5) table
+        Flakes of your own, drawn at any depth and amount: a row (frame, x, y, z, diameter) says
+        where one is in a frame, in metres as `place` of :func:`flurries.flakes` but for gusts. It
+        falls, blows and sways as others do.
+    wakes : sequence of effects.Body
+        Balls and boxes that flakes go around. Up to them flakes are drawn one by one.
     method : {"flakes", "simulated", "tent", "cone"}
         "simulated" draws every flake one by one, which is slow. "tent" makes a
         :class:`flurries.effects.TentSnow`, "cone" a `ConeSnow`, by looks and fields of these.
@@ -306,8 +355,9 @@ class Rain(Falling):
 
     Parameters
     ----------
-    preset, density, opacity, amount, emission, fall, wind, haze, shutter, clumps, near, far, \
-backdrop, cloud, handover, method, look, seed, severity, rate, visibility
+    preset, density, opacity, amount, emission, fall, wind, haze, shutter, time, clumps, near, \
+far, backdrop, cloud, handover, where, holdout, split, hide, place, wakes, method, \
+look, seed, severity, rate, visibility
         As in :class:`Snow`.
     color : float, (r, g, b), "#rrggbb", "ambient" or "local"
         As in :class:`Snow`. "local" is the light that a drop bends towards the camera, and `gain`

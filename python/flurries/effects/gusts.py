@@ -55,7 +55,7 @@ def wave_weights(motion: Motion, fps: float, times: Sequence[float], start: Floa
     assert waves is not None
     _, sums = carry(waves, air_course(fps, motion.fall, motion.mean_wind), fps)
     there = np.exp(1j * (waves.k @ start)) / fps
-    parts = [waves.a * (_complex(sums.to(t)) * there)[:, None] for t in times]
+    parts = [waves.a * (_complex(sums.to(motion.now(t))) * there)[:, None] for t in times]
     weights = np.concatenate(parts, axis=1)
     return np.ascontiguousarray(np.concatenate([weights.real, weights.imag], axis=1))
 
@@ -72,7 +72,7 @@ def carried_by_profile(
     """Return how far a wind of depth has carried flakes since frame 0, (n, 2) metres, x and y."""
     wind, steady = _varied(motion), motion.mean_wind
     depth = ahead + (path.place(t, fps=fps)[2] - path.place(0.0, fps=fps)[2])
-    course = air_course(fps, motion.fall, steady)
+    course, t = air_course(fps, motion.fall, steady), motion.now(t)
     bends = course.slopes is not None and course.slopes[:, 2].any()
     if not (course.values[:, 2].any() or bends):
         factor, own = wind.extra(depth)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +12,7 @@ import numpy as np
 from flurries._contract import Float64
 from flurries._kept import kept
 from flurries.camera.lens import axes_of
-from flurries.camera.path import CameraPath
+from flurries.camera.path import CameraPath, air_moved
 from flurries.frame.view import Frame
 from flurries.motion.keys import Course, Keys, Number, Vector, air_courses, sum_of, value_at
 from flurries.motion.wind import Wind
@@ -38,6 +40,16 @@ class Motion:
     wind: Vector | Wind  # Metres per second, house axes.
     # Exposure, frames; None for a photograph's in a still, and half a frame in a film.
     shutter: Number | None = 0.0
+    clock: Number = 1.0  # How fast its time goes, over that of the film.
+
+    def now(self, t: float) -> float:
+        """Return the frame that the weather's own clock shows at `t`."""
+        return self.clock.integral(t) if isinstance(self.clock, Keys) else self.clock * t
+
+    def clocks(self, t: float, steps: Sequence[float]) -> tuple[list[float], list[float]]:
+        """Return the times some steps from `t`, and `now` at each."""
+        times = [t + step for step in steps]
+        return times, times if self.clock == 1.0 else [self.now(t) for t in times]
 
     @property
     def mean_wind(self) -> Vector:
@@ -78,23 +90,27 @@ class Motion:
         if (line := self.line(path, fps)) is not None:
             (x, y, z), (u, v, w) = line
             return [(x + u * t, y + v * t, z + w * t) for t in times]
-        fall, wind = self.fall, self.mean_wind
-        ways = (path.relative(t, fps=fps, fall=fall, wind=wind)[0] for t in times)
+        air = partial(air_moved, fps=fps, fall=self.fall, wind=self.mean_wind)
+        ways = (path.place(t, fps=fps) - air(self.now(t)) for t in times)
         return [tuple(way.tolist()) for way in ways]
 
     def line(self, path: CameraPath, fps: float) -> tuple[list[float], list[float]] | None:
         """Return that place at frame 0 and what it changes by per frame; None if that changes."""
-        fall, wind = self.fall, self.mean_wind
-        if isinstance(fall, Keys) or isinstance(wind, Keys) or (line := _line(path, fps)) is None:
+        fall, wind, clock = self.fall, self.mean_wind, self.clock
+        if isinstance(fall, Keys) or isinstance(wind, Keys) or isinstance(clock, Keys):
+            return None
+        if (line := _line(path, fps)) is None:
             return None
         start, rate = line
-        return start, (rate - np.add(wind, (0.0, fall, 0.0)) / fps).tolist()
+        return start, (rate - clock * np.add(wind, (0.0, fall, 0.0)) / fps).tolist()
 
     def rate(self, path: CameraPath, fps: float, t: float) -> Any:
         """Return the change of that place per frame at `t`."""
         if (line := self.line(path, fps)) is not None:
             return line[1]
-        return path.relative(t, fps=fps, fall=self.fall, wind=self.mean_wind)[1]
+        air = np.array(value_at(self.mean_wind, self.now(t)))
+        air[1] += value_at(self.fall, self.now(t))
+        return path.rate(t, fps=fps) - value_at(self.clock, t) * air / fps
 
     def spreads(self, path: CameraPath, rotation: tuple[float, float, float]) -> bool:
         """Whether the air ever comes nearer a camera or recedes: the flow of tiles then differs."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,8 +14,10 @@ from flurries._contract import Array
 from flurries._trace import current
 from flurries.effects.color import bright, color_at, even_shade, is_local, local_shade, reads_of
 from flurries.effects.motion import Motion
+from flurries.effects.notes import Where
 from flurries.effects.passes import passes_of
 from flurries.frame.layer import Layer
+from flurries.frame.mixing import behind as hidden
 from flurries.frame.needs import LeftOut, Needs, Step
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
@@ -64,6 +67,7 @@ class Precipitation:
     flakes: Any = None  # In front of it: `Flakes`, or a part.
     veil: Veil  # Over all.
     brightness: Number = 1.0  # Factor of the color's light.
+    holdout: Where | None = None  # What stands in front of it, and of nothing else.
     # What its particles do with the light of a place, where the color is "local".
     optics: Optics = FLAKES
 
@@ -74,6 +78,10 @@ class Precipitation:
 
     def shown(self, t: float) -> float:
         """Return the share of a population that is there at `t`."""
+        # Of layers by depth the farthest stands for all.
+        notes = self.flakes.notes
+        if notes is not None and notes.between[1] < math.inf:
+            return 0.0
         return float(value_at(self.amount, t)) * float(value_at(self.flakes.emission, t))
 
     def needs(self, frame: Frame) -> Needs:
@@ -95,8 +103,15 @@ class Precipitation:
         steps += [Step("join")] + [Step("local light")] * ("plate" in reads)
         return replace(needs, steps=tuple(steps), left_out=out, reads=reads)
 
-    def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
+    def render(self, frame: Frame) -> tuple[Layer, ...]:
         """Return the layer of a frame; of local light the veil is one of its own, behind."""
+        made = self._whole(frame)
+        if self.holdout is None:
+            return made
+        cover = frame.crop(self.holdout.shares(frame.shape, frame.t))
+        return tuple(hidden(layer, cover) for layer in made)
+
+    def _whole(self, frame: Frame) -> tuple[Layer, ...]:
         back, front = self.texture, self.flakes
         amount = value_at(self.amount, frame.t)
         haze: Any = amount * value_at(self.veil.haze, frame.t)
@@ -145,7 +160,7 @@ class Precipitation:
         known = hasattr(front if back is None else back, "passes")
         if frame.whole and known:
             layer = replace(layer, **passes_of(back, front, frame, amount, (behind, near), alpha))
-        return (*far, layer) if far else layer
+        return (*far, layer)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +173,9 @@ class Mixture:
     def motion(self) -> Any:
         return self.parts[0].motion
 
+    def air(self, t: float) -> float:
+        return sum(part.air(t) for part in self.parts)
+
     def _now(self, frame: Frame) -> list[Precipitation]:
         return [part for part in self.parts if value_at(part.amount, frame.t) > 0.0]
 
@@ -165,8 +183,7 @@ class Mixture:
         return _together([part.needs(frame) for part in self._now(frame) or self.parts[:1]])
 
     def render(self, frame: Frame) -> tuple[Layer, ...]:
-        made = [part.render(frame) for part in self._now(frame)]
-        return tuple(one for each in made for one in (each if isinstance(each, tuple) else (each,)))
+        return tuple(layer for part in self._now(frame) for layer in part.render(frame))
 
 
 def _together(asked: Sequence[Needs]) -> Needs:

@@ -102,8 +102,11 @@ def areas_of(film: Film, focals: tuple[float, float]) -> list[tuple[int, int]]:
     return found
 
 
-def read_sheets(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
+def read_sheets(
+    weather: Weather, frame: Frame, film: Film, amount: float, parts: Float64 | None = None
+) -> Array:
     """Return the opacity of layers that move as they do in all frames, (h, w) float32."""
+    # `parts` are shares of the layers, (L,).
     (top, _, left, _), camera = frame.window, frame.camera
     exposure, size = weather.motion.exposure(frame), frame.size
     blur, result = None if frame.lens is None else frame.blur, plane(size)
@@ -123,8 +126,10 @@ def read_sheets(weather: Weather, frame: Frame, film: Film, amount: float) -> Ar
     moved += (u - (left - x + u - column), v - (top - y + v - row))
     moved = np.round(moved * places) / places
     layers, sheets = [], sheets_of(keys)
-    for sheet, way, many, slab in zip(sheets, moved.tolist(), film.many, film.slabs, strict=True):
-        gain = (many**0.5, (many - many**0.5) * sheet.mean)
+    own = [1.0] * len(keys) if parts is None else parts.tolist()
+    each = zip(sheets, moved.tolist(), film.many, film.slabs, own, strict=True)
+    for sheet, way, many, slab, part in each:
+        gain = (part * many**0.5, part * (many - many**0.5) * sheet.mean)
         layers.append((sheet, way, gain, slab.near, slab.far))
     depth = None if frame.depth is None else frame.crop(frame.depth)
     gains = gains_of(weather, frame, film.slabs)

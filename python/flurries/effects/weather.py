@@ -7,6 +7,7 @@ size is synthesized in slabs of depth. Both take density, sizes, opacity, fall a
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import ClassVar, NamedTuple
@@ -20,6 +21,7 @@ from flurries.camera.path import CameraPath
 from flurries.effects.air import NEAR_FADE
 from flurries.effects.drawn import Drawn, Share
 from flurries.effects.motion import HALF_OPEN, Motion, times
+from flurries.effects.notes import Notes
 from flurries.frame.needs import has_keys
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number
@@ -42,6 +44,9 @@ _MOST_FLAKES = (6.0, 2.0)
 
 # Layers of sheets of each class; large flakes make most of the contrast.
 LAYERS, BENT_LAYERS = (4, 7, 10, 15), 6
+
+# Where a flake shows that somebody put there.
+_ANYWHERE = (0.0, 0.0, 1e6, 1e6)
 
 # By so much of the far end, on either side, the last flakes fade, so that none pops.
 FAR_FADE = 0.07
@@ -89,6 +94,7 @@ class Weather(Drawn):
     # Depth up to which they are drawn where sheets lie beyond, metres.
     handover: float | None = None
     backdrop: float | None = None  # Where they end if the scene has no depth, metres.
+    notes: Notes | None = None
 
     by_size: ClassVar[bool] = False
 
@@ -118,7 +124,20 @@ class Weather(Drawn):
         return self.population.opacity
 
     def shares(self, frame: Frame) -> tuple[Share, ...]:
-        return self.film(frame).drawn
+        drawn = self.film(frame).drawn
+        return drawn if self.notes is None else (*drawn, *self._placed(frame, self.notes))
+
+    def _placed(self, frame: Frame, notes: Notes) -> Iterator[Share]:
+        """Yield the flakes that somebody put there, each with the air that is its own."""
+        path, fps = frame.path, frame.fps
+        for t, *at, diameter in notes.place:
+            speed = float(self.population.speed(np.array([diameter]))[0])
+            motion = replace(self.motion, fall=times(self.motion.fall, speed / self.mean_speed))
+            (eye,), angle = motion.places(path, fps, [t]), self.sway[1] * motion.now(t) / fps
+            aside = self.sway[0] * math.sin(angle) * np.array((1.0, 0.0, 1.0))
+            place = at - path.place(t, fps=fps) + eye - aside
+            size = laws.SizeClass(1.0, diameter, diameter, speed, (np.empty(0), np.empty(0)))
+            yield Share(size, motion, self.far, _ANYWHERE, tuple(place.tolist()))
 
 
 @kept(64)
@@ -134,12 +153,14 @@ def _film(
     def classes(count: int, rigid: bool, moment: int = 2) -> list[Share]:
         sizes, found = population.classes(count, moment), []
         ends = hand_overs(weather, focal, sizes if rigid else population.classes(1))
+        if weather.notes is not None:
+            ends = [max(end, min(weather.notes.reach(path, fps), far)) for end in ends]
         for one, end in zip(sizes, ends if rigid else ends * count, strict=False):
             fall, reach = times(motion.fall, one.fall / weather.mean_speed), far if few else end
             fade = (1.0 - FAR_FADE, 1.0 + FAR_FADE) if reach >= far else (1.0, 1.0 + laws.FADE)
             near = (weather.near / NEAR_FADE, weather.near)
             shown = (*near, reach * fade[0], reach * fade[1])
-            found.append(Share(one, Motion(fall, motion.wind, motion.shutter), reach, shown))
+            found.append(Share(one, replace(motion, fall=fall), reach, shown))
         return found
 
     even, comes = motion.varied is None, motion.spreads(path, rotation)

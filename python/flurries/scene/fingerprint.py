@@ -17,6 +17,7 @@ from flurries import __version__
 from flurries._threads import scope
 from flurries.effects.kinds import OURS, kind_of
 from flurries.effects.motion import STILL
+from flurries.effects.notes import Where
 from flurries.io import Pattern
 from flurries.io.colorspace import config_hash
 from flurries.io.files import hash_of
@@ -77,6 +78,12 @@ class Settings:
                 given.append(name)
         kinds = [kind_of(effect) for effect in scene.effects]
         for place, effect in enumerate(scene.effects):
+            picked = [getattr(effect, name, None) for name in ("where", "holdout")]
+            for where in [one for one in picked if isinstance(one, Where)]:
+                # What a text does not hold: what is in its files, or what it is over the picture.
+                files = _files(where.source) if isinstance(where.source, str) else []
+                digest.update("".join(map(hash_of, files)).encode())
+                digest.update(b"" if files else where.shares(scene._shape, 0.0).tobytes())
             if kinds[place] is None:
                 # Somebody's own, which no scene file can hold but frames can be made of. Its
                 # fields: an effect may keep what it made of them.

@@ -183,6 +183,7 @@ _FIELDS: dict[str, tuple[str, str, float, float, float]] = {
     "mean": ("Mean", "", -0.5, 0.6, 0.01),
     "exponent": ("Softness", "", 0.0, 2.0, 0.05),
     "shutter": ("Shutter", "frames", 0.0, 2.0, 0.05),
+    "time": ("Time", "", 0.0, 2.0, 0.05),
 }
 # The camera's axes: label, place in a velocity, sign.
 CAMERA = {

@@ -19,6 +19,7 @@ from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.effects.kinds import class_of
+from flurries.effects.notes import Body, Where
 from flurries.io.files import file_of, read_text
 from flurries.light.lamp import Lamp, Sun
 from flurries.light.shot import Light
@@ -150,7 +151,21 @@ def _effect(text: SceneText, table: Any, index: int) -> Any:
         effect = class_of(kind)
     given = {key: value for key, value in table.items() if key != "kind"}
     more = [*getattr(effect, "KNOBS", ()), *(["preset"] if hasattr(effect, "PRESETS") else [])]
-    return _part(text, given, effect, f"effect {kind!r}", *at, more=more)
+    readers = {"where": partial(_where, text), "wakes": partial(_wakes, text)}
+    readers["holdout"] = readers["where"]
+    return _part(text, given, effect, f"effect {kind!r}", *at, more=more, **readers)
+
+
+def _wakes(text: SceneText, value: Any, *at: str | int) -> list[Body]:
+    return [_part(text, one, Body, "a wake", *at) for one in _tables(text, value, "wakes")]
+
+
+def _where(text: SceneText, value: Any, *at: str | int) -> Any:
+    if isinstance(value, str):
+        return text.file(value)
+    if isinstance(value, dict) and "keys" not in value:
+        return _part(text, value, Where, "where", *at, source=partial(_where, text))
+    return _value(text, value, *at)
 
 
 def _depth(text: SceneText, value: Any, *at: str | int) -> Any:

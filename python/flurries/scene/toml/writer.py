@@ -11,6 +11,7 @@ import numpy as np
 
 from flurries.camera.path import CameraPath
 from flurries.effects.kinds import kind_of
+from flurries.effects.notes import Where
 from flurries.io import replacing
 from flurries.motion.keys import Keys
 from flurries.motion.wind import Wind
@@ -48,11 +49,12 @@ def describe(
     kinds = [(kind_of(effect), effect) for effect in scene.effects]
     if "effects" in leave_out:
         kinds = [(kind, effect) for kind, effect in kinds if kind is not None]
-    table["effects"] = [_effect(kind, effect) for kind, effect in kinds]
+    bare = "effects" in leave_out
+    table["effects"] = [_effect(kind, effect, folder, bare=bare) for kind, effect in kinds]
     return table
 
 
-def _effect(kind: str | None, effect: Any) -> dict[str, Any]:
+def _effect(kind: str | None, effect: Any, folder: Path | None, *, bare: bool) -> dict[str, Any]:
     if kind is None:
         raise ValueError(
             f"effects: a {type(effect).__name__} cannot be written to a file; "
@@ -63,8 +65,22 @@ def _effect(kind: str | None, effect: Any) -> dict[str, Any]:
         value = getattr(effect, f.name)
         # A look's version always: a later one has another default.
         if value is not None and (f.name == "look" or f.default is MISSING or value != f.default):
-            entry[f.name] = _plain(value)
+            entry[f.name] = (
+                _where(value, folder, bare) if isinstance(value, Where) else _plain(value)
+            )
     return entry
+
+
+def _where(where: Where, folder: Path | None, bare: bool) -> dict[str, Any]:
+    """Return where flakes are as a file holds it; an array or a function is left out if `bare`."""
+    source = where.source
+    if isinstance(source, (float, Keys)):
+        source = _plain(source)
+    elif isinstance(source, str) or not bare:
+        source = _file("where", source, folder)
+    else:
+        source = ""
+    return {"source": source, "near": where.near, "far": where.far}
 
 
 def _plain(value: Any) -> Any:
@@ -78,7 +94,7 @@ def _plain(value: Any) -> Any:
     if is_dataclass(value):
         said = {f.name: getattr(value, f.name) for f in fields(value) if f.init}
         return {name: _plain(one) for name, one in said.items() if one is not None}
-    return list(value) if isinstance(value, tuple) else value
+    return [_plain(one) for one in value] if isinstance(value, tuple) else value
 
 
 def _file(name: str, value: Any, folder: Path | None) -> Any:
@@ -90,7 +106,7 @@ def _file(name: str, value: Any, folder: Path | None) -> Any:
         return str(value) if folder is None else os.path.relpath(value, folder)
     if isinstance(value, (tuple, list)):
         return [float(v) for v in value]
-    raise ValueError(f"{name} must be a file or a color to be written, got an array")
+    raise ValueError(f"{name} must be a file or a color to be written, got {type(value).__name__}")
 
 
 def _mattes(value: Any, folder: Path | None, leave_out: tuple[str, ...]) -> Any:
