@@ -82,8 +82,7 @@ def test_what_is_given_holds_and_is_what_the_flakes_do(kind: Any, given: dict[st
         elif name != "severity":
             assert getattr(effect, name) == value
     (rate, extinction), errors = drawn(effect)
-    # Drops of a class of sizes fall alike, which takes 1 %.
-    assert rate == pytest.approx(says.rate, abs=3.0 * errors[0] + 0.012 * says.rate)
+    assert rate == pytest.approx(says.rate, abs=3.0 * errors[0])
     assert extinction == pytest.approx(-math.log(0.05) / says.visibility, abs=3.0 * errors[1])
 
 
@@ -121,6 +120,13 @@ def test_representation_and_plan_say_the_numbers():
     plan = fl.Scene(size=(32, 24), effects=[mist, snow]).plan(probe=False)
     assert f"snow  frame 1  {said}" in str(plan) and "visibility 300 m, covers 45.1 %" in str(plan)
     assert plan.to_dict()["strengths"][1][2]["rate"] == pytest.approx(2.0)
+
+
+def test_drops_that_fall_as_their_class_does_carry_the_rate():
+    population = (rain := fl.Rain(rate=10.0)).parts.flakes.population
+    each = [one.fall * (one.nodes[1] @ rain.MATTER.mass(one.nodes[0]))
+            for one in population.classes(4)]  # fmt: skip
+    assert 3600.0 * population.density * sum(each) == pytest.approx(10.0, rel=1e-6)
 
 
 def test_thin_rain_is_brighter_than_rain_that_pours():

@@ -100,7 +100,7 @@ def _groups(
     clumps = clumps_of(weather, frame)
     if clumps is not None:
         rays, turn = eyes.rays.mean(axis=0), frame.camera.matrix()
-        factors = denser(clumps, frame.camera, turn, rays, slabs)
+        factors = denser(clumps, frame.camera, rays, turn, slabs)
         rungs = [
             [(rung, part * more) for rung, part in each]
             for each, more in zip(rungs, factors, strict=True)

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Array, Float64
+from flurries._contract import Float64
 from flurries._kept import kept
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
@@ -93,7 +94,7 @@ def rays_of(camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
 
 
 def denser(
-    clumps: Clumps, camera: Camera, turn: Float64, rays: Float64, slabs: Sequence[Slab]
+    clumps: Clumps, camera: Camera, rays: Float64, turn: Float64, slabs: Sequence[Slab]
 ) -> Float64:
     """Return how many times as dense as the mean slabs are at the nodes of the frame, (S, R, C)."""
     length, along = np.linalg.norm(clumps.waves, axis=1), clumps.waves @ turn[:, 2]
@@ -115,10 +116,6 @@ def gains_of(weather: Any, frame: Frame, slabs: Sequence[Slab]) -> Any:
     camera, most = frame.camera, min(_GROUPS, len(slabs))
     parts = np.array_split(np.arange(len(slabs)), most)
     middles = [slabs[part[len(part) // 2]] for part in parts]
-
-    def make() -> Array:
-        rays, turn = rays_of(camera, frame.shape)
-        return np.asarray(denser(clumps, camera, turn, rays, middles), np.float32)
-
-    found = frame.once(weather, "denser", make, eye=True)
+    make = partial(denser, clumps, camera, *rays_of(camera, frame.shape), middles)
+    found = np.asarray(frame.once(weather, "denser", make, eye=True), np.float32)
     return found, [len(part) for part in parts], (frame.window[0], frame.window[2])

@@ -207,7 +207,8 @@ class Falling(metaclass=Described):
         mean = float(speed(np.array([law.mean]))[0])
         fall = mean if self.fall is None else self.fall
         motion = Motion(fall, self.wind, self.shutter, self.time)
-        air, gain = Population(most, law, self.opacity, speed), getattr(self, "gain", 1.0)
+        air = Population(most, law, self.opacity, speed, self.MATTER.weighed)
+        gain = getattr(self, "gain", 1.0)
         weather = checks.part_of(
             Weather, self, population=air, motion=motion,
             sway=getattr(self, "sway", (0.0, 0.0)), simulated=self.method == "simulated",

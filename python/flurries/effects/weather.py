@@ -28,10 +28,6 @@ from flurries.motion.keys import Number
 from flurries.particles import population as laws
 from flurries.particles.sizes import Sizes
 
-# Classes of size: each falls at a speed of its own. Where places move in their own ways the texture
-# has fewer, each of some of the others.
-CLASSES, BENT_CLASSES = 4, 2
-
 # Drawn flakes for each pixel, before sheets take over; and flakes up to the far end for each pixel,
 # of which all are drawn.
 DRAWN, FEW = 0.002, 0.004
@@ -42,8 +38,13 @@ LARGEST = 14.0
 # Flakes for each pixel of a sheet at most: of a plane, and where all places move alike.
 _MOST_FLAKES = (6.0, 2.0)
 
-# Layers of sheets of each class; large flakes make most of the contrast.
-LAYERS, BENT_LAYERS = (4, 7, 10, 15), 6
+# Classes of size, each with a fall speed of its own, and layers of sheets of each: large flakes
+# make most of the contrast.
+CLASSES, LAYERS = 4, (4, 7, 10, 15)
+
+# The same where places move in their own ways, of fewer classes, each of some of the others; those
+# of drops, which fall at speeds so far apart that they move and streak in many ways.
+BENT_CLASSES, BENT_LAYERS, BENT_DROPS, _APART = 2, 6, 12, 1.3
 
 # Where a flake shows that somebody put there.
 _ANYWHERE = (0.0, 0.0, 1e6, 1e6)
@@ -175,7 +176,9 @@ def _film(
     else:
         # Planes go through slabs as thick as far, and both classes of them vary pixels as much.
         bent = classes(BENT_CLASSES, False, 4)
-        parts = [(one, np.geomspace(one.reach, far, BENT_LAYERS + 1)) for one in bent]
+        falls = [one.size.fall for one in bent]
+        deep = BENT_DROPS if max(falls) > _APART * min(falls) else BENT_LAYERS
+        parts = [(one, np.geomspace(one.reach, far, deep + 1)) for one in bent]
     layers = [
         Layer(one, slab)
         for one, edges in parts

@@ -34,7 +34,7 @@ class SizeClass:
     density: float  # Per cubic metre.
     smallest: float  # Diameters, metres.
     largest: float
-    fall: float  # Metres per second in still air: the mean, each flake weighed by its area.
+    fall: float  # Metres per second in still air: a mean that its flakes share.
     # Diameters in metres, and the share of all flakes that each stands for.
     nodes: tuple[Float64, Float64] = field(compare=False, repr=False)
 
@@ -47,6 +47,8 @@ class Population:
     sizes: Sizes
     opacity: float  # Mean over a resting flake's disc.
     speed: Law  # Of the fall in m/s, of diameters in metres.
+    # The power of diameters that falls as all of a class do: the area, or of drops the water.
+    weighed: float = 2.0
 
     @property
     def extinction(self) -> float:
@@ -55,6 +57,7 @@ class Population:
 
     def classes(self, count: int, moment: int = 2) -> list[SizeClass]:
         """Return classes of even parts of a moment, of 2 the area; each falls as its mean does."""
+        weighed = self.weighed if moment == 2 else moment
         sizes = self.sizes
         edges = np.array([sizes.smallest, sizes.largest])
         if sizes.largest > sizes.smallest:
@@ -64,7 +67,7 @@ class Population:
         found = []
         for low, high in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
             at, share = sizes.nodes(low, high)
-            fall = float((share * at**moment) @ self.speed(at)) / float(share @ at**moment)
+            fall = float((share * at**weighed) @ self.speed(at)) / float(share @ at**weighed)
             density = self.density * float(share.sum())
             found.append(SizeClass(density, low, high, fall, (at, share)))
         return found

@@ -155,6 +155,7 @@ class Matter:
     # Diameters in metres that are shown: smaller flakes are specks, larger ones break.
     smallest: float
     largest: float
+    weighed: float = 2.0  # Of `Population`.
 
     def sizes(self, rate: float) -> Sizes:
         return Sizes.with_slope(self.smallest, self.slope(rate), self.largest)
@@ -171,4 +172,4 @@ class Matter:
 
 
 SNOW = Matter(snow_mass, snow_speed, _snow_slope, 0.001, 0.04)
-RAIN = Matter(drop_mass, drop_speed, _rain_slope, 0.0005, 0.006)
+RAIN = Matter(drop_mass, drop_speed, _rain_slope, 0.0005, 0.006, 3.0)
