@@ -5,6 +5,7 @@ from fractions import Fraction
 import av
 import numpy as np
 
+import flurries as fl
 from flurries.io import VideoWriter
 
 EXTENSIONS = ["mp4", "mov", "webm", "mkv"]
@@ -42,3 +43,11 @@ def encode(path, codec, frames, *, rate=24, pixels="yuv420p", options=None):
             container.mux(stream.encode(image))
         container.mux(stream.encode())
     return path
+
+
+def snowfall(count: int = 24) -> list[np.ndarray]:
+    """Return pictures of a film of falling snow, before a photograph."""
+    plate = fl.io.fit(fl.io.photograph("coffee"), (320, 180))
+    snow = fl.Snow(density=40.0, wind=(0.6, 0.0, 0.0), color=0.9, shape="round")
+    scene = fl.Scene(plate, camera=fl.Camera(384.0), effects=[snow], fps=25, lens=None)
+    return [scene.render(t) for t in range(count)]

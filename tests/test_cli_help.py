@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from films import snowfall
 from flurries.cli import demo, main
 from flurries.cli.main import COMMANDS, commands
 from flurries.io import open_background, read_layers, read_picture, write_picture
@@ -28,6 +29,10 @@ def test_the_examples_of_the_help_run(name: str, run: Run, here: Path):
         '#usda 1.0\ndef Camera "camera" {\nfloat horizontalAperture = 24\n'
         "float verticalAperture = 16\n}\n"
     )
+    if name == "match":
+        with fl.io.VideoWriter("snow.mp4", (320, 180), 25) as film:
+            for frame in snowfall():
+                film.write(frame)
     if name == "check":
         assert run(*RENDER[:-1], "frames/%04d.png", "--frames", "1")[0] == 0
     command = commands.get_command(click.Context(commands), name)

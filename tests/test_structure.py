@@ -28,7 +28,7 @@ LEVELS = (
     ("effects",),
     ("scene",),
     ("output",),
-    ("augment", "viewer"),
+    ("augment", "matching", "viewer"),
     ("cli", "__main__"),
 )
 

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from flurries.camera import Camera
     from flurries.camera.path import CameraPath
     from flurries.effects import Mist, Rain, Snow
+    from flurries.matching.match import match
     from flurries.motion.keys import Keys
     from flurries.motion.wind import Wind
     from flurries.scene import Scene, open
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Camera", "CameraPath", "Keys", "Mist", "Rain", "Scene", "Snow", "Wind", "augment", "camera",
-    "composite", "cone", "effects", "flakes", "gas", "io", "open", "particles", "scene",
+    "composite", "cone", "effects", "flakes", "gas", "io", "match", "open", "particles", "scene",
     "set_threads", "settings", "spectral", "stereo", "view",
 ]  # fmt: skip
 
@@ -53,7 +54,7 @@ __all__ = [
 _MODULES = {
     "camera": ("Camera",), "camera.path": ("CameraPath",), "effects": ("Mist", "Rain", "Snow"),
     "motion.keys": ("Keys",), "motion.wind": ("Wind",), "scene": ("Scene", "open"),
-    "scene.scene": ("flakes",), "viewer": ("view",),
+    "matching.match": ("match",), "scene.scene": ("flakes",), "viewer": ("view",),
 }  # fmt: skip
 _FROM = {name: module for module, names in _MODULES.items() for name in names}
 # Names of 0.2: who asks for one is told where it is.

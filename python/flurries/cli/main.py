@@ -25,6 +25,7 @@ COMMANDS = {
     "render": "weather over a picture, a film or a scene, to files",
     "plan": "what rendering takes: steps, times, memory, and what is left out",
     "light": "the light of a shot, to print and to save in its scene file",
+    "match": "a scene out of falling snow in a film",
     "view": "a scene in the browser, with sliders",
     "demo": "snow on a photograph: films, stills, an EXR",
     "texture": "snow that repeats in x, y and time, for a game engine",
