@@ -56,9 +56,12 @@ def test_samples_over_each_other_are_the_weather_alone(name: str, tmp_path: Path
     np.testing.assert_allclose(flat.get_pixels("float")[..., :4], alone, atol=1e-3)
 
 
-def test_of_two_effects_the_opacity_is_that_of_both():
+def test_of_two_effects_the_opacity_is_that_of_both_and_the_nearest_stands_first():
     both = scene(FOG, SNOW)
-    np.testing.assert_allclose(over(deep.deep_of(both, 3))[..., 3], cover(both, 3), atol=4e-3)
+    samples = deep.deep_of(both, 3)
+    np.testing.assert_allclose(over(samples)[..., 3], cover(both, 3), atol=4e-3)
+    pixels = np.repeat(np.arange(samples.counts.size), samples.counts.ravel())
+    assert (np.diff(samples.values[:, 4])[np.diff(pixels) == 0] >= 0.0).all()
 
 
 def test_samples_lie_where_their_air_is():

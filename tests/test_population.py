@@ -155,15 +155,18 @@ def test_snow_that_stops_falls_on_and_leaves_from_the_top():
 
 def test_a_turning_and_a_zooming_camera_keep_the_amount_of_snow():
     lens = fl.Camera(240.0)
-    still, *moving = (
-        alpha(scene(density=200.0, camera=camera), 5.0).mean()
-        for camera in (
-            lens,
-            fl.CameraPath(lens, orientation=fl.Keys([(0, (0, 0, 0)), (30, (0.0, 0.4, 0.1))])),
-            fl.CameraPath(lens, focal=fl.Keys([(0, 240.0), (30, 300.0)])),
-        )
-    )
-    assert moving == pytest.approx([still, still], rel=0.08)
+    turn = fl.Keys([(0, (0.0, 0.0, 0.0)), (30, (0.0, 0.4, 0.1))])
+    zoom = fl.Keys([(0, 1200.0), (4, 240.0), (6, 240.0), (30, 1200.0)])
+    cameras = (lens, fl.CameraPath(lens, orientation=turn), fl.CameraPath(lens, focal=zoom))
+    still, *moving = (alpha(scene(density=200.0, camera=camera), 5.0) for camera in cameras)
+    assert [one.mean() for one in moving] == pytest.approx([still.mean()] * 2, rel=0.08)
+    # Where a zoom stands it is as sharp as a still one.
+    assert moving[1].std() == pytest.approx(still.std(), rel=0.05)
+    # One that turns past half a round (at 10.6) sees on what it saw.
+    past = fl.Keys([(0, (0.0, 3.0, 0.0)), (30, (0.0, 3.4, 0.0))])
+    shown = scene(density=200.0, camera=fl.CameraPath(lens, orientation=past))
+    films = [memory([alpha(shown, t), alpha(shown, t + 0.1)], 1) for t in (8.0, 10.57)]
+    assert films[1][1] == pytest.approx(films[0][1], abs=0.05)
 
 
 @pytest.mark.parametrize("kind", [fl.Snow, fl.Rain])

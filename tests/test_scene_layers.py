@@ -103,11 +103,12 @@ def test_layers_are_mixed_in_either_light(space: str, dtype: str, clear: bool, m
         assert np.abs(got[..., 3:] - top * cover).max() <= (0.51 if whole else 1e-6)
 
 
-def test_names_are_unique_and_none_is_taken():
+def test_names_are_unique_none_is_taken_and_what_has_no_color_is_white():
     names = ["snow", "snow2", "snow", "snow", "rgba", "depth", "x.y", "x.y"]
     effects = [Given(tuple(fl.effects.Layer(name, ALPHA) for name in names))]
     got = fl.Scene(BYTES, effects=effects).layers(0)
     assert list(got.layers) == ["snow", "snow2", "snow3", "snow4", "rgba2", "depth2", "x.y", "x.y2"]
+    assert all((layer.rgba[..., :3] == ALPHA[..., None]).all() for layer in got.layers.values())
 
 
 WRONG = {

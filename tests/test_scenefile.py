@@ -18,7 +18,7 @@ PLATE = RNG.integers(0, 255, (40, 60, 3)).astype(np.uint8)
 FULL = Snow(
     amount=Keys([(0, 0.5), (9.5, 1.0)]), fall=2.0, wind=Keys([(0, (1, 0, 0)), (5, (0, 0, 1))]),
     color=(0.9, 0.8, 0.7), haze=0.1, shutter=0.25, texture=0.6, mean=0.1, spread=2.2, power=1.5,
-    exponent=0.9, wavelengths=(2.5, 8.0), near_depth=7.0, tile=24, overlap=5, blend="linear",
+    exponent=0.9, wavelengths=(2.5, 5.0), near_depth=7.0, tile=5, overlap=2, blend="linear",
     alias="cut", jitter=True, flakes=200, flake_size=(0.01, 0.02), flake_opacity=0.8,
     sway=(0.01, 3.0), seed=99,
 )  # fmt: skip
@@ -73,7 +73,7 @@ SCENES: dict[str, dict[str, Any]] = {
                     renormalise=False, drop_depth=9.0, gain=5.0)],
         "lights": [fl.scene.Lamp((1, 2, 3), color=(1, 0.5, 0.2), power=Keys([(0, 1.0), (9, 2.0)])),
                    fl.scene.Lamp((0, 0, 0), direction=(0, 0, 1), angle=0.5, carried=True)],
-        "lens": fl.camera.Lens(focus=Keys([(0, 1.0), (9, 4.0)]), blades=7)},
+        "lens": fl.camera.Lens(focus=Keys([(0, 1.0), (9, 4.0)]), blades=3)},
     "wall and sun": {"size": (50, 40), "depth": 3.25,
                      "sun": fl.scene.Sun((1.0, 2.0, 3.0), (1.0, 0.5, 0.25), 0.0)},
     "depth file": {"size": (60, 40), "depth": Path("sub/depth.exr"), "effects": [Snow(flakes=100)]},

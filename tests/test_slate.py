@@ -118,13 +118,19 @@ def test_depth_and_mattes_find_their_place_in_overscan(tmp_path: Path):
     inner = np.full((H - 4, W - 8), 3.0, np.float32)
     io.write_layers(tmp_path / "depth.exr", {"depth": inner})
     io.write_picture(tmp_path / "mask.png", np.full(inner.shape, 255, np.uint8))
+    io.write_picture(tmp_path / "front.exr", np.ones((*inner.shape, 4), np.float32))
     files = {"depth": tmp_path / "depth.exr", "foreground": tmp_path / "mask.png"}
     scene = fl.Scene(tmp_path / "plate.exr", effects=SNOW, **files)
     wanted = np.full((H, W), np.inf, np.float32)
     wanted[1 : H - 3, 6 : W - 2] = 3.0
     np.testing.assert_array_equal(scene._depth_at(0), wanted)
     shown = scene.layers(0).alpha
-    assert (shown[np.isfinite(wanted)] == 0.0).all() and (shown[~np.isfinite(wanted)] > 0.0).any()
+    around = ~np.isfinite(wanted)
+    assert (shown[~around] == 0.0).all() and (shown[around] > 0.0).any()
+    plain = fl.Scene(tmp_path / "plate.exr")
+    front = plain.replace(foreground=tmp_path / "front.exr").render(0)
+    np.testing.assert_array_equal(front[around], plain.render(0)[around])
+    assert (front[~around] == 1.0).all()
 
 
 @pytest.mark.parametrize("ending", ["png", "tif"])
@@ -231,13 +237,14 @@ def test_bits_that_a_file_cannot_hold_are_refused(name: str, bits: Any, tmp_path
 def test_snow_of_the_display_window_is_that_of_a_plate_without_overscan(tmp_path: Path):
     """The lens is that of the display window: overscan shows more of the same snow."""
     plate(tmp_path / "wide.exr", [], windows=WINDOWS["uneven overscan"])
-    wide = fl.Scene(tmp_path / "wide.exr", effects=SNOW)
+    wide = fl.Scene(tmp_path / "wide.exr", effects=[fl.Snow("heavy")])
     left, top, width, height = wide._display
-    black = np.zeros((height, width, 3), np.float32)
-    plain = fl.Scene(black, effects=SNOW, camera=fl.Camera(1.2 * width))
-    assert wide.camera.camera.focal == pytest.approx(1.2 * width)
-    points = [scene._program.camera(None, 3.0).principal(scene._shape) for scene in (wide, plain)]
-    np.testing.assert_allclose(np.subtract(*points), (left, top))
+    shown = wide.layers(3).alpha[top : top + height, left : left + width]
+    # So is that of a narrower one whose lens is as much off its middle.
+    for less in (0, 1):
+        lens = fl.Camera(1.2 * width, center_shift=(0.5 * less, 0.0))
+        plain = fl.Scene(size=(width - less, height), effects=wide.effects, camera=lens)
+        np.testing.assert_allclose(plain.layers(3).alpha, shown[:, : width - less], atol=2e-3)
 
 
 def test_the_weather_alone_of_a_plate_of_16_bits_has_16(tmp_path: Path):
