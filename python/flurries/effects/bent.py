@@ -99,7 +99,7 @@ def _groups(
     rungs = [_rungs(weather, frame, layer, amount, eyes) for layer in film.layers]
     clumps = clumps_of(weather, frame)
     if clumps is not None:
-        rays, turn = eyes.rays.mean(axis=0), frame.camera.matrix()
+        rays, turn = 0.5 * (eyes.rays[0] + eyes.rays[1]), frame.camera.matrix()
         factors = denser(clumps, frame.camera, rays, turn, slabs)
         rungs = [
             [(rung, part * more) for rung, part in each]
@@ -128,7 +128,7 @@ def _groups(
         length = float(np.hypot(*ways.reshape(-1, 2).T).mean())
         reads = [(at, rung, part, _part_seen(film.wide[numbers[at]], length))
                  for at in places for rung, part in rungs[numbers[at]]]  # fmt: skip
-        parts.append((len(reads), np.clip(ways, -LONGEST, LONGEST).astype(np.float32)))
+        parts.append((len(reads), _within(ways, -LONGEST, LONGEST).astype(np.float32)))
         every += reads
     if not every:
         return []
@@ -281,8 +281,12 @@ def _ahead(
 def _next(at: Float64, pace: Float64 | float) -> tuple[_Ints, Float64]:
     """Return the number of the plane at places, and how far it has given way to the next."""
     first = np.floor(at)
-    change = np.clip(_CHANGE * np.asarray(pace), 1e-9, _LONGEST_CHANGE)
-    return first.astype(np.int64), np.clip(1.0 - (1.0 - (at - first)) / change, 0.0, 1.0)
+    change = _within(_CHANGE * np.asarray(pace), 1e-9, _LONGEST_CHANGE)
+    return first.astype(np.int64), _within(1.0 - (1.0 - (at - first)) / change, 0.0, 1.0)
+
+
+def _within(values: Float64, low: float, high: float) -> Float64:
+    return np.minimum(np.maximum(values, low), high)
 
 
 def _angles(matrix: Float64) -> Float64:
@@ -310,7 +314,7 @@ def _places(
     ray = (eyes.rays.reshape(-1, 3) @ axes).reshape(len(planes), *eyes.rays.shape)
     eye = eyes.eye[:, [one.layer for one in planes]].swapaxes(0, 1) @ axes
     ahead = np.array([one.at for one in planes])[:, None] - eye[..., 2]
-    grown = ahead.mean(axis=1) * scale[:, 0] / focal
+    grown = 0.5 * (ahead[:, 0] + ahead[:, 1]) * scale[:, 0] / focal
     eye, ahead = eye[:, :, None, None], ahead[:, :, None, None, None]
     aside: Any = 0.0
     if blown is not None:
