@@ -1,13 +1,17 @@
 """The rest of the weather: light under its sky, wet ground, drops on the lens."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import flurries as fl
 from flurries.augment import Fog, Ground, Rainfall
+from flurries.augment.corrupt import corrupt
 from flurries.io import linear_to_srgb, srgb_to_linear
 from test_augment import DTYPES, PICTURE
+from test_augment_corrupt import lines
 
 SUN = math.exp(-50.0 * math.log(20.0) / 100.0)
 
@@ -64,6 +68,20 @@ def test_drops_show_what_is_around_them_upside_down_and_no_label_knows_them():
     assert (moved == changed).mean() > 0.99
     left, right = Rainfall(amount=0.0, seed=3, drops=9).pair(PICTURE, PICTURE, index=4)
     assert not np.array_equal(left, right)
+
+
+def test_a_set_has_them(tmp_path: Path):
+    wet = np.zeros(PICTURE.shape[:2], np.uint8)
+    wet[30:] = 255
+    for name, plane in (("rgb", PICTURE), ("masks", wet)):
+        (tmp_path / "in" / name).mkdir(parents=True)
+        fl.io.write_picture(tmp_path / "in" / name / "a.png", plane)
+    how = {"weather": "rain", "severity": 2, "workers": 1, "shade": 400.0, "drops": 4.0}
+    made = corrupt(tmp_path / "in", tmp_path / "out", labels={"wet": ("rgb", "masks")}, **how)
+    record = lines(tmp_path / "out")["rain/2/rgb/a.png"]["record"]
+    assert (record["shade"], record["drops"]) == (400.0, 4.0)
+    want = fl.augment.replay(record)(PICTURE, wet=wet > 0)
+    assert np.array_equal(fl.io.read_picture(made.written[0]).pixels, want)
 
 
 @pytest.mark.parametrize("name", DTYPES)

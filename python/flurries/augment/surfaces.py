@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, plane_of, shares
+from flurries._contract import Array, plane_of, rectangular, shares
 from flurries.augment.air import Here, uniforms
 from flurries.io.color import linear_to_srgb, srgb_to_linear
 
@@ -64,7 +64,8 @@ def _shaded(light: Array, sun: float) -> Array:
 
 def _wetted(light: Array, wet: Any, horizon: float, focal: float) -> Array:
     """Return light of ground under water: darker, and a mirror of what is above the horizon."""
-    share = plane_of("wet", wet, light.shape[:2])
+    share = rectangular("wet", wet)
+    share = plane_of("wet", share * 1.0 if share.dtype == bool else share, light.shape[:2])
     shares("wet", share)
     rows = np.arange(len(light))
     below = np.maximum(rows + 0.5 - horizon, 0.0)

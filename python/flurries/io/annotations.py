@@ -124,5 +124,6 @@ def _depth(path: Path, shape: tuple[int, int]) -> Array:
 
 
 _READERS: dict[str, Callable[[Path, tuple[int, int]], Any]] = {
-    "depth": _depth, "flow": _flow, "boxes": _boxes, "masks": _numbers, "wet": _numbers,
+    "depth": _depth, "flow": _flow, "boxes": _boxes, "masks": _numbers,
+    "wet": lambda path, shape: _numbers(path, shape) != 0,
 }  # fmt: skip
