@@ -57,6 +57,7 @@ _LEAST_SEEN = 0.02
 _PHASES = (0.6180339887, 0.7548776662, 0.5698402910, 0.4331)
 
 _Ints = npt.NDArray[np.int64]
+_key_of = kept(1024, by_mode=True)(key_of)
 
 
 class Eyes(NamedTuple):
@@ -133,7 +134,7 @@ def _groups(
     if not every:
         return []
     sheets = sheets_of([
-        key_of(weather, slabs[n], frame.seed, n, areas[n], film.many[n], (0.0, 0.0), circles[n],
+        _key_of(weather, slabs[n], frame.seed, n, areas[n], film.many[n], (0.0, 0.0), circles[n],
                rung, planes[at].focal, thin)
         for at, rung, _, thin in every for n in [numbers[at]]
     ])  # fmt: skip

@@ -117,5 +117,7 @@ def gains_of(weather: Any, frame: Frame, slabs: Sequence[Slab]) -> Any:
     parts = np.array_split(np.arange(len(slabs)), most)
     middles = [slabs[part[len(part) // 2]] for part in parts]
     make = partial(denser, clumps, camera, *rays_of(camera, frame.shape), middles)
-    found = np.asarray(frame.once(weather, "denser", make, eye=True), np.float32)
-    return found, [len(part) for part in parts], (frame.window[0], frame.window[2])
+    alone = frame.shared is None
+    found = make() if alone else frame.once(weather, "denser", make, eye=True)
+    counts = [len(part) for part in parts]
+    return np.asarray(found, np.float32), counts, (frame.window[0], frame.window[2])

@@ -158,14 +158,11 @@ class Body:
     size: float | tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        size: Any = self.size
-        if np.ndim(size) == 0:
-            size = real("size", size, above=0.0)
-        elif (found := check.vector("size", size, 3)).min() > 0.0:
-            size = tuple(found.tolist())
-        else:
-            raise ValueError(f"size must be sides above 0, got {size!r}")
-        vars(self).update(place=as_vector("place", self.place, 3), size=size)
+        ball = np.ndim(self.size) == 0
+        given = [self.size] if ball else check.vector("size", self.size, 3).tolist()
+        sides = tuple(real("size", side, above=0.0) for side in given)
+        place = as_vector("place", self.place, 3)
+        vars(self).update(place=place, size=sides[0] if ball else sides)
 
     @property
     def half(self) -> Float64:

@@ -65,7 +65,6 @@ def sheets_of(keys: list[Any]) -> list[_core.FlakeSheet]:
     return found
 
 
-@kept(1024, by_mode=True)
 def key_of(
     weather: Weather, slab: Slab, seed: int, number: int, area: tuple[int, int], many: float,
     streak: tuple[float, float], circle: float, amount: float, scale: float = 1.0,
