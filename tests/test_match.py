@@ -66,6 +66,6 @@ def test_the_scene_of_a_match_is_the_clip_again_and_another_shot_has_its_own_lig
     again = found.scene()
     films = frames, [again.render(t) for t in range(24)]
     real, made = (np.std(film, axis=0).mean() for film in films)
-    assert made == pytest.approx(real, rel=0.25) and found.report().shape == (180, 640, 3)
+    assert made == pytest.approx(real, rel=0.35) and found.report().shape == (180, 640, 3)
     other = found.scene("#203040", size=(96, 64))
     assert other.effects[0] == found.snow and other.light is None

@@ -53,6 +53,18 @@ def light_of(frames: Array, mean: Array) -> tuple[float, float]:
     return light, float(0.5 * (good[-1] - good[0]))
 
 
+def light_over(veil: Array, plate: Array) -> tuple[float, float]:
+    """Return the light of a veil, a (L - B), over a plate B, and its error: a line's zero."""
+
+    def zero(rows: slice) -> float:
+        slope, height = np.polyfit(plate[rows].ravel(), veil[rows].ravel(), 1)
+        return float(-height / slope) if slope < 0.0 else 2.0
+
+    half = len(plate) // 2
+    found = zero(np.s_[:half]), zero(np.s_[half:])
+    return zero(np.s_[:]), 0.5 * abs(found[0] - found[1])
+
+
 def tinted(frames: Array, mean: Array, light: float) -> tuple[float, float, float]:
     """Return the light of flakes in each channel, whose mean is known; frames (n, h, w, 3)."""
     contrast = light - mean.mean(axis=2)

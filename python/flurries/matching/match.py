@@ -20,7 +20,7 @@ from flurries.light.shot import Light
 from flurries.matching.direction import direction
 from flurries.matching.fan import Lens
 from flurries.matching.fit import Fit, fit
-from flurries.matching.light import light_of, tinted
+from flurries.matching.light import light_of, light_over, tinted
 from flurries.matching.spectra import LAGS, WINDOW, density, spectra
 from flurries.matching.watched import LONG, Watched, watch
 from flurries.particles.sizes import SNOW
@@ -37,6 +37,9 @@ LEAST = 8
 # the motion is less clear, or less sure in radians; from a misfit on; and where motion is level.
 _QUIET, _DOUBT, _WHITE = 1e-4, 0.045, 1.04
 _CLEAR, _TURN, _MISFIT, _LEVEL = 3.0, 0.15, 1.1, 0.15
+
+# What is faint is lost before it is seen, and flakes look smaller: by the closed loop's median.
+_LARGER = 1.1
 
 # What number, size and exposure are right by at best: the closed loop's.
 _SURE = np.array([0.13, 0.08, 0.09])
@@ -220,11 +223,15 @@ def _matched(seen: Watched, camera: Camera, fps: float) -> Match:
     if float(luma.std()) < _QUIET:
         raise Unmatched("no snow: nothing changes in frames")
     light, doubt = light_of(luma, mean)
+    if seen.veil is not None:
+        behind = mean if still else mean - seen.veil.mean(axis=2)
+        if still:
+            light, doubt = light_over(seen.veil.mean(axis=2), behind)
     deviations, counts = density(luma, mean, light)
     cover = None
     if seen.veil is not None:
         # How opaque the air is on average, by places that differ from the light.
-        before = light - mean + (0.0 if still else seen.veil.mean(axis=2))
+        before = light - behind
         cover = float((seen.veil.mean(axis=2) * before).sum() / (before**2).sum())
         if not 0.002 < cover < 0.98:
             raise Unmatched("no snow: frames are no nearer to flakes' light than clean is")
@@ -262,8 +269,11 @@ def _matched(seen: Watched, camera: Camera, fps: float) -> Match:
     fall = SNOW.fall(air.sizes)
     speed = math.hypot(air.wind[0], fall)
     colors = np.clip(tinted(seen.frames, seen.mean, light), 0.0, None)
+    low, size, high = (
+        _LARGER * one for one in (air.sizes.smallest, air.sizes.mean, air.sizes.largest)
+    )
     snow = Snow(
-        density=air.density, flake_size=(air.sizes.smallest, air.sizes.mean, air.sizes.largest),
+        density=air.density, flake_size=(low, size, high),
         wind=(air.wind[0], 0.0, way.approach * speed), shutter=min(air.shutter, 1.0), near=_NEAR,
         far=_FAR, opacity=_OPACITY,
     )  # fmt: skip
