@@ -25,7 +25,7 @@ unexport PYTHONDONTWRITEBYTECODE
 RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/dispatch/Cargo.toml crates/fft/Cargo.toml pyproject.toml
 
 .PHONY: docs links demo test asan audit test-lowest test-browser test-clients test-hosts test-hosts-older wheel test-wheel peers accuracy mutations \
-	lint bench performance hashes soak clean requirements
+	lint bench bench-check performance hashes soak clean requirements
 
 demo: $(VENV)/.installed
 	$(BIN)/flurries demo --output demo
@@ -166,8 +166,13 @@ performance: $(VENV)/.tools
 
 bench: $(VENV)/.tools
 	$(BIN)/python benches/speed.py
+	$(BIN)/python benches/files.py
 	$(BIN)/python benches/gas.py
 	$(BIN)/python benches/cone.py
+
+# Fails where a limit is missed by 15 %, on a quiet machine.
+bench-check: $(VENV)/.tools
+	$(BIN)/python benches/files.py --check
 
 # Hashes of frames in the reproducible mode; a change wants a line in the changelog.
 hashes: $(VENV)/.tools

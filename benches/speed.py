@@ -176,6 +176,7 @@ PAGE = """# Speed
 
 Made by `python benches/speed.py --page docs/internals/performance.md` on a machine of {cores}
 cores, load {load:.1f} at the start. Times are the least of {runs} runs in turns; read ratios.
+`python benches/files.py` has files and a first picture;
 [history.md](history.md) says what was tried.
 
 ## Ratios

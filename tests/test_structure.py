@@ -44,7 +44,7 @@ DOORS = {
 
 # Libraries that take long to import, or need not be there.
 HEAVY = {
-    "OpenImageIO", "PIL", "av", "dask", "distributed", "fileseq", "importlib.metadata",
+    "OpenImageIO", "PIL", "asyncio", "av", "dask", "distributed", "fileseq", "importlib.metadata",
     "matplotlib", "pxr", "pycocotools", "resource", "skimage", "tomli_w", "torch", "tqdm",
     "webbrowser",
 }  # fmt: skip

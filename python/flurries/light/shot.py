@@ -84,13 +84,12 @@ def light_of(frames: Mapping[int, Array], *, keyed: bool = False) -> Light:
     # light times what the shot's sky has in it, over what it has in the middle.
     sums = [*frames.values()]
     # What is there in less than half of the frames, such as a lamp that enters, is no light of all.
-    # `np.median` imports masked arrays, which takes longer than all of this.
     halves = slice((len(sums) - 1) // 2, len(sums) // 2 + 1)
     middle = np.sort(sums, axis=0)[halves].mean(axis=0) if sums else np.zeros((1, 1, 4))
     cells = cells_of(middle)
     places = cells.reshape(-1, 3)
     bright = places.sum(axis=1)
-    half, low, high = np.quantile(bright, (_DARKER, *_BRIGHTER))
+    half, low, high = (_quantile(bright, share) for share in (_DARKER, *_BRIGHTER))
     white, tint = _white(middle)
     sky = places[(bright >= low) & (bright <= high)].mean()
     sides = {"snow": white, "sky": sky * tint, "ground": places[bright <= half].mean() * tint}
@@ -98,12 +97,20 @@ def light_of(frames: Mapping[int, Array], *, keyed: bool = False) -> Light:
         return Light(**{name: tuple(part.tolist()) for name, part in sides.items()})
     there = (bright >= low) & (bright > 0.0)
     own = [cells_of(one).reshape(-1, 3)[there].sum(axis=1) / bright[there] for one in sums]
-    shares = [float(np.quantile(one, 0.5)) for one in own]
+    shares = [_quantile(one, 0.5) for one in own]
     pairs = [*zip(frames, shares, strict=True)]
     return Light(**{
         name: Keys([(number, tuple((share * part).tolist())) for number, share in pairs])
         for name, part in sides.items()
     })  # fmt: skip
+
+
+def _quantile(values: Array, share: float) -> float:
+    # The bits of `np.quantile`, which imports masked arrays: that takes longer than all of this.
+    first, part = divmod(share * (values.size - 1), 1.0)
+    low, high = np.sort(values)[[int(first), min(int(first) + 1, values.size - 1)]].tolist()
+    found: float = high - (high - low) * (1.0 - part) if part >= 0.5 else low + (high - low) * part
+    return found
 
 
 def cells_of(sums: Array) -> Float64:
@@ -127,12 +134,12 @@ def _white(sums: Array) -> tuple[Float64, Float64]:
         # A black picture is none, and what is laid over it is white.
         return np.ones(3), np.ones(3)
     bright = light.mean(axis=1)
-    sky, mean = float(np.quantile(bright, _SKY)), float(bright.mean())
+    sky, mean = _quantile(bright, _SKY), float(bright.mean())
     # A card has no sky: it is taken as what reflects as much as pictures do.
     card = float(np.interp(sky / max(mean, np.finfo(np.float32).tiny), _CARD, (1.0, 0.0)))
     white = _SNOW * (sky + card * (mean / _GREY - sky))
     # A bright place counts for the tint by its least channel over its largest: coats light nothing.
-    there = bright >= np.quantile(bright, _BRIGHTER[0])
+    there = bright >= _quantile(bright, _BRIGHTER[0])
     grey = light.min(axis=1) / np.maximum(light.max(axis=1), np.finfo(np.float32).tiny)
     tint = (grey[there] + _LEAST) @ light[there]
     tint /= tint.mean()

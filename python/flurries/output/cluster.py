@@ -3,7 +3,6 @@
 A worker must have what the client has: if not, it refuses and says what, before a file.
 """
 
-import asyncio
 import importlib
 import logging
 import os
@@ -55,6 +54,8 @@ def run_on(
 def cluster(
     shared: Any, where: Any, patience: float = 60.0, count: int | None = None
 ) -> Iterator[Crew]:
+    from asyncio import CancelledError
+
     patience = real("patience", patience, low=0.0)
     with _client(where, count) as client:
         plain = reproducible()
@@ -67,7 +68,7 @@ def cluster(
             with suppress(InvalidStateError):  # Nobody waits for it any more.
                 try:
                     done.set_result(await client.gather(future, asynchronous=True))
-                except asyncio.CancelledError:
+                except CancelledError:
                     done.cancel()
                 except Exception as error:
                     done.set_exception(error)
@@ -154,6 +155,8 @@ class _Watch:
 @contextmanager
 def _client(where: Any, count: int | None) -> Iterator[Any]:
     """Yield a client: one that was given, one of an address, or one of a cluster made for it."""
+    import asyncio
+
     distributed = required("distributed")
     if isinstance(where, distributed.Client):
         yield where

@@ -86,14 +86,6 @@ class Output:
         the frame out, "hold" renders it over the last good background before it.
     sound : bool
         Keep the sound of a background's film, where frames follow each other at its own rate.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> floats = fl.scene.Output(bits="float", motion="y-up")
-    >>> scene = fl.Scene("#203040", size=(64, 48), output=floats)
-    >>> scene.write("out/%04d.exr", "1-2").written
-    [1, 2]
     """
 
     bits: Bits | None = None

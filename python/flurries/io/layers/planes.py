@@ -188,7 +188,6 @@ def _part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> Part:
         raise ValueError("layers must not be empty")
     if len(sizes) > 1:
         raise ValueError(f"layers must have one size, got {sorted(sizes)}")
-
     height, width = sizes.pop()
     names = sorted(planes)
     kinds = [planes[name][1] for name in names]
