@@ -46,9 +46,11 @@ def test_drawn_flakes_have_that_radiance_in_mist():
         density=1.5, flake_size=(0.08, 0.08, 0.08), color=0.0, wind=(0.0, 0.0, 0.0), fall=0.0,
         near=1.0, far=5.0, shape="round", method="simulated", seed=2,
     )  # fmt: skip
+    # What lies on the ground is no air between a lamp and all flakes.
+    low = fl.Mist(visibility=40.0, top=0.5)
     scene = fl.Scene(
         "#000000", size=(160, 120), camera=fl.Camera(150.0), lights=[lamp], space="linear",
-        effects=[fl.Mist(visibility=12.0), snow, fl.Mist(visibility=50.0)],
+        effects=[low, fl.Mist(visibility=12.0), snow, fl.Mist(visibility=50.0)],
     )  # fmt: skip
     seen = scene.layers(0)
     layer = seen.layers["snow"]
