@@ -38,8 +38,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def lines(folder: Path) -> dict[str, Any]:
-    journal = Journal(Store(), folder)
-    return {name: journal.lines(name)[-1] for name in journal.names()}
+    return Journal(Store(), folder).last()
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import flurries as fl
 from flurries import _core
 from flurries.augment import sheets
 from flurries.augment.air import Here
-from flurries.augment.slices import falling_of, slices
+from flurries.augment.labels import falling_of, slices
 from measure import drawn_of
 
 EACH = pytest.mark.parametrize("kind", ["Snowfall", "Rainfall"])
@@ -147,9 +147,9 @@ def test_slices_carried_by_their_own_motions_are_the_next_frame(
     found = []
     for share in (1.0, 0.0):
         left = np.ones((512, 512))
-        for part in slices(here, fps):
-            motion = np.broadcast_to(share * np.asarray(part.motion), (512, 512, 2))
-            carried, _ = moved(part.opacity.astype(np.float64), motion)
+        for opacity, motion, _ in slices(here, fps):
+            way = np.broadcast_to(share * np.asarray(motion), (512, 512, 2))
+            carried, _ = moved(opacity.astype(np.float64), way)
             left *= 1.0 - carried
         # What is carried between pixels is smoother, which thin streaks show: so are both made.
         smooth = [uniform_filter(one, 3) for one in (1.0 - left, then.astype(np.float64))]

@@ -1,8 +1,9 @@
 """Weather in other processes: forked, spawned, and by joblib; one set, and no hangs."""
 
 import multiprocessing
-import warnings
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,12 @@ import pytest
 
 import flurries as fl
 
+# From 3.12 on Python warns of any fork beside threads; the test is that it works.
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+
 PICTURE = np.random.default_rng(0).integers(0, 256, (120, 160, 3), dtype=np.uint8)
-WEATHERS = [
-    fl.augment.Snowfall(severity=(2, 4), seed=7),
-    fl.augment.Rainfall(severity=(2, 4), seed=7),
-    fl.augment.Fog(severity=(2, 4), seed=7),
-]
-COUNT = 12
+KINDS = (fl.augment.Snowfall, fl.augment.Rainfall, fl.augment.Fog)
+JOBS = [(kind(severity=(2, 4), seed=7), index) for kind in KINDS for index in range(12)]
 
 
 def made(job: tuple[Any, int]) -> bytes:
@@ -25,54 +25,42 @@ def made(job: tuple[Any, int]) -> bytes:
     return result.tobytes()
 
 
-JOBS = [(weather, index) for weather in WEATHERS for index in range(COUNT)]
-
-
 @pytest.fixture(scope="module")
 def want() -> list[bytes]:
     # The parent has used its threads before anybody forks.
     return [made(job) for job in JOBS]
 
 
-def test_no_two_are_alike(want: list[bytes]):
-    assert len(set(want)) == len(JOBS)
-
-
-@pytest.mark.parametrize("method, workers", [("fork", 3), ("spawn", 2), ("forkserver", 1)])
-def test_processes(method: str, workers: int, want: list[bytes]):
+def by_processes(method: str, workers: int) -> list[bytes]:
     context = multiprocessing.get_context(method)
-    with warnings.catch_warnings():
-        # From 3.12 on Python warns of any fork beside threads; the test is that it works.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        with ProcessPoolExecutor(workers, mp_context=context) as pool:
-            futures = [pool.submit(made, job) for job in reversed(JOBS)]
-            got = [future.result(timeout=120) for future in futures]
-    assert got[::-1] == want
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        futures = [pool.submit(made, job) for job in reversed(JOBS)]
+        return [future.result(timeout=120) for future in futures][::-1]
 
 
-def test_threads(want: list[bytes]):
+def by_threads() -> list[bytes]:
     with ThreadPoolExecutor(8) as pool:
-        assert list(pool.map(made, JOBS)) == want
+        return list(pool.map(made, JOBS))
 
 
-def test_joblib(want: list[bytes]):
+def by_joblib() -> list[bytes]:
     import joblib
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)
-        got = joblib.Parallel(n_jobs=2, backend="loky", timeout=120)(
-            joblib.delayed(made)(job) for job in JOBS
-        )
-    assert got == want
+    many = joblib.Parallel(n_jobs=2, backend="loky", timeout=120)
+    return list(many(joblib.delayed(made)(job) for job in JOBS))
+
+
+@pytest.mark.parametrize("way", [
+    partial(by_processes, "fork", 3), partial(by_processes, "spawn", 2),
+    partial(by_processes, "forkserver", 1), by_threads, by_joblib,
+])  # fmt: skip
+def test_whoever_makes_them_pictures_are_the_same(way: Callable[[], Any], want: list[bytes]):
+    assert way() == want and len(set(want)) == len(JOBS)
 
 
 def test_without_a_seed_forked_workers_never_share_a_draw():
-    free = fl.augment.Snowfall()
-    context = multiprocessing.get_context("fork")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)
-        with context.Pool(3) as pool:
-            seeds = pool.map_async(drawn, [free] * 60, chunksize=1).get(120)
+    with multiprocessing.get_context("fork").Pool(3) as pool:
+        seeds = pool.map_async(drawn, [fl.augment.Snowfall()] * 60, chunksize=1).get(120)
     assert len(set(seeds)) == 60
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from statistics import NormalDist
 from typing import Any, NamedTuple
@@ -14,11 +14,10 @@ import numpy as np
 from flurries import _core, spectral
 from flurries._contract import Array, Float64
 from flurries.augment import calibration
-from flurries.augment.calibration import GAINS, Kind, Profile
+from flurries.augment.calibration import GAINS, Kind
 from flurries.augment.distance import Distances
 from flurries.augment.sheets import Falling, Sheets, sheets_of
-from flurries.effects.air import NEAREST, Class, Eye, images_of
-from flurries.effects.air import Air as Request
+from flurries.effects.air import NEAREST, Air, Class, Eye, images_of
 from flurries.effects.strength import OPACITY, reach
 from flurries.gas.optics import visibility
 from flurries.particles.population import FADE
@@ -53,35 +52,6 @@ _NORMAL = np.array([NormalDist().inv_cdf((k + 0.5) / 33) for k in range(33)])
 _STILL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-@dataclass(frozen=True)
-class Patches:
-    """Fog that is thicker here than there: a slow spectral field, the same at every size."""
-
-    # Standard deviation of the extinction against its mean, where none is below 0.
-    strength: float
-    # How fast the largest patches drift, picture widths per second.
-    wind: tuple[float, float]
-
-    def densities(self) -> Float64:
-        """Return equally likely densities, (n,)."""
-        if self.strength == 0.0:
-            return np.ones(1)
-        return np.asarray(np.maximum(1.0 + self.strength * _NORMAL, 0.0))
-
-    def motion(self, shape: tuple[int, int], fps: float) -> Float64:
-        """Return the patches' motion, (2,) pixels per frame: the mean of their waves."""
-        mean = math.sqrt(_BAND[0] / _BAND[1])
-        return np.asarray(self.wind) * (mean * max(shape) / fps)
-
-    def field(self, shape: tuple[int, int], seed: int, time: float) -> tuple[Array, float, float]:
-        """Return a field of variance 1, the pixels between its points, and its strength."""
-        cell = max(shape) / _POINTS
-        size = (math.ceil(shape[0] / cell) + 2, math.ceil(shape[1] / cell) + 2)
-        drift = (np.asarray(self.wind) * time) * _POINTS
-        made = spectral.field(size, drift=drift, seed=seed, texture=_UNEVEN)
-        return made, cell, self.strength
-
-
 class View(NamedTuple):
     """One eye's view, of a camera that looks ahead."""
 
@@ -89,29 +59,6 @@ class View(NamedTuple):
     focal: float  # Pixels.
     aside: float = 0.0  # The eye's place to the right of the middle of both, metres.
     eyes: float = 0.0  # Distance of each of them from the middle, metres.
-
-
-@dataclass(frozen=True)
-class Air:
-    """The weather of a record."""
-
-    seed: int
-    kind: Kind
-    amount: float
-    profile: Profile
-    velocity: tuple[float, float] = (0.0, 0.0)  # Of what falls, metres per second.
-    exposure: float = 0.0  # Seconds.
-    veil: float = 1.0  # The share of the optical depth that is an even veil.
-    patches: Patches | None = None
-    visible: float | None = None  # Visibility in place of the amount's, metres.
-
-    @classmethod
-    def of(cls, kind: Kind, record: dict[str, Any]) -> Air:
-        own = record["weather_seed"], kind, record["amount"] or 0.0, record["profile"]
-        if kind == "fog":
-            patches = Patches(record["patches"], (record["wind"], 0.0))
-            return cls(*own, patches=patches, visible=record["visibility"])
-        return cls(*own, (record["wind"], record["fall"]), record["exposure"], record["veil"])
 
 
 def uniforms(seed: int, stream: int, count: int) -> Float64:
@@ -133,58 +80,77 @@ class Here:
     """The air of one moment before one picture: drawn flakes, sheets of others, a veil."""
 
     def __init__(
-        self, air: Air, view: View, distances: Distances, time: float, fps: float | None = None
-    ) -> None:
-        self.near, self.far = calibration.depths_of(air.kind, air.profile, view.focal)
-        if air.kind == "fog":
-            thick = calibration.natural("fog", air.amount)
-            seen = reach(air.visible or (visibility(thick) if thick else 0.0))
-            hard = air.visible is None and air.profile == "hard"
-            plane = np.minimum(distances.plane, np.float32(distances.end if hard else seen))
-            distances = replace(distances, plane=plane)
-        self.air, self.view, self.distances, self.time = air, view, distances, time
+        self, kind: Kind, record: dict[str, Any], view: View, distances: Distances, time: float,
+        fps: float | None = None,
+    ) -> None:  # fmt: skip
+        self.kind, self.view, self.distances, self.time = kind, view, distances, time
+        self.seed, self.amount = record["weather_seed"], record["amount"] or 0.0
+        self.hard = record["profile"] == "hard"
+        # Metres per second; of fog's largest patches lengths of the picture. And in seconds.
+        self.velocity = record["wind"], record.get("fall", 0.0)
+        self.exposure = record.get("exposure", 0.0)
+        # The share of the optical depth that is an even veil, and how uneven that of fog is:
+        # standard deviation of the extinction against its mean, where none is below 0.
+        self.share, self.patches = record.get("veil", 1.0), record.get("patches", 0.0)
+        # In place of the amount's, metres.
+        self.visible = record.get("visibility")
+        self.near, self.far = calibration.depths_of(kind, record["profile"], view.focal)
+        if kind == "fog":
+            thick = calibration.natural("fog", self.amount)
+            seen = reach(self.visible or (visibility(thick) if thick else 0.0))
+            end = distances.end if self.visible is None and self.hard else seen
+            plane = np.minimum(distances.plane, np.float32(end))
+            self.distances = replace(distances, plane=plane)
         self.moving = fps is not None or view.eyes > 0.0
         # Whether nothing is known to stand in what falls: an even picture says so.
         plane = distances.plane
-        self.open = air.kind != "fog" and plane.size == 1 and float(plane[0, 0]) >= self.far
+        self.open = kind != "fog" and plane.size == 1 and float(plane[0, 0]) >= self.far
 
     @cached_property
     def extinction(self) -> float:
         """Of all the weather, per metre."""
-        air = self.air
-        if air.visible is not None:
-            return visibility(air.visible)
-        if air.profile == "natural" or air.amount == 0.0:
-            return calibration.natural(air.kind, air.amount)
-        loss = calibration.contrast_loss(air.amount, profile="hard", weather=air.kind)
-        density = np.ones(1) if air.patches is None else air.patches.densities()
+        if self.visible is not None:
+            return visibility(self.visible)
+        if not self.hard or self.amount == 0.0:
+            return calibration.natural(self.kind, self.amount)
+        loss = calibration.contrast_loss(self.amount, profile="hard", weather=self.kind)
+        # Equally likely densities.
+        density = np.maximum(1.0 + self.patches * _NORMAL, 0.0) if self.patches else np.ones(1)
         found = calibration.extinction(loss, self._way(self.distances.quantiles), density)
         open_air = -math.log1p(-loss) / (self.far - self.near)
-        return found if air.kind == "fog" else min(found, _DENSEST * open_air)
+        return found if self.kind == "fog" else min(found, _DENSEST * open_air)
 
     def _way(self, depth: Any) -> Any:
         """Return the way through the weather before some depths, metres."""
-        return depth if self.air.kind == "fog" else np.clip(depth, self.near, self.far) - self.near
+        return depth if self.kind == "fog" else np.clip(depth, self.near, self.far) - self.near
+
+    def drift(self, fps: float) -> Float64:
+        """Return the motion of fog's patches, (2,) pixels per frame: the mean of their waves."""
+        mean = math.sqrt(_BAND[0] / _BAND[1])
+        return np.asarray(self.velocity) * (mean * max(self.view.shape) / fps)
 
     def veil(self, thick: float) -> tuple[float, Array | None]:
         """Return the veil's opacity, as a number where it is even, else 0 and a plane."""
         if thick == 0.0:
             return 0.0, None
-        way, patches = self._way(self.distances.plane), self.air.patches
-        even = patches is None or patches.strength == 0.0
-        if even and way.size == 1:
+        way, shape, field = self._way(self.distances.plane), self.view.shape, None
+        if not self.patches and way.size == 1:
             return float(-np.expm1(-thick * way.flat[0])), None
-        found = _scratch("veil", self.view.shape)
-        field = None
-        if patches is not None and not even:
-            field = patches.field(self.view.shape, self.air.seed, self.time)
+        if self.patches:
+            # A slow spectral field of variance 1, the same at every size.
+            cell = max(shape) / _POINTS
+            size = (math.ceil(shape[0] / cell) + 2, math.ceil(shape[1] / cell) + 2)
+            drift = np.asarray(self.velocity) * self.time * _POINTS
+            made = spectral.field(size, drift=drift, seed=self.seed, texture=_UNEVEN)
+            field = made, cell, self.patches
+        found = _scratch("veil", shape)
         _core.veil(found, way, thick, field)
         return 0.0, found
 
     def alpha(self, *, passing: bool = False) -> tuple[Array, Any]:
         """Return the opacity of it all, (H, W), and its veil's: `passing` until the next call."""
         shape = self.view.shape
-        haze, plane = self.veil(self.air.veil * self.extinction)
+        haze, plane = self.veil(self.share * self.extinction)
         hidden = haze if plane is None else plane
         if self.thickness == 0.0:
             if plane is None:
@@ -202,18 +168,17 @@ class Here:
     @property
     def thickness(self) -> float:
         """Optical depth of flakes per metre; too little to have a flake anywhere is none."""
-        thick = (1.0 - self.air.veil) * self.extinction
+        thick = (1.0 - self.share) * self.extinction
         return thick if thick > _LEAST else 0.0
 
     @cached_property
     def falling(self) -> Falling:
-        air, hard = self.air, self.air.profile == "hard"
         return Falling(
-            air.kind, 0 if hard else max(round(10.0 * air.amount), 1),
+            self.kind, 0 if self.hard else max(round(10.0 * self.amount), 1),
             # The same before every lens of the hard profile, so that it has the same sheets.
             round(self.far / self.near, 12),
-            GAINS[air.kind] if hard else 1.0, self.thickness * self.near,
-            self.view.focal / self.near, air.velocity, air.exposure,
+            GAINS[self.kind] if self.hard else 1.0, self.thickness * self.near,
+            self.view.focal / self.near, self.velocity, self.exposure,
         )  # fmt: skip
 
     @cached_property
@@ -226,11 +191,11 @@ class Here:
         layers = self.sheets.layers if self.thickness > 0.0 else ()
         if not layers:
             return []
-        places = uniforms(self.air.seed, _STREAM, 2 * len(layers)).reshape(-1, 2)
+        places = uniforms(self.seed, _STREAM, 2 * len(layers)).reshape(-1, 2)
         shifts = np.floor(places * [layer.period for layer in layers])
         if self.moving:
             depths = np.array([[layer.depth] for layer in layers])
-            moved = np.array(self.air.velocity) * self.time - (self.view.aside, 0.0)
+            moved = np.array(self.velocity) * self.time - (self.view.aside, 0.0)
             shifts += self.view.focal / (self.near * depths) * moved
         return [
             layer.at(self.falling, self.near, (x, y))
@@ -246,16 +211,16 @@ class Here:
             drawn = plane, self.falling.gain
         _core.sheet_read(out, (0, 0), self.layers, depth, True, drawn, veil, haze)
 
-    def request(self, steps: tuple[float, ...] = ()) -> Request | None:
+    def request(self, steps: tuple[float, ...] = ()) -> Air | None:
         """Return the flakes that are drawn, with places at steps of seconds; None without any."""
-        air, near = self.air, self.near
         if self.thickness == 0.0 or self.sheets.reach <= 1.0:
             return None
-        law, (x, y), reached = self.falling.law, air.velocity, near * self.sheets.reach
-        times = [self.time + s for s in (0.0, -0.5 * air.exposure, 0.5 * air.exposure, *steps)]
+        near, law, (x, y), half = self.near, self.falling.law, self.velocity, 0.5 * self.exposure
+        reached = near * self.sheets.reach
+        times = [self.time + s for s in (0.0, -half, half, *steps)]
         end = reached if reached > 0.9 * self.far else reached * (1.0 + FADE)
         fade = near * (1.0 - _NEAR_FADE), near * (1.0 + _NEAR_FADE)
-        sway, swing = _SWAY[air.kind]
+        sway, swing = _SWAY[self.kind]
         one = Class(
             number=0, density=self.falling.density / (near * self.sheets.cover),
             sizes=(law.smallest, law.largest), slope=law.slope, shown=(*fade, reached, end),
@@ -266,8 +231,8 @@ class Here:
         )  # fmt: skip
         view, (height, width) = self.view, self.view.shape
         eye = Eye(_STILL, (view.focal,) * 2, (width / 2, height / 2), (view.aside, 0.0, 0.0))
-        return Request(
-            seed=air.seed, opacity=OPACITY, images=images_of(OPACITY), classes=[one],
+        return Air(
+            seed=self.seed, opacity=OPACITY, images=images_of(OPACITY), classes=[one],
             eyes=[eye] * len(times), sway=sway, waves=None, clumps=None, shape=view.shape,
             window=(0, height, 0, width), room=0.0, near=NEAREST, closeup=None,
         )  # fmt: skip

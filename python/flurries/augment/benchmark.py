@@ -279,9 +279,7 @@ def _parts(target: Path) -> dict[str, list[tuple[str, Path, str]]]:
     """Return each part's pictures: the names that predictions have, the files, and hashes."""
     parts: dict[str, list[tuple[str, Path, str]]] = {CLEAR: []}
     for profile in PROFILES:
-        journal = Journal(Store(), target / profile)
-        lines = {file: journal.lines(file)[-1] for file in journal.names()}
-        for file, line in lines.items():
+        for file, line in Journal(Store(), target / profile).last().items():
             if "pixels" in line:
                 part, own = f"{profile}/{line['weather']}/{line['severity']}", line["source"]
                 row = kept_name(own), target / profile / file, line["pixels"]

@@ -138,9 +138,8 @@ def corrupt(
     choice("profile", profile, PROFILES)
     strengths = {
         f"{kind} {n}": str(weather_of(kind, n, profile).strength()[0])
-        for kind in kinds
-        for n in levels
-    }
+        for kind in kinds for n in levels
+    }  # fmt: skip
     start, again, dry = seed_of(seed), flag("overwrite", overwrite), flag("dry_run", dry_run)
     count = os.cpu_count() or 1 if workers is None else integer("workers", workers, low=1, high=256)
     if not (dask is None or isinstance(dask, str)):
@@ -152,10 +151,8 @@ def corrupt(
     rate = by.fps if fps is None else rate_of(fps)
     lens = by.lens[0] if focal is None else real("focal", focal, low=0.05, high=1e3)
     apart = by.lens[1] if distance is None else real("distance", distance, low=0.0, high=1e3)
-    unit, many = (
-        real("depth_unit", depth_unit, above=0.0),
-        integer("shards", shards, low=0, high=10**9),
-    )
+    unit = real("depth_unit", depth_unit, above=0.0)
+    many = integer("shards", shards, low=0, high=10**9)
     more = {name: value for name, value in (("shade", shade), ("drops", drops)) if value}
     weather_of("snow", 1, profile, **more)
     swaps = _swaps(depths, labels, by, planes)
@@ -227,12 +224,10 @@ def corrupt(
 
 
 def _levels(severity: int | str | Sequence[int]) -> tuple[int, ...]:
-    several: Any = [severity]
+    several: Any = severity if isinstance(severity, (list, tuple, range)) else [severity]
     if isinstance(severity, str):
         with suppress(ValueError):
             several = frame_range(severity)
-    elif isinstance(severity, (list, tuple, range)):
-        several = severity
     levels = tuple(dict.fromkeys(integer("severity", s, low=1, high=5) for s in several))
     if not levels:
         raise ValueError(f"severity must name at least one level, got {severity!r}")

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _core
 from flurries._contract import Array, Float64, pixels, rectangular, shares, table
+from flurries.augment.air import Here
 from flurries.augment.pictures import layer_of
+from flurries.effects.air import Air
 
 # From this opacity on a flake, not what is behind it, is what is seen at a pixel.
 SEEN = 0.5
+
+# Depths that drawn flakes are sorted into.
+_SLABS = 8
+
+# Flakes at about one depth: how opaque, (H, W); their motion, (H, W, 2) or (1, 1, 2), pixels (x, y)
+# per frame; and their depth, (H, W) or (1, 1), metres.
+Slice: TypeAlias = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,3 +207,102 @@ def flow_of(flow: npt.ArrayLike, shape: tuple[int, int]) -> Array:
     if given.shape != (*shape, 2):
         raise ValueError(f"flow must have shape {(*shape, 2)}, got {given.shape}")
     return given
+
+
+def mixture_of(
+    here: Here, alpha: Array, flow: Array | None, motion: bool, fps: float
+) -> dict[str, Any]:
+    """Return the labels of what is seen of picture and weather; holes stay holes."""
+    planes, (most, way, where) = falling_of(here, fps)
+    depth, came, found = here.distances.given, here.distances.came, dict[str, Any]()
+    # A layer of the texture alone may be denser than all of them, which are smoother.
+    seen = (most > SEEN) & (alpha > SEEN)
+    left = 1.0 - planes[3]
+    if flow is not None:
+        soft = left[..., None] * flow + np.moveaxis(planes[:2], 0, -1)
+        found["flow"] = np.where(seen[..., None], way, flow).astype(np.float32)
+        found["soft_flow"] = soft.astype(np.float32)
+    if depth is not None:
+        nearer = np.where(seen, np.minimum(where, depth), depth)
+        nearness = left / depth + planes[2]
+        soft = np.divide(1.0, nearness, out=np.full_like(nearness, np.inf), where=nearness > 0.0)
+        if came is not None:
+            holes = np.isnan(came) | (came == 0.0)
+            np.copyto(nearer, came, where=holes & ~seen)
+            soft[holes] = came[holes]
+        found["depth"] = nearer.astype(np.float32)
+        found["soft_depth"] = soft.astype(np.float32)
+    if here.view.eyes:
+        parallax = here.view.focal * 2.0 * here.view.eyes
+        found["weather_disparity"] = np.asarray(parallax / where, np.float32)
+        if depth is not None:
+            known = np.where(nearer == 0.0, np.nan, nearer)
+            found["disparity"] = np.asarray(parallax / known, np.float32)
+    if motion:
+        found["motion"] = way
+        found["falling"] = np.ascontiguousarray(np.moveaxis(planes, 0, -1))
+    return found
+
+
+def falling_of(here: Here, fps: float) -> tuple[Array, Slice]:
+    """Return the planes of `Weathered.falling`, and at each pixel the slice that is densest."""
+    shape = here.view.shape
+    left, densest = np.ones(shape, np.float32), np.zeros(shape, np.float32)
+    planes, most = np.zeros((4, *shape), np.float32), np.zeros((3, *shape), np.float32)
+    most[2] = np.inf
+    if here.kind == "fog" and here.extinction > 0.0:
+        # Fog moves as the mean of its patches and is nowhere in particular.
+        most[0], most[1] = here.drift(fps)
+    for opacity, motion, depth in slices(here, fps):
+        weight = left * opacity
+        left -= weight
+        across, down = motion[..., 0], motion[..., 1]
+        planes[0] += weight * across
+        planes[1] += weight * down
+        planes[2] += weight / depth
+        seen = opacity > densest
+        np.copyto(densest, opacity, where=seen)
+        for known, value in zip(most, (across, down, depth), strict=True):
+            np.copyto(known, value, where=seen)
+    planes[3] = 1.0 - left
+    return planes, (densest, np.ascontiguousarray(np.moveaxis(most[:2], 0, -1)), most[2])
+
+
+def slices(here: Here, fps: float) -> list[Slice]:
+    """Return all that falls, near slices first."""
+    found = []
+    request = here.request(steps=(-0.5 / fps, 0.5 / fps))
+    if request is not None:
+        (one,) = request.classes
+        first, full, last, end = one.shown
+        inner = np.geomspace(full, last, _SLABS + 1)[1:-1].tolist()
+        bounds = [(first, full), *((edge, edge) for edge in inner), (last, end)]
+        for near, far in itertools.pairwise(bounds):
+            part = _drawn(here, request._replace(classes=[one._replace(shown=(*near, *far))]))
+            found += [] if part is None else [part]
+    focal, speed = here.view.focal, np.asarray(here.velocity)
+    for layer, own in zip(here.layers, here.sheets.layers if here.layers else (), strict=True):
+        plane = np.empty(here.view.shape, np.float32)
+        _core.sheet_read(plane, (0, 0), [layer], here.depth, True)
+        depth = here.near * own.depth
+        step = (speed * (focal / depth / fps)).astype(np.float32)
+        # Before a wall inside the layer its flakes are nearer than the wall.
+        near = np.minimum(np.float32(depth), here.distances.plane)
+        found.append((plane, step.reshape(1, 1, 2), near))
+    return found
+
+
+def _drawn(here: Here, request: Air) -> Slice | None:
+    """Return some of the drawn flakes: at each pixel the one that it shows most says how fast."""
+    flakes = _core.fall(request)
+    _, rows, others = _core.flake_rows(flakes)
+    if len(rows) == 0:
+        return None
+    shape = here.view.shape
+    plane, number = np.empty(shape, np.float32), np.empty(shape, np.int32)
+    _core.particle_draw(plane, flakes, request.window, here.depth, number)
+    opacity = np.empty(shape, np.float32)
+    _core.sheet_read(opacity, (0, 0), [], None, True, (plane, here.falling.gain))
+    motion = (others[:, 2:] - others[:, :2]).astype(np.float32)
+    # A pixel without any has no opacity either.
+    return opacity, motion[number], rows[:, 5].astype(np.float32)[number]

@@ -44,8 +44,7 @@ class Shards(Job):
     @classmethod
     def of(cls, job: Pictures, count: int) -> Shards:
         """Return the shards, of so many samples each, of pictures that have been made."""
-        journal = Journal(Store(), job.folder)
-        lines = {name: journal.lines(name)[-1] for name in journal.names()}
+        lines = Journal(Store(), job.folder).last()
         samples: dict[tuple[str, int], dict[str, list[Part]]] = {}
         for part in job.parts:
             if part.plane != COPY:
@@ -118,32 +117,25 @@ def write_card(folder: Path) -> None:
         before, after = after, _texts(folder)
 
 
-def _told(folder: Path, plane: str, name: str) -> dict[str, Any]:
-    """Return what a row says of a plane: its numbers, or its file, which loaders read if a PNG."""
-    if name.endswith(".json"):
-        return {plane: json.loads((folder / name).read_bytes())}
-    return {plane if name.endswith(".exr") else f"{plane}_file_name": name}
-
-
 def _texts(folder: Path) -> dict[str, str]:
-    journal = Journal(Store(), folder)
     rows, counts = [], Counter[tuple[str, int, str, str]]()
-    entries = {name: journal.lines(name)[-1] for name in journal.names()}
+    said = {k: line for k, line in Journal(Store(), folder).last().items() if "record" in line}
     planes: dict[tuple[str, str, int], dict[str, Any]] = {}
-    for name, line in entries.items():
-        if "record" in line and (plane := line.get("plane")) and (folder / name).is_file():
-            key = line["source"], line["weather"], line["severity"]
-            planes.setdefault(key, {}).update(_told(folder, plane, name))
-    for name, line in entries.items():
-        if "record" not in line or line.get("plane"):
-            continue
-        record = line["record"]
-        said = {key: line.get(key) for key in ("source", "weather", "severity", "strength")}
-        said |= {key: record[key] for key in ("profile", "amount", "weather_seed")}
-        said |= planes.get((line["source"], line["weather"], line["severity"]), {})
-        rows.append(json.dumps({"file_name": name, **said}))
-        strength = line.get("strength", "")
-        counts[line["weather"], line["severity"], record["profile"], strength] += 1
+    for name, line in said.items():
+        if (plane := line.get("plane")) and (folder / name).is_file():
+            own = planes.setdefault((line["source"], line["weather"], line["severity"]), {})
+            # Its numbers, or its file, which loaders read if it is a PNG.
+            if name.endswith(".json"):
+                own[plane] = json.loads((folder / name).read_bytes())
+            else:
+                own[plane if name.endswith(".exr") else f"{plane}_file_name"] = name
+    for name, line in said.items():
+        if not line.get("plane"):
+            record, kind, level = line["record"], line["weather"], line["severity"]
+            row = {"file_name": name, **{key: line.get(key) for key in _SAID[:-1]}}
+            row |= {key: record[key] for key in ("profile", "amount", "weather_seed")}
+            rows.append(json.dumps(row | planes.get((line["source"], kind, level), {})))
+            counts[kind, level, record["profile"], line.get("strength", "")] += 1
     table = [
         f"| `{weather}/{severity}` | {weather} | {severity} | {profile} | {said} | {count} |"
         for (weather, severity, profile, said), count in sorted(counts.items())

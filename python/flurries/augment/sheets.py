@@ -82,16 +82,16 @@ class Falling(NamedTuple):
 
 
 class Rungs(NamedTuple):
-    """What decides sheets: numbers of rungs, of the direction's the way decides the step."""
+    """What decides sheets: of what falls the nearest rungs."""
 
     kind: Kind
     tenths: int
     deep: float
     gain: float
-    many: int
-    lens: int
-    way: int
-    turn: int
+    density: float
+    lens: float
+    way: float  # Of a flake while the shutter is open, metres at the nearest depth.
+    angle: float  # Of its streak, radians.
     moving: bool  # Whether the picture is of a film or pair.
     alone: bool  # Whether sheets are larger than the picture, which then has no drawn flakes.
 
@@ -137,14 +137,17 @@ class Sheets:
 
 def sheets_of(falling: Falling, longer: int, moving: bool) -> Sheets:
     """Return the sheets of what falls before a picture of a longer side in pixels."""
-    number, turn, velocity = 0, 0, falling.velocity
-    ratio = math.hypot(*velocity) * falling.exposure / _width(falling.law, falling.lens)
+    way, angle, velocity, law = 0.0, 0.0, falling.velocity, falling.law
+    lens = _rung(falling.lens, _FOCAL)
+    ratio = math.hypot(*velocity) * falling.exposure / _width(law, falling.lens)
     if ratio > _REST:
-        number = 1 + round(math.log(ratio / _REST) / math.log(_WAY))
-        turn = round(math.atan2(*velocity) / _turn_of(number))
+        longer_by = _WAY ** round(math.log(ratio / _REST) / math.log(_WAY))
+        way = _width(law, lens) * _REST * longer_by
+        turn = min(max(_TURNS / (_REST * longer_by), _TURN[0]), _TURN[1])
+        angle = round(math.atan2(*velocity) / turn) * turn
     rungs = Rungs(
-        *falling[:4], _rung(falling.density, _MANY), _rung(falling.lens, _FOCAL), number, turn,
-        moving, longer <= _SHEETS_ALONE and not moving,
+        *falling[:4], _rung(falling.density, _MANY), lens, way, angle, moving,
+        longer <= _SHEETS_ALONE and not moving,
     )  # fmt: skip
     made: list[Sheets] = []
 
@@ -159,18 +162,13 @@ def sheets_of(falling: Falling, longer: int, moving: bool) -> Sheets:
     return found
 
 
-def _rung(value: float, ratio: float) -> int:
-    return round(math.log(value) / math.log(ratio))
+def _rung(value: float, ratio: float) -> float:
+    return ratio ** round(math.log(value) / math.log(ratio))
 
 
 def _width(law: Sizes, lens: float) -> float:
     """Return the width of a mean flake's image, a pixel at least, metres at the nearest depth."""
     return max(law.mean, 1.0 / lens)
-
-
-def _turn_of(way: int) -> float:
-    """Return the step between directions of streaks of a way."""
-    return min(max(_TURNS / (_REST * _WAY ** (way - 1)), _TURN[0]), _TURN[1])
 
 
 @kept(64)
@@ -181,10 +179,9 @@ def _laws(kind: Kind, tenths: int) -> tuple[Sizes, float]:
 
 
 def _made(rungs: Rungs) -> Sheets:
-    lens, density, deep = _FOCAL**rungs.lens, _MANY**rungs.many, rungs.deep
-    law, area = _laws(rungs.kind, rungs.tenths)
-    way = _width(law, lens) * _REST * _WAY ** (rungs.way - 1) if rungs.way else 0.0
-    reach = _reach_of(law, density, way, lens, rungs)
+    kind, tenths, deep, gain, density, lens, way, angle, *_ = rungs
+    law, area = _laws(kind, tenths)
+    reach = _reach_of(law, rungs)
     if reach >= deep:
         return Sheets(deep)
     ends = law.smallest, law.largest
@@ -193,14 +190,14 @@ def _made(rungs: Rungs) -> Sheets:
         Population(density, law, OPACITY, np.ones_like), one, lens,
         layer_edges(reach, deep, _LAYERS),
     )  # fmt: skip
-    angle, alone, layers = rungs.turn * _turn_of(rungs.way), 0.0, []
+    alone, layers = 0.0, []
     for number, slab in enumerate(slabs):
         side = min(max(math.sqrt(_FLAKES / max(slab.count, 1e-9)), _SIDE[0]), _SIDE[1])
         rows, columns = (
             round(side * (1.0 + part * ((step * (number + 1)) % 1.0)))
             for part, step in ((0.2, 0.618_034), (0.3, 0.414_214))
         )
-        length, wanted, count = way * lens / slab.depth, rungs.gain * slab.coverage, slab.count
+        length, wanted, count = way * lens / slab.depth, gain * slab.coverage, slab.count
         streak = length * math.sin(angle), length * math.cos(angle)
         # A sheet of few flakes has some more or less than the mean of all such sheets, and bright
         # drops that hide one another are as many more.
@@ -211,8 +208,8 @@ def _made(rungs: Rungs) -> Sheets:
                 diameters_of(slab, _SIZES).tolist(), streak, 0.0, OPACITY, (0.0, 1.0),
             )  # fmt: skip
             # Fewer flakes that vary as much as all, and an even part that the others make.
-            gain, even = rungs.gain * many**0.5, rungs.gain * (many - many**0.5) * sheet.mean
-            light = sheet.left([0.9 * gain, gain, 1.1 * gain])
+            each, even = gain * many**0.5, gain * (many - many**0.5) * sheet.mean
+            light = sheet.left([0.9 * each, each, 1.1 * each])
             less, own, more = (-math.log(left) for left in light)
             if own == 0.0:
                 break  # It has no flakes.
@@ -221,21 +218,22 @@ def _made(rungs: Rungs) -> Sheets:
                 power = math.log(more / less) / math.log(1.1 / 0.9)
                 units = slab.coverage / (density * area)
                 layers.append(Layer(sheet, slab.near, slab.far, slab.depth, (columns, rows),
-                                    units, even + own, gain, even, power))  # fmt: skip
+                                    units, even + own, each, even, power))  # fmt: skip
                 break
             count *= ratio
         alone += wanted * slab.count / used
-    whole = rungs.gain * sum(slab.coverage for slab in slabs)
-    return Sheets(reach, alone / whole if rungs.gain > 1.0 else 1.0, tuple(layers))
+    whole = gain * sum(slab.coverage for slab in slabs)
+    return Sheets(reach, alone / whole if gain > 1.0 else 1.0, tuple(layers))
 
 
-def _reach_of(law: Sizes, density: float, way: float, lens: float, rungs: Rungs) -> float:
+def _reach_of(law: Sizes, rungs: Rungs) -> float:
     """Return the depth up to which flakes are drawn."""
-    images = max(float(law.quantile(0.9)) * lens / _LARGEST, way * lens / _LONGEST)
+    lens = rungs.lens
+    images = max(float(law.quantile(0.9)) * lens / _LARGEST, rungs.way * lens / _LONGEST)
     # Beyond it sheets fade in: half of the way they take all.
     first = 1.0 / (1.0 + 0.5 * FADE)
     share = _DRAWN_MOVING if rungs.moving else _DRAWN
-    cost = (3.0 * share * lens**2 / density) ** (1.0 / 3.0)
+    cost = (3.0 * share * lens**2 / rungs.density) ** (1.0 / 3.0)
     if images <= first and (rungs.alone or (cost < _NONE and not rungs.moving)):
         return first
     reach = max(cost, images, 1.5 if rungs.moving else 1.2)

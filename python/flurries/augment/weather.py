@@ -12,13 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Array, choice, flag, int64, mapping, output, rate_of, real
-from flurries.augment import surfaces
-from flurries.augment.air import FPS, Air, Here, View
+from flurries.augment.air import FPS, Here, View
 from flurries.augment.distance import Depth, Distances, Ground, distances_of
-from flurries.augment.labels import Weathered, boxes_of, flow_of, hidden
-from flurries.augment.pictures import layer_of, mixed, picture_of, stack_of
+from flurries.augment.labels import Weathered, boxes_of, flow_of, hidden, mixture_of
+from flurries.augment.pictures import in_weather, layer_of, picture_of, stack_of
 from flurries.augment.record import VERSION, Recorded
-from flurries.augment.slices import mixture_of
 
 _NAMES = ("Snowfall", "Rainfall", "Fog")
 
@@ -77,13 +75,13 @@ class Weather(Recorded):
         given = picture_of("image", image)
         moment, rate = (0.0, None) if time is None else (_seconds(time), FPS)
         record = self._drawn(given, index)
-        made = self._made([given], [record], [depth], [wet], [moment], return_layer, rate)
-        ((seen, layer),) = made
+        whole = flag("return_layer", return_layer)
+        ((seen, _, alpha, _),) = self._seen([given], [record], [depth], [wet], [moment], rate)
         if out is not None:
             result = output(out, seen.shape, seen.dtype, given)
             result[...] = seen
             seen = result
-        return seen if layer is None else (seen, layer)
+        return (seen, layer_of(alpha, record["color"])) if whole else seen
 
     def clip(
         self, frames: npt.ArrayLike, *, index: int | None = None, fps: float = 30.0,
@@ -161,10 +159,14 @@ class Weather(Recorded):
         """
         pictures = _pair(left, right)
         records = [self._drawn(pictures[0], index)] * 2
-        times, eyes = [_seconds(time)] * 2, (None, distance, (-1, 1))
-        made = self._made(pictures, records, depth, wet, times, return_layer, *eyes)
-        seen, layers = zip(*made, strict=True)
-        return (*seen, *layers) if layers[0] is not None else seen
+        times, whole = [_seconds(time)] * 2, flag("return_layer", return_layer)
+        seen, layers = [], []
+        for one, _, alpha, _ in self._seen(
+            pictures, records, depth, wet, times, None, distance, (-1, 1)
+        ):
+            seen.append(one)
+            layers += [layer_of(alpha, records[0]["color"])] if whole else []
+        return (*seen, *layers)
 
     def apply(
         self, image: Any, *, index: int | None = None, time: float | None = None, fps: float = 30.0,
@@ -220,27 +222,18 @@ class Weather(Recorded):
         shape, color = pictures[0].shape[:2], record["color"]
         flows = [None if one is None else flow_of(one, shape) for one in each[2]]
         goes_on = rate if time is not None or len(set(times)) > 1 else None
-        airs = self._airs(pictures, [record] * count, depth, times, goes_on, distance, sides)
-        wets = _spread("wet", wet, count)
+        made = self._seen(pictures, [record] * count, depth, wet, times, goes_on, distance, sides,
+                          passing=False)  # fmt: skip
         found = []
-        for k, here in enumerate(airs):
-            alpha, veil = here.alpha()
+        for k, (seen, here, alpha, veil) in enumerate(made):
             later = None
             if wanted or sides or flows[k] is not None or here.distances.given is not None:
                 later = partial(mixture_of, here, alpha, flows[k], wanted, rate)
             found.append(Weathered(
-                self._seen(pictures[k], alpha, here, record, wets[k]), alpha, color, record,
-                each[0][k], each[1][k], **hidden(alpha, veil, corners[k], each[1][k]),
-                _mixture=later,
+                seen, alpha, color, record, each[0][k], each[1][k],
+                **hidden(alpha, veil, corners[k], each[1][k]), _mixture=later,
             ))  # fmt: skip
         return tuple(found) if pair else found if film else found[0]
-
-    def _seen(
-        self, picture: Array, alpha: Array, here: Here, record: dict[str, Any], wet: Any
-    ) -> Array:
-        if wet is None and record["shade"] == record["drops"] == 0.0:
-            return mixed(picture, alpha, record["color"], self.white)
-        return surfaces.seen(picture, alpha, here, record, wet, (self.ground or Ground()).horizon)
 
     def _airs(
         self, pictures: Iterable[Array], records: list[dict[str, Any]], depth: Depth,
@@ -258,24 +251,22 @@ class Weather(Recorded):
             view = View(shape, self.focal * max(shape), *eye)
             if several or far is None:
                 far = distances_of(depths[k], shape, self.ground, view.focal)
-            here = Here(Air.of(self.WEATHER, record), view, far, times[k], rate)
+            here = Here(self.WEATHER, record, view, far, times[k], rate)
             if sides == (-1, 1):
                 first = first or here
                 here.extinction = first.extinction
             yield here
 
-    def _made(
+    def _seen(
         self, pictures: Iterable[Array], records: list[dict[str, Any]], depth: Depth, wet: Any,
-        times: list[float], layers: bool, *how: Any,
-    ) -> Iterator[tuple[Array, Array | None]]:  # fmt: skip
-        """Yield each picture in its weather, and the layer where it is asked for."""
-        whole = flag("return_layer", layers)
+        times: list[float], *how: Any, passing: bool = True,
+    ) -> Iterator[tuple[Array, Here, Array, Any]]:  # fmt: skip
+        """Yield each picture in its weather, the air before it, its opacity and its veil's."""
         airs = self._airs(pictures, records, depth, times, *how)
-        wets = _spread("wet", wet, len(times))
+        wets, horizon = _spread("wet", wet, len(times)), (self.ground or Ground()).horizon
         for picture, record, here, mask in zip(pictures, records, airs, wets, strict=True):
-            alpha, _ = here.alpha(passing=True)
-            seen = self._seen(picture, alpha, here, record, mask)
-            yield seen, layer_of(alpha, record["color"]) if whole else None
+            alpha, veil = here.alpha(passing=passing)
+            yield in_weather(picture, alpha, here, record, mask, horizon), here, alpha, veil
 
     def _stacked(
         self, given: Array, records: list[dict[str, Any]], depth: Depth, wet: Any,
@@ -284,10 +275,11 @@ class Weather(Recorded):
         result = np.empty(given.shape, given.dtype.newbyteorder("="))
         shape = (*given.shape[:3], 4)
         whole = np.empty(shape, np.float32) if flag("return_layer", layers) else None
-        for k, made in enumerate(self._made(given, records, depth, wet, times, layers, *how)):
-            result[k] = made[0]
+        made = self._seen(given, records, depth, wet, times, *how)
+        for k, (seen, _, alpha, _) in enumerate(made):
+            result[k] = seen
             if whole is not None:
-                whole[k] = made[1]
+                whole[k] = layer_of(alpha, records[k]["color"])
         return result if whole is None else (result, whole)
 
 

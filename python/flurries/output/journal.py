@@ -112,6 +112,10 @@ class Journal:
     def lines(self, name: str) -> list[Entry]:
         return list(self._lines.get(name, {}).values())
 
+    def last(self) -> dict[str, Entry]:
+        """Return what is said of each file last."""
+        return {name: self.lines(name)[-1] for name in self.names()}
+
     def refresh(self) -> list[str]:
         """Read what others have written; return the journal's files."""
         with self._lock:
