@@ -45,6 +45,13 @@ def drawn_of(air: Any) -> dict[int, Floats]:
     return dict(zip(ids.tolist(), rows, strict=True))
 
 
+def same_flakes(one: Any, other: Any, least: int = 100) -> tuple[Any, Any]:
+    """The rows of the flakes that are in both lists, in one order."""
+    _, here, there = np.intersect1d(one["id"], other["id"], return_indices=True)
+    assert len(here) > least
+    return one[here], other[there]
+
+
 def frame_of(shown: fl.Scene, t: float = 0.0, effect: int = 0) -> fl.effects.Frame:
     """The frame that a scene asks one of its effects for."""
     return shown._program.views(t)[effect][1]

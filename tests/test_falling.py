@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.effects.clumps import clumps_of
+from flurries.effects.uneven import clumps_of
+from measure import same_flakes
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benches"))
 
@@ -26,12 +27,6 @@ def scene(
     return fl.Scene("#203040", size=size, camera=camera, effects=[effect], **more)  # type: ignore[arg-type]
 
 
-def both(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rows of flakes that two lists share, in one order."""
-    _, here, there = np.intersect1d(one["id"], other["id"], return_indices=True)
-    return one[here], other[there]
-
-
 def test_overscan_crops_eyes_and_sizes_show_the_same_flakes():
     """By the contracts of the bench; that boxes as large as the picture fail is tested with it."""
     lines = list(identities(fl.flakes))
@@ -44,7 +39,7 @@ def test_more_snow_adds_flakes_and_moves_none():
         fl.flakes(scene(fl.Snow(density=d, seed=5, handover=2.5)), 7.0) for d in (20.0, 70.0)
     )
     assert np.isin(few["id"], many["id"]).mean() > 0.999 and len(many) > 3 * len(few)
-    here, there = both(few, many)
+    here, there = same_flakes(few, many, 20)
     assert np.abs(here["place"] - there["place"]).max() < 1e-9
 
 
@@ -65,10 +60,9 @@ def test_what_no_air_is_like_is_drawn_or_refused(effect: fl.Snow | fl.Rain):
 
 def test_flakes_far_in_time_lose_no_bits():
     for t in (0.0, 1e6, 1e9):
-        now, then = (fl.flakes(scene(), t + step) for step in (0.0, 1.0))
-        here, there = both(now, then)
+        here, there = same_flakes(*(fl.flakes(scene(), t + step) for step in (0.0, 1.0)), 20)
         moved = there["place"] - here["place"]
-        assert len(here) > 20 and np.ptp(moved[:, 0]) < 0.2
+        assert np.ptp(moved[:, 0]) < 0.2
         assert moved[:, 0].mean() == pytest.approx(1.0 / 30.0, abs=0.01)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 import flurries as fl
 from flurries.scene.fingerprint import fingerprint
+from measure import same_flakes
 
 SLOW = fl.Keys([(0, 1.0), (10, 1.0), (20, 0.0), (30, 0.5)])
 WINDS: dict[str, Any] = {
@@ -23,11 +24,21 @@ def scene(*, camera: Any = None, size: tuple[int, int] = (240, 160), **fields: A
     )
 
 
-def same_flakes(one: Any, other: Any) -> tuple[Any, Any]:
-    """Return the rows of the flakes that are in both lists."""
-    _, here, there = np.intersect1d(one["id"], other["id"], return_indices=True)
-    assert len(here) > 100
-    return one[here], other[there]
+def assert_moved(layer: Any, now: Any, after: Any, least: int) -> None:
+    """The motion of a layer is the way of its flakes from one list to the next."""
+    now, after = same_flakes(now, after)
+    moved = dict(zip(now["id"].tolist(), after["pixel"] - now["pixel"], strict=True))
+    places = [at for at in map(tuple, np.argwhere(layer.coverage > 0.7)) if layer.ids[at] in moved]
+    assert len(places) > least
+    want = [moved[layer.ids[at]] for at in places]
+    np.testing.assert_allclose([layer.motion[at] for at in places], want, atol=1e-3)
+
+
+def assert_kept(one: fl.Scene, path: Any) -> None:
+    """A scene comes back from its file."""
+    one.save(path)
+    again = fl.open(path)
+    assert np.array_equal(again.render(4), one.render(4)) and fingerprint(again) == fingerprint(one)
 
 
 @pytest.mark.parametrize("wind", WINDS)
@@ -41,19 +52,8 @@ def test_the_weather_has_a_time_of_its_own(wind: str):
 
 
 def test_motion_and_streaks_go_by_the_weathers_time():
-    slow = scene(time=SLOW).layers(15.0).layers["snow"]
-    assert slow.motion is not None and slow.ids is not None and slow.coverage is not None
-    shown = slow.coverage > 0.7
-    assert shown.sum() > 40
-    now, after = (fl.flakes(scene(time=SLOW), t) for t in (15.0, 16.0))
-    now, after = same_flakes(now, after)
-    moved = dict(zip(now["id"].tolist(), after["pixel"] - now["pixel"], strict=True))
-    found = [
-        (slow.motion[at], moved[key])
-        for at, key in zip(map(tuple, np.argwhere(shown)), slow.ids[shown].tolist(), strict=True)
-        if key in moved
-    ]
-    np.testing.assert_allclose(*zip(*found, strict=True), atol=1e-3)
+    slow = scene(time=SLOW)
+    assert_moved(slow.layers(15.0).layers["snow"], *(fl.flakes(slow, t) for t in (15.0, 16.0)), 40)
     # The texture's too; and what stands still has no streak.
     half = scene(time=0.5, wind=(0.4, 0.0, 0.0), handover=2.0).layers(4).layers["snow"].motion
     whole = scene(wind=(0.4, 0.0, 0.0), handover=2.0).layers(2).layers["snow"].motion
@@ -125,11 +125,7 @@ def test_it_counts_between_depths_and_may_be_a_function_or_a_number(tmp_path: An
     np.testing.assert_array_equal(one, other)
     fl.io.write_picture(tmp_path / "roof.png", np.full((8, 12, 3), 255, np.uint8))
     for where in (str(tmp_path / "roof.png"), fl.effects.Where(number, near=3.0), 0.5):
-        one = scene(where=where, holdout=where)
-        one.save(tmp_path / "scene.toml")
-        again = fl.open(tmp_path / "scene.toml")
-        assert np.array_equal(again.render(4), one.render(4))
-        assert fingerprint(again) == fingerprint(one)
+        assert_kept(scene(where=where, holdout=where), tmp_path / "scene.toml")
     with pytest.raises(ValueError, match="where"):
         scene(where=np.full((2, 2), 1.5))
     with pytest.raises(ValueError, match="where must be a file"):
@@ -206,14 +202,8 @@ def test_flakes_go_around_bodies(size: Any):
         out = np.abs(fl.flakes(parted, t)["place"] - middle) / half
         gone = np.linalg.norm(out, axis=1) if np.ndim(size) == 0 else out.max(axis=1)
         assert gone.min() > 0.999
-    layer, now = parted.layers(19.0).layers["snow"], fl.flakes(parted, 19.0)
-    now, after = same_flakes(now, fl.flakes(parted, 20.0))
-    moved = dict(zip(now["id"].tolist(), after["pixel"] - now["pixel"], strict=True))
-    assert layer.coverage is not None and layer.motion is not None and layer.ids is not None
-    places = [at for at in map(tuple, np.argwhere(layer.coverage > 0.7)) if layer.ids[at] in moved]
-    assert len(places) > 10
-    for at in places:
-        np.testing.assert_allclose(layer.motion[at], moved[layer.ids[at]], atol=1e-3)
+    lists = (fl.flakes(parted, t) for t in (19.0, 20.0))
+    assert_moved(parted.layers(19.0).layers["snow"], *lists, 10)
 
 
 def test_notes_are_kept_in_files(tmp_path: Any):
@@ -221,9 +211,7 @@ def test_notes_are_kept_in_files(tmp_path: Any):
     one = scene(
         hide=[4711], place=[(3, 0.0, 0.0, 1.5, 0.02)], wakes=[body], time=SLOW, split=(3, 12)
     )
-    one.save(tmp_path / "scene.toml")
-    again = fl.open(tmp_path / "scene.toml")
-    assert np.array_equal(again.render(4), one.render(4)) and fingerprint(again) == fingerprint(one)
+    assert_kept(one, tmp_path / "scene.toml")
     other = scene(hide=[4711], place=[(3, 0.0, 0.0, 1.5, 0.021)], wakes=[body], time=SLOW)
     assert fingerprint(other) != fingerprint(one)
 

@@ -10,7 +10,7 @@ import flurries as fl
 from flurries.particles import sizes as laws
 from flurries.particles.population import Population, slabs_of
 from flurries.particles.sizes import Sizes
-from measure import cover
+from measure import cover, same_flakes
 
 SIZES = Sizes.with_mean(0.003, 0.008, 0.03)
 DENSE = Population(50.0, SIZES, 0.9, laws.snow_speed)
@@ -193,11 +193,8 @@ def windy(mean: tuple[float, float, float], profile: Any, **fields: Any) -> fl.S
 
 def test_flakes_move_with_the_wind_of_their_depth():
     shown = windy((0.3, 0.0, 0.2), PROFILE, fall=1.5, flake_size=(0.008, 0.008, 0.008))
-    early, late = fl.flakes(shown, 30.0), fl.flakes(shown, 30.5)
-    _, one, other = np.intersect1d(early["id"], late["id"], return_indices=True)
-    assert len(one) > 100
-    moved = (late["place"][other] - early["place"][one]) * 60.0
-    depth = early["depth"][one]
+    early, late = same_flakes(fl.flakes(shown, 30.0), fl.flakes(shown, 30.5))
+    moved, depth = (late["place"] - early["place"]) * 60.0, early["depth"]
     for axis, mean in enumerate((0.3, 1.5)):
         want = mean + np.interp(depth, *zip(*((z, v[axis]) for z, v in PROFILE), strict=True))
         # The air comes nearer at .2 m/s: what a flake felt on its way was other depths' wind.

@@ -15,7 +15,7 @@ import flurries as fl
 from flurries.effects import ConeRain, ConeSnow, TentRain, TentSnow
 from flurries.effects.checks import LOOKS
 from flurries.effects.maps import map_at, power_share
-from measure import cover
+from measure import cover, same_flakes
 
 OWN, DROPS = (0.003, 0.007, 0.022), (0.001, 0.002, 0.006)
 KEYED = fl.Keys([(0, 0.0), (10, 1.0), (20, 4.0)])
@@ -53,10 +53,8 @@ def drawn(effect: Any) -> tuple[np.ndarray, np.ndarray]:
     volume = len(seeds) * 200 * 150 / 100.0**2 * (5.0**3 - 1.0) / 3.0
     scene = fl.Scene(size=(200, 150), camera=fl.Camera(100.0), effects=[effect], fps=30)
     for seed in seeds:
-        now, then = (fl.flakes(scene.replace(seed=seed), t) for t in (0.0, moment))
-        _, here, there = np.intersect1d(now["id"], then["id"], return_indices=True)
-        fall = (then["place"][there, 1] - now["place"][here, 1]) / moment * 30.0
-        now = now[here]
+        now, then = same_flakes(*(fl.flakes(scene.replace(seed=seed), t) for t in (0.0, moment)))
+        fall = (then["place"][:, 1] - now["place"][:, 1]) / moment * 30.0
         inside = (np.abs(now["pixel"] - (100, 75)) < (100, 75)).all(axis=1)
         inside &= np.abs(now["depth"] - 3.0) < 2.0
         mm = 1e3 * now["diameter"][inside]

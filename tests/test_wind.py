@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flurries as fl
-from flurries.effects.gusts import wind_at
+from flurries.effects.uneven import wind_at
 from flurries.motion.keys import Course
 from flurries.motion.waves import Waves, carry
 from measure import FOCAL, LONGEST, frame_of, scene

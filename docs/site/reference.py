@@ -12,8 +12,8 @@ from scenes import spelled
 
 import flurries as fl
 from flurries.camera import importers
+from flurries.effects.checks import INNER
 from flurries.effects.kinds import OURS
-from flurries.effects.knobs import INNER
 from flurries.output import write as writing
 
 # Pages beside those of the public modules: title, and the names on it.

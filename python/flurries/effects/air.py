@@ -17,9 +17,8 @@ from flurries._contract import Float64
 from flurries._kept import kept
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur
-from flurries.effects.clumps import Clumps, clumps_of
-from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
 from flurries.effects.notes import Asked
+from flurries.effects.uneven import Clumps, carried_by_profile, clumps_of, cycles_of, wave_weights
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, value_at
 from flurries.particles.population import FADE

@@ -14,8 +14,7 @@ import numpy as np
 from flurries import _core, gas
 from flurries._contract import Array
 from flurries._trace import current
-from flurries.effects.bank_density import SIGMAS, Density, Rays, Slices
-from flurries.effects.bank_texture import COARSE, MARGIN
+from flurries.effects.bank_density import COARSE, MARGIN, SIGMAS, Density, Rays, Slices
 from flurries.effects.color import Base, base_of, even_shade
 from flurries.effects.vapor import lit_by_sun, moved_with, needs_of_gas, optics_of
 from flurries.frame.layer import Layer, Shade

@@ -21,9 +21,8 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries._kept import kept
+from flurries.effects import uneven
 from flurries.effects.air import amounts_at
-from flurries.effects.clumps import APART, clumps_of, denser, rays_of
-from flurries.effects.gusts import carried_by_profile, cycles_of, wave_weights
 from flurries.effects.sheets import SHEAR, areas_of, circles_of, key_of, sheets_of
 from flurries.effects.weather import Film, Layer, Weather
 from flurries.frame.planes import plane
@@ -98,10 +97,10 @@ def _groups(
     moved = _blown(weather, frame, film, eyes, times)
     slabs, circles = film.slabs, circles_of(frame.blur, film.depths)
     rungs = [_rungs(weather, frame, layer, amount, eyes) for layer in film.layers]
-    clumps = clumps_of(weather, frame)
+    clumps = uneven.clumps_of(weather, frame)
     if clumps is not None:
         rays, turn = 0.5 * (eyes.rays[0] + eyes.rays[1]), frame.camera.matrix()
-        factors = denser(clumps, frame.camera, rays, turn, slabs)
+        factors = uneven.denser(clumps, frame.camera, rays, turn, slabs)
         rungs = [
             [(rung, part * more) for rung, part in each]
             for each, more in zip(rungs, factors, strict=True)
@@ -224,7 +223,7 @@ def _eyes_of(frame: Frame, film: Film, times: tuple[float, float]) -> Eyes:
     for number, t in enumerate(times):
         camera = frame.later(t - frame.t).camera if bends else frame.camera
         if bends or not rays:
-            own, turn = rays_of(camera, frame.shape)
+            own, turn = uneven.rays_of(camera, frame.shape)
         rays.append(own)
         eye[number] += turn @ np.array(camera.offset)
     return Eyes(np.stack(rays), eye, np.array([rates[layer.share] for layer in film.layers]))
@@ -323,8 +322,8 @@ def _places(
         ahead, aside = ahead + turned[..., 2:], turned[..., :2]
     at = eye[..., :2] + ahead * (ray[..., :2] / np.maximum(ray[..., 2:], _SLANT))
     at = (at - aside) * scale[:, None, None, None]
-    at[..., 0] -= APART * np.arange(-1, at.shape[3] - 1)
-    at[..., 1] -= APART * np.arange(-1, at.shape[2] - 1)[:, None]
+    at[..., 0] -= uneven.APART * np.arange(-1, at.shape[3] - 1)
+    at[..., 1] -= uneven.APART * np.arange(-1, at.shape[2] - 1)[:, None]
     return np.asarray(at), grown
 
 
@@ -340,18 +339,18 @@ def _blown(
         if wind.profile is not None:
             deep = np.array([slab.depth * frame.camera.matrix()[2, 2]])
             for which, t in enumerate(times):
-                moved = carried_by_profile(share.motion, frame.path, frame.fps, t, deep)
+                moved = uneven.carried_by_profile(share.motion, frame.path, frame.fps, t, deep)
                 found[number, which, ..., :2] += moved[0]
         if wind.waves is not None:
             start = eyes.eye[:, number].mean(axis=0)
             ahead = slab.depth * eyes.rays.mean(axis=0)
-            weights = wave_weights(share.motion, frame.fps, times, start)
-            points = ahead.reshape(-1, 3)
+            weights = uneven.wave_weights(share.motion, frame.fps, times, start)
+            points, cycles = ahead.reshape(-1, 3), uneven.cycles_of(wind.waves)
             both = np.zeros((len(points), 6))
             # Of the flake that is there now: where it was at rest.
             for _ in range(2):
                 rest = points - 0.5 * (both[:, :3] + both[:, 3:])
-                _core.wind_waves(both, np.ascontiguousarray(rest), cycles_of(wind.waves), weights)
+                _core.wind_waves(both, np.ascontiguousarray(rest), cycles, weights)
             found[number] += np.stack([both[:, :3], both[:, 3:]]).reshape(2, *ahead.shape)
     return found
 
@@ -366,8 +365,8 @@ def moved_by_wind(weather: Weather, weights: Float64, frame: Frame, other: Frame
     mean = np.einsum("l,lrca->rca", nearness, found[:, 1] - found[:, 0])
     seen = other.to_camera(mean)[..., :2] * np.array(other.camera.focals)
     top, bottom, left, right = frame.window
-    columns, at = np.arange(left, right) + 0.5, APART * np.arange(-1, seen.shape[1] - 1)
-    down = (np.arange(top, bottom) + 0.5) / APART + 1.0
+    columns, at = np.arange(left, right) + 0.5, uneven.APART * np.arange(-1, seen.shape[1] - 1)
+    down = (np.arange(top, bottom) + 0.5) / uneven.APART + 1.0
     low = np.minimum(down.astype(int), len(seen) - 2)
     part = (down - low)[:, None]
     result = np.empty((len(down), len(columns), 2), np.float32)

@@ -1,18 +1,18 @@
-"""What the fields of effects may be, by their names: checked once, when an effect is made."""
+"""What the fields of effects may be, by their names, and one number in place of many."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
-from functools import partial
+from functools import partial, wraps
 from typing import Any, Literal, TypeAlias, TypeVar, get_args
 
-from flurries._contract import choice, flag, integer, real, seed_of, vector
+from flurries._contract import choice, flag, integer, real, seed_of, suggesting, vector
 from flurries.effects.color import as_color
 from flurries.motion.keys import as_number, as_vector
 from flurries.motion.wind import Wind
 from flurries.spectral.tables import ALIAS, band_of
 from flurries.spectral.tiles import BLEND
 
-_Part = TypeVar("_Part")
+_Kind = TypeVar("_Kind")
 
 # Versions of the looks of tents, cones and mist.
 LOOKS = ("v1",)
@@ -78,7 +78,7 @@ def checks_of(kind: Any) -> Mapping[str, Check]:
     return {**CHECKS, **getattr(kind, "CHECKS", {})}
 
 
-def part_of(kind: type[_Part], effect: Any, **own: Any) -> _Part:
+def part_of(kind: type[_Kind], effect: Any, **own: Any) -> _Kind:
     """Return a part with the fields of an effect that have the same names, and `own` ones."""
     names = {f.name for f in fields(kind)} - set(own)  # type: ignore[arg-type]
     same = {name: getattr(effect, name) for name in names if hasattr(effect, name)}
@@ -97,3 +97,66 @@ def settle(effect: Any) -> None:
         raise ValueError(f"overlap must be less than the tile ({tile} px), got {overlap}")
     # Its parts are made here, before threads ask for them.
     getattr(effect, "parts", None)
+
+
+# Effects of other fields that a `method` of snow and rain chooses; `kinds` names them.
+METHODS: dict[type, dict[str, type]] = {}
+
+# What frames ask of an effect, and users do not.
+INNER = {"CHECKS", "KNOBS", "MATTER", "NAME", "NATURAL", "OPTICS", "SIZES", "of_preset", "parts"}
+
+
+class Described(type):
+    """The class of effects: its `dir` has their fields and what users call."""
+
+    def __dir__(cls) -> Iterable[str]:
+        return [
+            name for name in super().__dir__() if not name.startswith("_") and name not in INNER
+        ]
+
+    def of_preset(cls, name: str, changes: dict[str, Any]) -> dict[str, Any]:
+        presets, knobs = cls.PRESETS, cls.KNOBS  # type: ignore[attr-defined]
+        values = presets[choice("preset", name, tuple(presets))]
+        if given := [knob for knob in knobs if changes.get(knob) is not None]:
+            raise TypeError(f"{given[0]} and a preset set the same fields: give one of them")
+        return {**values, **changes}
+
+
+def effect(
+    *knobs: str, law: Callable[[Any, dict[str, Any], dict[str, Any]], dict[str, Any]] | None = None
+) -> Callable[[type[_Kind]], type[_Kind]]:
+    """Let a dataclass take the name of one of its ``PRESETS``, and knobs: they set fields."""
+    # The law goes from the class, the knobs and the other arguments to those fields.
+
+    def made(kind: Any) -> Any:
+        plain, described = suggesting(kind).__init__, kind.__repr__
+
+        @wraps(plain)
+        def init(self: Any, *others: Any, preset: str | None = None, **given: Any) -> None:
+            if len(others) > 1 or (others and preset is not None):
+                raise TypeError(f"{kind.__name__} takes one preset and its fields by name")
+            for name in {*others, preset} - {None}:
+                given = kind.of_preset(name, given)
+            asked = {name: given.pop(name, None) for name in knobs}
+            turned = {name: value for name, value in asked.items() if value is not None}
+            if turned and {f.name for f in fields(kind)} <= set(given):
+                raise TypeError(
+                    f"{next(iter(turned))} sets fields of a new effect, {kind.__name__}(...); in a "
+                    "copy all of them are given"
+                )
+            plain(self, **{**given, **(law(kind, turned, given) if law and turned else {})})
+
+        @wraps(plain)
+        def new(cls: Any, *others: Any, method: Any = None, **given: Any) -> Any:
+            # Of what another class makes Python calls no `__init__` of this one.
+            other = METHODS.get(cls, {}).get(method) if isinstance(method, str) else None
+            return other(*others, **given) if other else object.__new__(cls)
+
+        def shown(self: Any) -> str:
+            strength = f"  # {self.strength()}" if hasattr(self, "strength") else ""
+            return f"{described(self)}{strength}"
+
+        kind.__init__, kind.__new__, kind.__repr__, kind.KNOBS = init, new, shown, knobs
+        return kind
+
+    return made

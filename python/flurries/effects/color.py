@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from flurries._contract import Array, Float64, suggestion
 from flurries._kept import kept
+from flurries.effects.motion import rays_at
 from flurries.frame.layer import Shade
 from flurries.frame.needs import PARTS
 from flurries.frame.view import Frame
@@ -133,10 +134,8 @@ def lamp_shade(
     height, width = frame.shape
     cell = float(max(math.ceil(max(height, width) / CELLS), 1))
     rows, columns = math.ceil(height / cell), math.ceil(width / cell)
-    (cx, cy), (fx, fy) = frame.camera.principal(frame.shape), frame.camera.focals
     x, y = ((np.arange(n) + 0.5) * cell for n in (columns, rows))
-    across, down = np.meshgrid((x - cx) / fx, (y - cy) / fy)
-    ahead = np.stack([across, down, np.ones_like(across)], axis=-1).reshape(-1, 3)
+    ahead = rays_at(frame.camera, frame.shape, x, y).reshape(-1, 3)
     eye = np.array(frame.camera.offset)
     points = np.asarray(depths).reshape(-1, 1, 1) * ahead + eye
     found = radiance(points.reshape(-1, 3), frame.lamps(), optics, eye).reshape(points.shape)

@@ -19,11 +19,10 @@ from flurries._kept import kept
 from flurries.camera.path import CameraPath
 from flurries.cone.sheet import wrapped
 from flurries.effects import checks
+from flurries.effects.checks import Described, effect
 from flurries.effects.color import Color
 from flurries.effects.drawn import Flakes
-from flurries.effects.knobs import Described, effect
-from flurries.effects.motion import Motion, air_course
-from flurries.effects.passes import air_motions, rays
+from flurries.effects.motion import Motion, air_course, air_motions, rays
 from flurries.effects.precipitation import Precipitation, Veil
 from flurries.effects.presets import CONE_RAIN, CONE_SNOW, ConeSnowLook, RainLook
 from flurries.frame.needs import Needs, Step
@@ -64,12 +63,8 @@ class DoubleCone:
         state, lap = path.at(frame.t / frame.fps), frame.lap
         if lap is None:
             return state
-        rest = lap.part(frame.t) * self.beyond(frame.path, frame.fps, lap)[0]
+        rest = lap.part(frame.t) * beyond(self, frame.path, frame.fps, lap)[0]
         return replace(state, phase=wrapped(state.phase - rest))
-
-    def beyond(self, path: CameraPath, fps: float, lap: Lap) -> tuple[float, float]:
-        """Return by how many tiles a round misses a whole number, and how many it passes."""
-        return _beyond(_path(self, path, fps), fps, lap)
 
     def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
         way_of, shape = rays(frame), frame.size
@@ -129,8 +124,10 @@ def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
 
 
 @kept(32)
-def _beyond(path: cone.Path, fps: float, lap: Lap) -> tuple[float, float]:
-    phases = [path.at(t / fps).phase for t in range(lap.first, lap.end + 1)]
+def beyond(part: DoubleCone, path: CameraPath, fps: float, lap: Lap) -> tuple[float, float]:
+    """Return by how many tiles a round misses a whole number, and how many it passes."""
+    states = _path(part, path, fps)
+    phases = [states.at(t / fps).phase for t in range(lap.first, lap.end + 1)]
     steps = np.diff(phases)
     passed = float((steps - np.round(steps)).sum())
     # Where anything moves one at least, or rain would stand still.

@@ -18,8 +18,7 @@ from flurries._kept import kept
 from flurries.camera.path import CameraPath
 from flurries.effects.air import air_of
 from flurries.effects.maps import TUNED
-from flurries.effects.motion import Motion
-from flurries.effects.passes import STEPS
+from flurries.effects.motion import STEPS, Motion
 from flurries.frame.layer import Shade
 from flurries.frame.needs import Needs, Step, has_keys
 from flurries.frame.planes import plane

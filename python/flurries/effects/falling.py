@@ -18,11 +18,10 @@ from flurries._contract import Array, real, vector
 from flurries._warnings import warn
 from flurries.effects import checks
 from flurries.effects.bent import moved_by_wind, read_bent
+from flurries.effects.checks import Described, effect
 from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color, lamp_shade
-from flurries.effects.knobs import Described, effect
-from flurries.effects.motion import Motion, product, times
+from flurries.effects.motion import Motion, plane_motion, product, times
 from flurries.effects.notes import Body, Notes, as_bodies, as_ids, as_placed, as_where, depths_of
-from flurries.effects.passes import plane_motion
 from flurries.effects.precipitation import Mixture, Precipitation, Veil
 from flurries.effects.presets import RAIN_LOOKS, SNOW_LOOKS, RainLook, SnowLook
 from flurries.effects.sheets import read_sheets

@@ -16,9 +16,9 @@ from flurries._trace import current
 from flurries._warnings import warn
 from flurries.camera.path import CameraPath
 from flurries.camera.tiles import drift_at, shift_at, tile_middles
-from flurries.effects.gusts import wind_at
 from flurries.effects.maps import TUNED
 from flurries.effects.motion import Motion, Way
+from flurries.effects.uneven import wind_at
 from flurries.frame.bands import by_tiles
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame

@@ -7,9 +7,9 @@ from importlib.metadata import entry_points
 from typing import Any
 
 from flurries._contract import _came, choice
+from flurries.effects.checks import METHODS
 from flurries.effects.cone import ConeRain, ConeSnow
 from flurries.effects.falling import Rain, Snow
-from flurries.effects.knobs import METHODS
 from flurries.effects.mist import Mist
 from flurries.effects.tent import TentRain, TentSnow
 
@@ -19,14 +19,9 @@ GROUP = "flurries.effects"
 LONGEST_KIND = 64
 
 OURS: dict[str, type[Any]] = {
-    "snow": Snow,
-    "rain": Rain,
-    "tent_snow": TentSnow,
-    "tent_rain": TentRain,
-    "mist": Mist,
-    "cone_snow": ConeSnow,
-    "cone_rain": ConeRain,
-}
+    "snow": Snow, "rain": Rain, "tent_snow": TentSnow, "tent_rain": TentRain, "mist": Mist,
+    "cone_snow": ConeSnow, "cone_rain": ConeRain,
+}  # fmt: skip
 
 METHODS[Snow] = {"tent": TentSnow, "cone": ConeSnow}
 METHODS[Rain] = {"tent": TentRain, "cone": ConeRain}

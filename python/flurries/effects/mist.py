@@ -13,8 +13,8 @@ from flurries import gas
 from flurries._contract import choice, flag, integer, real, vector
 from flurries.effects import checks
 from flurries.effects.bank import Bank
+from flurries.effects.checks import Described, effect
 from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color
-from flurries.effects.knobs import Described, effect
 from flurries.effects.presets import MIST, PAPER_MIST, MistLook
 from flurries.effects.strength import BACKDROP, Strength, knob_of, reach
 from flurries.effects.vapor import MOST, SCATTER, Law, Vapor
@@ -197,7 +197,6 @@ class Mist(metaclass=Described):
 
     @classmethod
     def of_preset(cls, name: str, changes: dict[str, Any]) -> dict[str, Any]:
-        """Return the fields of a preset with changes."""
         values = cls.PRESETS[choice("preset", name, tuple(cls.PRESETS))]
         if changes.get("method") == "particles" or set(PARTICLES) & set(changes):
             values = PAPER_MIST.get(name, values)

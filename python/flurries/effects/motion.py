@@ -1,4 +1,4 @@
-"""What moves the weather: a fall, a wind and a camera; the same for textures and for flakes."""
+"""What moves the weather, a fall, a wind and a camera, and the pixels of what is at a depth."""
 
 from __future__ import annotations
 
@@ -9,13 +9,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flurries._contract import Float64
+from flurries._contract import Array, Float64
 from flurries._kept import kept
-from flurries.camera.lens import axes_of
+from flurries.camera.lens import Camera, axes_of
 from flurries.camera.path import CameraPath, air_moved
 from flurries.frame.view import Frame
 from flurries.motion.keys import Course, Keys, Number, Vector, air_courses, sum_of, value_at
 from flurries.motion.wind import Wind
+
+# From a frame to the next one and to the one before.
+STEPS = (1.0, -1.0)
+
+# Metres before the eye that no depth is below.
+NEAREST = 1e-3
+
+# Rows of a picture that are worked on together.
+_ROWS = 32
 
 # Straight pieces between two keys that stand for the product of two keyed numbers.
 _PIECES = 8
@@ -55,10 +64,6 @@ class Motion:
     def mean_wind(self) -> Vector:
         """The part of the wind that is the same everywhere."""
         return self.wind.steady if isinstance(self.wind, Wind) else self.wind
-
-    def mean_wind_at(self, t: float) -> tuple[float, float, float]:
-        wind = self.mean_wind
-        return value_at(wind, t) if isinstance(wind, Keys) else wind  # type: ignore[return-value]
 
     @property
     def varied(self) -> Wind | None:
@@ -168,3 +173,64 @@ def _line(path: CameraPath, fps: float) -> tuple[list[float], Float64] | None:
 def air_course(fps: float, fall: Number, wind: Vector) -> Course:
     """Return the velocity of flakes in the wind over a film, house axes, metres per frame."""
     return sum_of(air_courses(wind, fall, 1.0 / fps))
+
+
+def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Array:
+    """Return the motion to another frame of a window's depths, (h, w, 2) float32 pixels."""
+    here, there = frame.camera, other.camera
+    own, other_axes = here.matrix(), there.matrix()
+    turned = own.T @ other_axes - np.eye(3)
+    aside = (own @ np.array(here.offset) - moved) @ other_axes - np.array(there.offset)
+    middle, turns = here.principal(frame.shape), frame.path.turns
+    focals, ends = here.focals, there.focals
+    shifted = np.subtract(there.principal(frame.shape), middle)
+    x, y = _middles(frame)
+    a, b = (x - middle[0]) / focals[0], (y[:, None] - middle[1]) / focals[1]
+    motion = np.zeros((*depth.shape, 2), np.float32)
+    # Blocks of rows stay in a cache.
+    for first in range(0, len(depth), _ROWS):
+        rows = slice(first, first + _ROWS)
+        far = np.maximum(depth[rows].astype(np.float64), NEAREST)
+        seen = np.isfinite(far)
+        far[~seen] = 1.0
+        down = b[rows]
+        x, y, z = (
+            (turned[0, i] * a + (turned[1, i] * down + turned[2, i])) * far + aside[i]
+            if turns
+            else aside[i]
+            for i in range(3)
+        )
+        later = far + z
+        # What passes the eye meanwhile: as fast as now.
+        scale = np.where(later < 0.5 * far, 1.0 / far, 1.0 / np.maximum(later, NEAREST)) * seen
+        for axis, (side, at) in enumerate(((x, a), (y, down))):
+            change = ends[axis] * (side - z * at) * scale
+            grown = ends[axis] - focals[axis]
+            if grown or shifted[axis]:
+                change += (grown * at + shifted[axis]) * seen
+            motion[rows, :, axis] = change
+    return motion
+
+
+def air_motions(depth: Array, frame: Frame, others: Sequence[Frame], **air: Any) -> list[Array]:
+    """Return the motions to other frames of what is at depths and goes with the air."""
+    here = frame.displacement(**air)
+    return [plane_motion(depth, frame, at, at.displacement(**air) - here) for at in others]
+
+
+def rays(frame: Frame) -> Float64:
+    """Return the ray of each pixel of the window, (h, w, 3) in the eye's axes, with z = 1."""
+    return rays_at(frame.camera, frame.shape, *_middles(frame))
+
+
+def rays_at(camera: Camera, shape: tuple[int, int], x: Any, y: Any) -> Float64:
+    """Return the rays (h, w, 3) of places x (w,) and y (h,) of a picture, px, with z = 1."""
+    (cx, cy), (fx, fy) = camera.principal(shape), camera.focals
+    rays = np.ones((len(y), len(x), 3))
+    rays[..., 0], rays[..., 1] = (x - cx) / fx, (y[:, None] - cy) / fy
+    return rays
+
+
+def _middles(frame: Frame) -> tuple[Any, Any]:
+    top, bottom, left, right = frame.window
+    return np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5

@@ -217,8 +217,6 @@ class Asked(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Notes:
-    """What an artist said of a population."""
-
     where: Where | None = None
     hide: tuple[int, ...] = ()
     place: tuple[tuple[float, ...], ...] = ()

@@ -20,7 +20,7 @@ from flurries._kept import ALL, Kept, kept
 from flurries.camera.lens import axes_of
 from flurries.camera.optics import Blur
 from flurries.camera.path import CameraPath
-from flurries.effects.clumps import gains_of
+from flurries.effects.uneven import gains_of
 from flurries.effects.weather import Film, Weather
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame

@@ -223,10 +223,8 @@ class _Numbers:
         # If not given those of all slopes, 1/m: from all sizes alike to nearly all the smallest.
         small, large = self.matter.smallest, self.matter.largest
         sizes = family or (lambda slope: Sizes.with_slope(small, slope, large))
-        (low, high), about = (
-            ends,
-            f"{beside} and {self.size} of {1e3 * small:g} to {1e3 * large:g} mm",
-        )
+        low, high = ends
+        about = f"{beside} and {self.size} of {1e3 * small:g} to {1e3 * large:g} mm"
         if family:
             about = f"{self.kind} of {low:g} to {high:g} mm/h without density or {self.size}"
         first, last = law(low, sizes(low)), law(high, sizes(high))

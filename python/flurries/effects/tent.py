@@ -12,10 +12,10 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from flurries.effects import checks
+from flurries.effects.checks import Described, effect
 from flurries.effects.color import Color
 from flurries.effects.drawn import Flakes
 from flurries.effects.field import Field
-from flurries.effects.knobs import Described, effect
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation, Veil
 from flurries.effects.presets import TENT_RAIN, TENT_SNOW, RainLook, TentSnowLook

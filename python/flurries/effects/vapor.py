@@ -9,7 +9,7 @@ from flurries import _core, gas
 from flurries._contract import Array, Float64
 from flurries._trace import current
 from flurries.effects.color import base_of, even_shade, reads_of
-from flurries.effects.passes import NEAREST, STEPS, air_motions
+from flurries.effects.motion import NEAREST, STEPS, air_motions
 from flurries.frame.layer import Layer
 from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame

@@ -20,7 +20,7 @@ import numpy as np
 from flurries._contract import Float64
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import quaternions_of, rotation_matrix, rotation_vector
-from flurries.effects.cone import ConeRain, ConeSnow
+from flurries.effects.cone import ConeRain, ConeSnow, beyond
 from flurries.effects.falling import Rain, Snow
 from flurries.effects.mist import Mist
 from flurries.effects.motion import product
@@ -97,7 +97,7 @@ def looped_scene(scene: Rendering, lap: Lap) -> tuple[Rendering, tuple[str, ...]
 
 def _bending(effect: Any, path: CameraPath, fps: float, lap: Lap) -> str:
     if isinstance(effect, (ConeRain, ConeSnow)):
-        rest, passed = effect.parts.texture.beyond(path, fps, lap)
+        rest, passed = beyond(effect.parts.texture, path, fps, lap)
         if abs(rest) < 1e-6:
             return ""
         return f"{abs(passed):.3g} tiles of its cone pass, {abs(passed - rest):.0f} in the loop"
