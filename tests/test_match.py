@@ -3,23 +3,16 @@
 The whole loop of 40 clips is `python docs/make_match.py`.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
 
 import flurries as fl
-from films import snowfall
+from films import snowfall, write
 from flurries.matching.match import Unmatched
 from plates_with_snow import case, clip, misses, noisy, plate
-
-
-def decoded(file: Path) -> list[np.ndarray]:
-    with av.open(str(file)) as film:
-        return [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+from test_cli import Run, here, run
 
 
 def test_the_numbers_of_a_clip_of_the_twin_are_found(tmp_path: Path):
@@ -28,23 +21,18 @@ def test_the_numbers_of_a_clip_of_the_twin_are_found(tmp_path: Path):
     assert found.fps == one.view.fps and not misses(found, one), (found, one)
 
 
-def test_a_still_without_a_plate_and_too_few_frames_are_refused():
-    frames = snowfall(24)
-    with pytest.raises(ValueError, match="clean"):
-        fl.match(frames[:1])
-    with pytest.raises(ValueError, match="needs 8"):
-        fl.match(frames[:4])
-    for bad, words in (([], "frames"), ([np.zeros(3)] * 9, "frames"), (frames, "fps")):
-        with pytest.raises((TypeError, ValueError), match=words):
-            fl.match(bad, fps=-1.0)
-    with pytest.raises((TypeError, ValueError), match="camera"):
-        fl.match(frames[:9], camera=2)  # type: ignore[arg-type]
-
-
-def shaken(picture: np.ndarray, seed: int) -> np.ndarray:
-    """A picture moved by some pixels: a shaking hand's."""
-    down, right = np.random.default_rng(seed).integers(-3, 4, 2)
-    return np.roll(picture, (down, right), axis=(0, 1))
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"count": 1}, "clean"), ({"count": 4}, "needs 8"), ({"count": 0}, "frames"),
+        ({"frames": [np.zeros(3)] * 9}, "frames"), ({"fps": -1.0}, "fps"),
+        ({"clean": np.zeros((9, 9, 3))}, "clean"), ({"camera": 2}, "camera"),
+    ],
+)  # fmt: skip
+def test_what_is_no_film_of_a_camera_is_refused(given: dict, words: str):
+    frames = snowfall(given.pop("count", 9))
+    with pytest.raises((TypeError, ValueError), match=words):
+        fl.match(**{"frames": frames, **given})
 
 
 @pytest.mark.parametrize("what", ["noise", "shaking", "something that moves"])
@@ -52,7 +40,10 @@ def test_what_is_no_snow_is_refused_with_a_sentence(what: str):
     still = plate(case(0), 0.0)[:192, :320]
     frames = []
     for t in range(16):
-        picture = shaken(still, t) if what == "shaking" else still.copy()
+        picture = still.copy()
+        if what == "shaking":
+            shift = np.random.default_rng(t).integers(-3, 4, 2)
+            picture = np.roll(still, tuple(shift.tolist()), axis=(0, 1))
         if what == "something that moves":
             picture[60:120, 20 + 10 * t : 60 + 10 * t] = 0.9
         frames.append(noisy(picture, t))
@@ -60,12 +51,21 @@ def test_what_is_no_snow_is_refused_with_a_sentence(what: str):
         fl.match(frames, fps=25)
 
 
-def test_the_scene_of_a_match_is_the_clip_again_and_another_shot_has_its_own_light():
+def test_the_scene_of_a_clip_is_the_clip_again_also_by_the_command(run: Run, here: Path):
     frames = snowfall()
-    found = fl.match(frames, camera=fl.Camera(384.0), fps=25.0)
-    again = found.scene()
-    films = frames, [again.render(t) for t in range(24)]
-    real, made = (np.std(film, axis=0).mean() for film in films)
-    assert made == pytest.approx(real, rel=0.35) and found.report().shape == (180, 640, 3)
+    write("snow.mp4", frames, 25)
+    words = "match", "snow.mp4", "--focal", "384", "-o", "fall.toml", "--report", "fit.png"
+    code, out, err = run(*words)
+    assert code == 0 and "flakes per m3" in out and Path("fit.png").exists(), err
+    again = fl.open("fall.toml")
+    real, made = (
+        np.std(film, axis=0).mean() for film in (frames, [again.render(t) for t in range(24)])
+    )
+    assert made == pytest.approx(real, rel=0.35)
+    assert run(*words)[0] == 2
+
+
+def test_another_shot_has_its_own_light():
+    found = fl.match(snowfall(), camera=fl.Camera(384.0), fps=25.0)
     other = found.scene("#203040", size=(96, 64))
     assert other.effects[0] == found.snow and other.light is None

@@ -1,4 +1,4 @@
-"""Which way flakes move: the line that all planes of the fan share, by places."""
+"""Which way flakes move: the line that all planes of the fan share, by places of the picture."""
 
 from __future__ import annotations
 
@@ -6,11 +6,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flurries._contract import Float64
-from flurries.matching.spectra import WINDOW, Spectra
+from flurries._contract import Array, Float64
+
+# Px of the windows that spectra are taken of, and how many frames apart they are at most.
+WINDOW, LAGS = 128, 3
+
+# Contrast to the light below which a pixel counts less.
+_LEAST = 0.12
 
 # Lengths of way between two frames that are looked at, px; and degrees by which rays are smoothed.
 _NEAR, _FAR, _SMOOTH = 2, 44, 3.0
+
+# Angles in degrees and approaches that are tried: all, then such as are near the best.
+_TRIED = (
+    (np.arange(0.0, 360.0, 2.0), np.linspace(-1.6, 1.6, 17)),
+    (0.5 * np.arange(-6.0, 7.0), 0.1 * np.arange(-3.0, 4.0)),
+    (0.1 * np.arange(-6.0, 7.0), 0.02 * np.arange(-3.0, 4.0)),
+)
+
+
+class Spectra(NamedTuple):
+    """Of the optical density between frames, px^2, in windows."""
+
+    cross: Array  # (places, lags, WINDOW, WINDOW // 2 + 1) complex: means over time.
+    places: Float64  # (places, 2) px from the middle of the picture, right and down.
 
 
 class Direction(NamedTuple):
@@ -22,63 +41,77 @@ class Direction(NamedTuple):
     share: float  # Of the covariance between two frames that lies about this way and not the other.
 
 
-def rays(found: Spectra, lag: int) -> Float64:
-    """Return how alike frames are along rays of each degree, (places, 360)."""
-    near = np.fft.fftshift(np.fft.irfft2(found.cross[:, lag], (WINDOW, WINDOW)), axes=(1, 2))
+def spectra(frames: Array, mean: Array, light: float) -> Spectra:
+    """Return the spectra of flakes of a light in frames (n, h, w) less their mean (h, w)."""
+    n, height, width = frames.shape
+    contrast = (light - mean).astype(np.float32)
+    floor = contrast**2 + np.float32(_LEAST**2)
+    # A pixel as bright as flakes tells nothing; a window is worth what its pixels are.
+    dense, counts = frames * (contrast / floor), contrast**2 / floor
+    hann = np.hanning(WINDOW + 1)[:-1].astype(np.float32)
+    window = hann[:, None] * hann
+    tops, lefts = (
+        np.linspace(0, length - WINDOW, max(2 * length // WINDOW - 1, 1)).round().astype(int)
+        for length in (height, width)
+    )
+    found, places = [], []
+    for top in tops.tolist():
+        for left in lefts.tolist():
+            rows, columns = slice(top, top + WINDOW), slice(left, left + WINDOW)
+            taper = float(((window * counts[rows, columns]) ** 2).sum())
+            own = np.fft.rfft2(dense[:, rows, columns] * window).astype(np.complex64)
+            lags = range(min(LAGS, n))
+            means = [(own[lag:] * own[: n - lag].conj()).mean(axis=0) for lag in lags]
+            found.append(np.array(means) / max(taper, 1e-6))
+            places.append((left + 0.5 * (WINDOW - width), top + 0.5 * (WINDOW - height)))
+    return Spectra(np.array(found), np.array(places))
+
+
+def rays(cross: Array) -> Float64:
+    """Return how alike frames with these spectra are along rays of each degree, (places, 360)."""
+    near = np.fft.fftshift(np.fft.irfft2(cross, (WINDOW, WINDOW)), axes=(1, 2))
     near -= np.median(near, axis=(1, 2), keepdims=True)
     angle = np.radians(np.arange(360))
     way = np.arange(_NEAR, _FAR + 1.0)[:, None]
-    total = np.zeros((len(near), 360))
     x, y = way * np.cos(angle) + WINDOW // 2, way * np.sin(angle) + WINDOW // 2
     col, row = np.floor(x).astype(int), np.floor(y).astype(int)
-    right, down = x - col, y - row
-    for dy, part in ((0, 1.0 - down), (1, down)):
-        for dx, share in ((0, 1.0 - right), (1, right)):
-            total += (near[:, row + dy, col + dx] * (part * share)).sum(axis=1)
-    wave = np.fft.rfftfreq(360)
-    smooth = np.exp(-2.0 * (np.pi * _SMOOTH * wave) ** 2)
+    total = np.zeros((len(near), 360))
+    for dy, down in ((0, 1.0 - y + row), (1, y - row)):
+        for dx, right in ((0, 1.0 - x + col), (1, x - col)):
+            total += (near[:, row + dy, col + dx] * (down * right)).sum(axis=1)
+    smooth = np.exp(-2.0 * (np.pi * _SMOOTH * np.fft.rfftfreq(360)) ** 2)
     return np.asarray(np.fft.irfft(np.fft.rfft(total, axis=1) * smooth, 360, axis=1))
 
 
 def direction(found: Spectra, focal: float) -> Direction:
     """Return the direction of all, which differs over the picture where air comes nearer."""
-    # A still shows ways only by its streaks, whose ends are alike: things fall.
     still = found.cross.shape[1] == 1
-    profile = rays(found, 0 if still else 1)
+    profile, places = rays(found.cross[:, 0 if still else 1]), found.places / focal
     if still:
+        # It shows ways only by streaks, whose ends are alike: things fall.
         profile[:, 180:] = -1.0
-    places = found.places / focal
 
-    def score(angle: Float64, approach: float, of: Float64, at: Float64) -> Float64:
-        x = np.cos(angle)[:, None] - approach * at[:, 0]
-        y = np.sin(angle)[:, None] - approach * at[:, 1]
+    def score(tried: Float64, some: slice) -> Float64:
+        """Return how alike frames are along ways, (n, 2) of angle and approach."""
+        (angle, approach), at = tried.T[..., None], places[some]
+        x, y = np.cos(angle) - approach * at[:, 0], np.sin(angle) - approach * at[:, 1]
         degree = np.degrees(np.arctan2(y, x)) % 360.0
-        low = np.floor(degree).astype(int)
-        part, rows = degree - low, np.arange(len(at))
-        first, second = of[rows, low % 360], of[rows, (low + 1) % 360]
-        return np.asarray(((1.0 - part) * first + part * second).sum(axis=1))
+        low, rows = np.floor(degree).astype(int), np.arange(len(at))
+        one, two = (profile[some][rows, (low + n) % 360] for n in (0, 1))
+        return np.asarray((one + (degree - low) * (two - one)).sum(axis=1))
 
-    def best(of: Float64, at: Float64) -> tuple[float, float]:
-        coarse = np.radians(np.arange(0.0, 360.0, 2.0))
-        approaches = np.linspace(-1.6, 1.6, 17)
-        table = np.array([score(coarse, one, of, at) for one in approaches])
-        row, col = np.unravel_index(int(table.argmax()), table.shape)
-        angle, approach = coarse[col], approaches[row]
-        for step in (0.5, 0.1):
-            fine = angle + np.radians(step * np.arange(-6, 7))
-            near = approach + step * 0.2 * np.arange(-3, 4)
-            table = np.array([score(fine, one, of, at) for one in near])
-            row, col = np.unravel_index(int(table.argmax()), table.shape)
-            angle, approach = fine[col], near[row]
-        return float(angle), float(approach)
+    def best(some: slice) -> Float64:
+        way = np.zeros(2)
+        for angles, approaches in _TRIED:
+            grid = np.meshgrid(np.radians(angles), approaches)
+            tried = way + np.stack(grid, axis=-1).reshape(-1, 2)
+            way = tried[int(score(tried, some).argmax())]
+        return way
 
-    angle, approach = best(profile, places)
-    parts = [best(profile[n::4], places[n::4])[0] for n in range(4)]
-    turns = np.angle(np.exp(1j * (np.array(parts) - angle)))
-    error = float(np.sqrt((turns**2).mean() / 3.0))
-    this, other = (
-        float(score(np.array([a]), approach * s, profile, places)[0])
-        for a, s in ((angle, 1.0), (angle + np.pi, -1.0))
-    )
+    way = best(np.s_[:])
+    turns = [best(np.s_[n::4])[0] - way[0] for n in range(4)]
+    error = np.sqrt((np.angle(np.exp(1j * np.array(turns))) ** 2).mean() / 3.0)
+    this, other = score(np.array([way, (way[0] + np.pi, -way[1])]), np.s_[:])
     level = float(np.abs(profile).mean(axis=1).sum())
-    return Direction(angle, approach, error, (this - abs(other)) / max(level, 1e-12))
+    share = (this - abs(other)) / max(level, 1e-12)
+    return Direction(float(way[0]), float(way[1]), float(error), float(share))

@@ -9,136 +9,109 @@ of its flakes.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from flurries._contract import Float64
-from flurries.particles.sizes import Matter, Sizes
+from flurries.matching.direction import WINDOW
+from flurries.particles.sizes import SNOW, Sizes
+
+# Depths in metres between which snow is taken to be, and the opacity of its flakes, which is that
+# of balls whose middle has the optical depth: those of `Snow`. So is how far flakes swing, metres,
+# at radians a second and each with a phase of its own.
+NEAR, FAR, OPACITY, _MIDDLE = 0.4, 60.0, 0.9, 4.3096
+_SWAY, _RATE = 0.02, 4.0
 
 # Depths and sizes that stand for all.
 _DEPTHS, _SIZES = 40, 5
 
-# The spectrum of a ball of an opacity by waves, in cycles per diameter.
-_WAVES = np.linspace(0.0, 12.0, 481)
+# Waves in cycles per diameter, and turns, that curves are tabled at.
+_WAVES, _TURNS = np.linspace(0.0, 12.0, 481), np.linspace(0.0, 3.0, 301)
 
 
-# Bessel's J0 of turns: flakes that swing at RATE radians a second, each with a phase of its own.
-RATE = 4.0
-_TURNS = np.linspace(0.0, 3.0, 301)
-_BESSEL = np.cos(2.0 * np.pi * _TURNS[:, None] * np.cos(np.pi * (np.arange(64) + 0.5) / 64)).mean(
-    axis=1
-)
-
-
-@dataclass(frozen=True)
-class Air:
-    """What is looked for: a population and how it moves before a camera."""
-
-    density: float  # Per cubic metre.
-    sizes: Sizes
-    wind: tuple[float, float]  # m/s, right and down, relative to the camera.
-    shutter: float  # Frames.
-    sway: float  # Amplitude of its swinging, metres.
-    floor: float = 0.0  # Opacity of a flake's brightest place of which half its power is lost.
-
-
-@dataclass(frozen=True)
-class Lens:
-    """What is known: the focal length in px, frames a second, depths in metres, the opacity."""
+class Lens(NamedTuple):
+    """What is known of a clip: the focal length in px, frames a second, and their number."""
 
     focal: float
     fps: float
-    near: float
-    far: float
-    opacity: float
-    matter: Matter
-    window: int  # Width in px of the windows that spectra were taken of.
-    frames: int  # Whose mean was taken off.
+    frames: int
 
 
-def middle_depth(opacity: float) -> float:
-    """Return the optical depth of a ball's middle that covers `opacity` of its disc."""
-    low, high = 0.0, 100.0
-    for _ in range(100):
-        tau = 0.5 * (low + high)
-        cover = 1.0 - 2.0 * (1.0 - (1.0 + tau) * math.exp(-tau)) / tau**2
-        low, high = (tau, high) if cover < opacity else (low, tau)
-    return 0.5 * (low + high)
+class Air(NamedTuple):
+    """What is looked for: sizes and how they move before a camera."""
+
+    sizes: Sizes
+    wind: float  # m/s to the right.
+    shutter: float  # Frames.
+    floor: float  # Opacity of a flake's brightest place of which half its power is lost.
+
+
+def bessel(turns: Float64) -> Float64:
+    """Return J0 of 2 pi turns: the mean over angles of a wave."""
+    angles = np.pi * (np.arange(64) + 0.5) / 64
+    return np.asarray(np.cos(2.0 * np.pi * turns[..., None] * np.cos(angles)).mean(axis=-1))
 
 
 @cache
-def ball(opacity: float) -> Float64:
-    """Return the transform of a ball of diameter 1 at `_WAVES`."""
-    # Rings of its radius: J0 as a mean over angles.
+def tables() -> tuple[Float64, Float64]:
+    """Return the transform of a ball of diameter 1 at `_WAVES`, and `bessel` at `_TURNS`."""
     r = 0.5 * (np.arange(96) + 0.5) / 96
-    profile = -np.expm1(-middle_depth(opacity) * np.sqrt(1.0 - 4.0 * r**2))
-    angles = np.pi * (np.arange(48) + 0.5) / 48
-    rings = np.cos(2.0 * np.pi * _WAVES[:, None, None] * r[:, None] * np.cos(angles)).mean(axis=2)
-    return np.asarray(rings @ (profile * 2.0 * np.pi * r) * (0.5 / 96))
+    rings = -np.expm1(-_MIDDLE * np.sqrt(1.0 - 4.0 * r**2)) * 2.0 * np.pi * r * (0.5 / 96)
+    return np.asarray(bessel(_WAVES[:, None] * r) @ rings), bessel(_TURNS)
 
 
-def faded(window: int, shift: Float64) -> Float64:
-    """Return the share that a window of Hann holds of what moved by shifts, px."""
-    # Along one axis: the window's correlation with itself.
-    x = np.minimum(np.abs(shift) / window, 1.0)
-    return np.asarray(
-        (1.0 - x) * (2.0 + np.cos(2 * np.pi * x)) / 3.0 + np.sin(2 * np.pi * x) / (2.0 * np.pi)
-    )
+def held(shift: Float64) -> Float64:
+    """Return the share of what moved by px along a side that is in both of its Hann windows."""
+    x = np.minimum(np.abs(shift) / WINDOW, 1.0)
+    turn = 2.0 * np.pi * x
+    return np.asarray((1.0 - x) * (2.0 + np.cos(turn)) / 3.0 + np.sin(turn) / (2.0 * np.pi))
 
 
-def fan(
-    air: Air, lens: Lens, angle: float, waves: tuple[Float64, Float64], lags: tuple[int, ...]
-) -> Float64:
-    """Return the real part of the spectrum between frames, (lags, n), px^2, at waves (n,).
+def fan(air: Air, lens: Lens, angle: float, waves: tuple[Float64, Float64], lags: range) -> Float64:
+    """Return the real part of the spectrum between frames of one flake per m3, (lags, n), px^2.
 
-    Waves are in cycles per pixel, along an angle and across it.
+    Waves (n,) are in cycles per pixel, along an angle and across it.
     """
-    sizes, law = air.sizes, lens.matter.speed
-    step = (sizes.largest - sizes.smallest) / _SIZES
-    edges = sizes.smallest + step * np.arange(_SIZES + 1)
-    nodes = [sizes.nodes(a, b) for a, b in pairwise(edges)]
-    share = np.array([part.sum() for _, part in nodes])
-    diameter = np.array([(part @ at**4 / part.sum()) ** 0.25 for at, part in nodes])
-    power = np.array([part @ at**4 / part.sum() for at, part in nodes]) / diameter**4
-    ends = np.geomspace(lens.near, lens.far, _DEPTHS + 1)
+    sizes, cos, sin = air.sizes, math.cos(angle), math.sin(angle)
+    edges = np.linspace(sizes.smallest, sizes.largest, _SIZES + 1)
+    nodes = [sizes.nodes(low, high) for low, high in pairwise(edges.tolist())]
+    power = np.array([share @ at**4 for at, share in nodes])
+    diameter = (power / [share.sum() for _, share in nodes]) ** 0.25
+    ends = np.geomspace(NEAR, FAR, _DEPTHS + 1)
     depth, thick = np.sqrt(ends[1:] * ends[:-1]), math.log(ends[1] / ends[0])
-    volume = np.diff(ends) * depth**2 / lens.focal**2
-    image = (lens.focal * diameter / depth[:, None]).ravel()  # (depths * sizes,)
-    weight = (air.density * volume[:, None] * (share * power)).ravel() * image**4
-    # Of each size: along and across the motion of the mean one.
-    fall = law(diameter)
-    (along, across), unit = waves, np.array([math.cos(angle), math.sin(angle)])
-    velocity = np.stack([np.full(_SIZES, air.wind[0]), air.wind[1] + fall])
-    scale = lens.focal / lens.fps / depth[:, None]
-    u = (scale * (unit @ velocity)).ravel()
-    v = (scale * (np.array([-unit[1], unit[0]]) @ velocity)).ravel()
-    k = np.hypot(across, along)
-    table = ball(lens.opacity)
-    single = np.interp(k[:, None] * image, _WAVES, table, right=0.0) ** 2
+    # Of each depth and size: px that a metre has, a flake's width, its velocity, and their power.
+    scale = lens.focal / depth[:, None]
+    image = (scale * diameter).ravel()
+    x, y = (scale / lens.fps * speed for speed in (np.full(_SIZES, air.wind), SNOW.speed(diameter)))
+    u, v = (cos * x + sin * y).ravel(), (cos * y - sin * x).ravel()
+    weight = (np.diff(ends)[:, None] * scale**2 * power).ravel()
+    # A codec drops what is faint.
+    disc = 0.25 * math.pi * image**2
+    width = np.sqrt(disc + 1.0)
+    peak = OPACITY * disc / (width * (width + np.hypot(u, v) * air.shutter))
+    weight /= 1.0 + (air.floor / peak) ** 2
+    (along, across), (ball, swinging) = waves, tables()
     turns = along[:, None] * u + across[:, None] * v
-    if air.floor > 0.0:
-        # A codec drops what is faint.
-        disc = 0.25 * math.pi * image**2
-        width, length = np.sqrt(disc + 1.0), np.hypot(u, v) * air.shutter
-        peak = lens.opacity * disc / (width * (width + length))
-        weight = weight / (1.0 + (air.floor / peak) ** 2)
+    single = np.interp(np.hypot(along, across)[:, None] * image, _WAVES, ball, right=0.0) ** 2
     single *= np.sinc(turns * air.shutter) ** 2 * weight
-    # A picture's pixels are squares.
-    kx, ky = along * unit[0] - across * unit[1], along * unit[1] + across * unit[0]
+    # Pixels are squares.
+    kx, ky = along * cos - across * sin, along * sin + across * cos
     box = (np.sinc(kx) * np.sinc(ky)) ** 2
-    # What stands still goes with the mean, and of the rest one part of all frames.
-    still = np.maximum(np.sinc(lens.frames * turns) ** 2, 1.0 / lens.frames)
-    swings = kx[:, None] * np.repeat(lens.focal / depth, _SIZES) * 2.0 * air.sway
+    still: Float64 | float = 0.0
+    if lens.frames > 1:
+        # What stands still goes with the mean, and of the rest one part of all frames.
+        still = np.maximum(np.sinc(lens.frames * turns) ** 2, 1.0 / lens.frames)
+    swings = np.abs(kx)[:, None] * np.repeat(scale, _SIZES) * 2.0 * _SWAY
     found = []
     for lag in lags:
-        held = faded(lens.window, lag * u * unit[0]) * faded(lens.window, lag * u * unit[1])
         # Depths that one stands for differ in what they turn by.
         seen = np.cos(2.0 * np.pi * lag * turns) * np.sinc(lag * turns * thick)
         if lag:
-            swing = swings * math.sin(0.5 * RATE * lag / lens.fps)
-            seen *= held * np.interp(np.abs(swing), _TURNS, _BESSEL, right=0.0)
+            swing = swings * math.sin(0.5 * _RATE * lag / lens.fps)
+            seen *= np.interp(swing, _TURNS, swinging, right=0.0)
+            seen *= held(lag * u * cos) * held(lag * u * sin)
         found.append(box * np.sum(single * (seen - still), axis=1))
     return np.array(found)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Float64
-from flurries.matching.direction import Direction
-from flurries.matching.fan import Air, Lens, fan
-from flurries.matching.spectra import WINDOW, Spectra
-from flurries.particles.sizes import Sizes
+from flurries.matching.direction import WINDOW, Direction, Spectra
+from flurries.matching.fan import FAR, NEAR, OPACITY, Air, Lens, fan
+from flurries.particles.sizes import SNOW, Sizes
 
 # Waves that are looked at, cycles/px, in bands; and borders of those along the motion.
 _BANDS = np.geomspace(0.03, 0.3, 9)
@@ -21,14 +22,11 @@ _ALONG = np.array([0.0, 0.004, 0.008, 0.012, 0.018, 0.026, 0.036, 0.05, 0.07, 0.
 _INSIDE, _NODES = np.array([[0.113], [0.5], [0.887]]), np.array([5.0, 8.0, 5.0]) / 18.0
 
 # Smallest and largest diameter over the mean: of the looks.
-SPREAD = 0.43, 3.1
+_SPREAD = 0.43, 3.1
 
-# What the law is not right by, a share of the spectrum; and what codecs and windows bring from the
-# strongest waves of a length to others.
-_LAW, _LEAK = 0.03, 0.01
-
-# What the mean opacity over a plate is right by.
-_VEIL = 0.1
+# What the law is not right by, a share of the spectrum; what codecs and windows bring from the
+# strongest waves of a length to others; and what the mean opacity over a plate is right by.
+_LAW, _LEAK, _VEIL = 0.03, 0.01, 0.1
 
 # What usually leaks, a logarithm, and how much that differs.
 _USUAL = math.log(0.15), 0.1
@@ -36,151 +34,132 @@ _USUAL = math.log(0.15), 0.1
 _STEPS, _STEP = 14, 0.02
 
 # Logarithms of density, mean size, shutter and the opacity that the codec drops; the turn of the
-# motion; logarithms of noise for each lag, and of what leaks evenly: where they begin and end.
-_LOW = np.array([*np.log([1e-3, 1e-4, 0.01, 1e-3]), -0.2, *[math.log(1e-9)] * 3, -9.0])
-_HIGH = np.array([*np.log([1e5, 0.1, 2.0, 0.5]), 0.2, *[1.0] * 3, -0.2])
-_FAN = 5
+# motion; a logarithm of what leaks evenly, and of noise for each lag: where they begin and end.
+_LOW = np.array([*np.log([1e-3, 1e-4, 0.01, 1e-3]), -0.2, -9.0, *[math.log(1e-9)] * 3])
+_HIGH = np.array([*np.log([1e5, 0.1, 2.0, 0.5]), 0.2, -0.2, *[1.0] * 3])
 
 
-@dataclass(frozen=True)
-class Fit:
+class Fit(NamedTuple):
     """What was found, and how sure it is."""
 
+    density: float  # Per m3.
     air: Air
-    leak: float  # The share of power that codecs spread over all directions.
     errors: Float64  # Of the logarithms of density, size and shutter.
     misfit: float  # What is left over what is expected, root of the mean square.
-    measured: Float64  # (lags, cells)
-    fitted: Float64
 
 
-@dataclass(frozen=True)
-class Cells:
+class Cells(NamedTuple):
     """Means of spectra over cells of waves."""
 
     quarters: Float64  # (4, lags, n): of quarters of the places.
     along: Float64  # (3, n): at three places inside.
     across: Float64  # (n,)
     number: Float64  # Of waves.
-    band: npt.NDArray[np.int64]
-
-    @property
-    def mean(self) -> Float64:
-        return np.asarray(self.quarters.mean(axis=0))
+    band: npt.NDArray[np.int64]  # Its number.
 
 
 def cells(found: Spectra, way: Direction, focal: float) -> Cells:
     """Return means of spectra in cells of waves, along the motion at each place and across it."""
-    ky = np.fft.fftfreq(WINDOW)[:, None] + np.zeros(WINDOW // 2 + 1)
-    kx = np.fft.rfftfreq(WINDOW) + np.zeros((WINDOW, 1))
-    k = np.hypot(kx, ky)
-    bands, columns = len(_BANDS) - 1, len(_ALONG) - 1
-    many, lags = 2 * bands * columns, found.cross.shape[1]
-    sums, number = np.zeros((4, lags, many)), np.zeros((4, many))
-    away = np.zeros(many)
+    kx, ky = np.meshgrid(np.fft.rfftfreq(WINDOW), np.fft.fftfreq(WINDOW))
+    k, columns = np.hypot(kx, ky), len(_ALONG) - 1
+    half = (len(_BANDS) - 1) * columns
+    sums = np.zeros((4, 2 + found.cross.shape[1], 2 * half))
     for n, (x, y) in enumerate(found.places / focal):
         vx, vy = math.cos(way.angle) - way.approach * x, math.sin(way.angle) - way.approach * y
-        along, across = (kx * vx + ky * vy) / math.hypot(vx, vy), ky * vx - kx * vy
-        side = across * along > 0.0
-        along = np.abs(along)
-        inside = (k > _BANDS[0]) & (k < _BANDS[-1]) & (along > 0.0) & (across != 0.0)
-        cell = (np.searchsorted(_BANDS, k) - 1) * columns + np.searchsorted(_ALONG, along) - 1
-        own = (cell + side * (bands * columns))[inside]
-        number[n % 4] += np.bincount(own, minlength=many)
-        squares = np.maximum(k**2 - along**2, 0.0)[inside]
-        away += np.bincount(own, np.sqrt(squares), many)
-        for lag in range(lags):
-            sums[n % 4, lag] += np.bincount(own, found.cross[n, lag].real[inside], many)
-    used = number.min(axis=0) > 3
-    total = number.sum(axis=0)[used]
-    band, column = np.divmod(np.flatnonzero(used) % (bands * columns), columns)
-    along = _ALONG[column] + np.diff(_ALONG)[column] * _INSIDE
-    sign = np.where(np.flatnonzero(used) >= bands * columns, 1.0, -1.0)
+        along, across = (kx * vx + ky * vy, ky * vx - kx * vy) / np.hypot(vx, vy)
+        inside = (k > _BANDS[0]) & (k < _BANDS[-1]) & (along != 0.0) & (across != 0.0)
+        cell = (np.searchsorted(_BANDS, k) - 1) * columns
+        cell += np.searchsorted(_ALONG, np.abs(along)) - 1 + half * (across * along > 0.0)
+        rows = np.ones_like(k), np.abs(across), *found.cross[n].real
+        sums[n % 4] += [np.bincount(cell[inside], row[inside], 2 * half) for row in rows]
+    used = np.flatnonzero(sums[:, 0].min(axis=0) > 3)
+    sums = sums[:, :, used]
+    number, away = sums[:, :2].sum(axis=0)
+    band, column = np.divmod(used % half, columns)
     return Cells(
-        sums[:, :, used] / number[:, None, used], along, sign * away[used] / total, total, band
-    )
+        sums[:, 2:] / sums[:, :1], _ALONG[column] + np.diff(_ALONG)[column] * _INSIDE,
+        np.where(used < half, -1.0, 1.0) * away / number, number, band,
+    )  # fmt: skip
 
 
-def air_of(values: Float64, way: Direction, lens: Lens, sway: float) -> Air:
-    """Return the population that the first numbers stand for."""
-    density, mean, shutter, floor = np.exp(values[:4])
-    sizes = Sizes.with_mean(SPREAD[0] * mean, mean, SPREAD[1] * mean)
+def air_of(values: Float64, angle: float) -> Air:
+    """Return what mean size, shutter and floor stand for, before a motion at an angle."""
+    mean, shutter, floor = np.exp(values[:3]).tolist()
+    sizes = Sizes.with_mean(_SPREAD[0] * mean, mean, _SPREAD[1] * mean)
     # What is seen best are the larger ones, and these fall in the direction that was seen.
-    large = sizes.moment(4.0) / sizes.moment(3.0)
-    fall = float(lens.matter.speed(np.array([large]))[0])
-    angle = way.angle + values[4]
-    wind = fall * math.cos(angle) / math.sin(angle)
-    return Air(float(density), sizes, (wind, 0.0), float(shutter), sway, float(floor))
+    fall = float(SNOW.speed(np.array([sizes.moment(4.0) / sizes.moment(3.0)]))[0])
+    return Air(sizes, fall / math.tan(angle + values[3]), shutter, floor)
 
 
-def fit(
-    found: Spectra, way: Direction, lens: Lens, sway: float = 0.02, veil: float | None = None
-) -> Fit:
-    """Return the population whose spectra, and veil if known, are nearest to those found."""
-    seen = cells(found, way, lens.focal)
-    measured, lags = seen.mean, tuple(range(seen.quarters.shape[1]))
-    free = seen.number / 8.0 * max(found.frames / 3.0, 1.0)
-    most = np.zeros(len(_BANDS))
-    np.maximum.at(most, seen.band, measured[0])
-    weight = 1.0 / np.sqrt(
-        measured[0] ** 2 * (1.0 / free + _LAW**2) + (_LEAK * most[seen.band]) ** 2
-    )
-    waves = seen.along.ravel(), np.tile(seen.across, 3)
-    numbers = np.maximum(np.bincount(seen.band, seen.number), 1.0)
+def least_squares(
+    left: Callable[[Float64], Float64], values: Float64
+) -> tuple[Float64, Float64, Float64]:
+    """Return where the squares of what is left are least, that, and its slopes there.
 
-    def planes(values: Float64) -> tuple[Float64, float]:
-        air = air_of(values, way, lens, sway)
-        got = fan(air, lens, way.angle, waves, lags).reshape(len(lags), 3, -1)
-        area = 0.25 * math.pi * lens.opacity * air.density * air.sizes.moment(2.0)
-        return _NODES @ got, math.log(area * (lens.far - lens.near))
-
-    def left(values: Float64, got: tuple[Float64, float]) -> tuple[Float64, Float64]:
-        expected = got[0] + np.exp(values[_FAN : _FAN + len(lags)])[:, None]
-        even = np.bincount(seen.band, seen.number * got[0][0]) / numbers
-        expected[0] += np.exp(values[8]) * even[seen.band]
-        off = (weight * (measured - expected)).ravel()
-        off = np.append(off, (values[8] - _USUAL[0]) / _USUAL[1])
-        if veil is not None:
-            off = np.append(off, (math.log(veil) - got[1]) / _VEIL)
-        return expected, off
-
-    level = math.log(max(float(measured[0].min()) * 0.2, 1e-9))
-    values = np.array([0.0, -5.0, -1.0, -4.0, 0.0, level, level - 1.0, level - 1.0, -3.0])
-    values[0] = math.log(max(float(np.median(measured[0] / planes(values)[0][0])), 1e-3))
-    values = np.clip(values, _LOW, _HIGH)
-    got, damp = planes(values), 1e-2
-    expected, off = left(values, got)
+    The way is Levenberg's and Marquardt's.
+    """
+    off, damp = left(values), 1e-2
     for _ in range(_STEPS):
-        slopes = []
-        for n in range(len(values)):
-            near = values.copy()
-            near[n] += _STEP
-            other = got if n >= _FAN else planes(near)
-            if n == 0:
-                other = got[0] * math.exp(_STEP), got[1] + _STEP
-            slopes.append((off - left(near, other)[1]) / _STEP)
-        jac = np.array(slopes)
-        square = jac @ jac.T
+        near = values + _STEP * np.eye(len(values))
+        slopes = np.array([left(one) - off for one in near]) / _STEP
+        square = slopes @ slopes.T
         scale = np.diag(np.diag(square) + 1e-6 * square.max())
         for _ in range(6):
-            change = np.clip(np.linalg.solve(square + damp * scale, jac @ off), -0.7, 0.7)
-            new = np.clip(values + change, _LOW, _HIGH)
-            now = planes(new)
-            expected, less = left(new, now)
+            change = np.linalg.solve(square + damp * scale, -slopes @ off)
+            new = np.clip(values + np.clip(change, -0.7, 0.7), _LOW, _HIGH)
+            less = left(new)
             if less @ less < off @ off:
                 break
             damp *= 5.0
         else:
-            expected = left(values, got)[0]
             break
         gain = 1.0 - float(less @ less) / float(off @ off)
-        values, got, off, damp = new, now, less, 0.3 * damp
+        values, off, damp = new, less, 0.3 * damp
         if gain < 1e-3:
             break
-    inverse = np.linalg.inv(square + 1e-6 * scale)
-    rows = jac[:, : measured.size]
-    moves = [inverse @ (rows @ (weight * (part - measured)).ravel()) for part in seen.quarters]
-    errors = np.sqrt((np.array(moves) ** 2).mean(axis=0) / 3.0)[:3]
+    return values, off, slopes
+
+
+def fit(found: Spectra, way: Direction, lens: Lens, veil: float | None) -> Fit:
+    """Return the population whose spectra, and veil if known, are nearest to those found."""
+    seen = cells(found, way, lens.focal)
+    measured, lags = seen.quarters.mean(axis=0), range(found.cross.shape[1])
+    free = seen.number / 8.0 * max(lens.frames / 3.0, 1.0)
+    most = np.zeros(len(_BANDS))
+    np.maximum.at(most, seen.band, measured[0])
+    sure = measured[0] ** 2 * (1.0 / free + _LAW**2) + (_LEAK * most[seen.band]) ** 2
+    numbers = np.maximum(np.bincount(seen.band, seen.number), 1.0)
+    waves = seen.along.ravel(), np.tile(seen.across, 3)
+
+    @cache
+    def single(*values: float) -> tuple[Float64, float]:
+        """Return the spectra and the optical depth of one flake per m3."""
+        air = air_of(np.array(values), way.angle)
+        planes = fan(air, lens, way.angle, waves, lags).reshape(len(lags), 3, -1)
+        area = 0.25 * math.pi * OPACITY * air.sizes.moment(2.0)
+        return _NODES @ planes, area * (FAR - NEAR)
+
+    def left(values: Float64) -> Float64:
+        planes, depth = single(*values[1:5].tolist())
+        planes = planes * math.exp(values[0])
+        expected = planes + np.exp(values[6 : 6 + len(lags)])[:, None]
+        even = np.bincount(seen.band, seen.number * planes[0]) / numbers
+        expected[0] += math.exp(values[5]) * even[seen.band]
+        off = [((measured - expected) / np.sqrt(sure)).ravel()]
+        off.append(np.array([(values[5] - _USUAL[0]) / _USUAL[1]]))
+        if veil is not None:
+            off.append(np.array([(math.log(veil / depth) - values[0]) / _VEIL]))
+        return np.concatenate(off)
+
+    level = math.log(max(float(measured[0].min()) * 0.2, 1e-9))
+    start = np.array([0.0, -5.0, -1.0, -4.0, 0.0, -3.0, level, level - 1.0, level - 1.0])
+    first = single(*start[1:5].tolist())[0][0]
+    start[0] = math.log(max(float(np.median(measured[0] / first)), 1e-3))
+    values, off, slopes = least_squares(left, np.clip(start, _LOW, _HIGH))
+    square = slopes @ slopes.T
+    inverse = np.linalg.inv(square + 1e-6 * np.diag(np.diag(square) + 1e-6 * square.max()))
+    parts = ((seen.quarters - measured) / np.sqrt(sure)).reshape(4, -1)
+    moves = inverse @ slopes[:, : measured.size] @ parts.T
+    errors = np.sqrt((moves**2).mean(axis=1) / 3.0)[:3]
     misfit = math.sqrt(float(off @ off) / len(off))
-    air = air_of(values, way, lens, sway)
-    return Fit(air, float(np.exp(values[8])), errors, misfit, measured, expected)
+    return Fit(math.exp(values[0]), air_of(values[1:5], way.angle), errors, misfit)

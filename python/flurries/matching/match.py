@@ -17,18 +17,14 @@ from flurries.camera.path import CameraPath
 from flurries.effects import Snow
 from flurries.io import linear_to_srgb, open_background, srgb_to_linear
 from flurries.light.shot import Light
-from flurries.matching.direction import direction
-from flurries.matching.fan import Lens
-from flurries.matching.fit import Fit, fit
+from flurries.matching.direction import WINDOW, direction, spectra
+from flurries.matching.fan import FAR, NEAR, OPACITY, Lens
+from flurries.matching.fit import fit
 from flurries.matching.light import light_of, light_over, tinted
-from flurries.matching.spectra import LAGS, WINDOW, density, spectra
 from flurries.matching.watched import LONG, Watched, watch
 from flurries.particles.sizes import SNOW
 from flurries.scene import Scene
 from flurries.scene.scene import DEFAULT_FOCAL
-
-# Depths between which snow is taken to be, metres, and the opacity of its flakes: those of `Snow`.
-_NEAR, _FAR, _OPACITY = 0.4, 60.0, 0.9
 
 # A film needs so many frames.
 LEAST = 8
@@ -42,7 +38,10 @@ _CLEAR, _TURN, _MISFIT, _LEVEL = 3.0, 0.15, 1.1, 0.15
 _LARGER = 1.1
 
 # What number, size and exposure are right by at best: the closed loop's.
-_SURE = np.array([0.13, 0.08, 0.09])
+_SURE = {"density": 0.13, "size": 0.08, "shutter": 0.09}
+
+# The depth that half of the flakes' cover is before, metres.
+_MEDIAN = 0.5 * (NEAR + FAR)
 
 
 class Unmatched(ValueError):
@@ -83,7 +82,6 @@ class Match:
     errors: dict[str, float]
     plate: Array = field(repr=False)
     _frame: Array = field(repr=False)
-    _fit: Fit = field(repr=False)
 
     def scene(self, background: Any = None, **more: Any) -> Scene:
         """Return a scene of the weather.
@@ -114,22 +112,19 @@ class Match:
 
     def __str__(self) -> str:
         assert isinstance(self.snow.wind, tuple) and isinstance(self.snow.flake_size, tuple)
-        error, (x, _, z), (_, size, _) = self.errors, self.snow.wind, self.snow.flake_size
-        share = {name: f"+- {100.0 * one:.0f} %" for name, one in error.items()}
-        strength, middle = self.snow.strength(), 0.5 * (_NEAR + _FAR)
+        angle, turn = np.degrees([self.direction, self.errors["direction"]])
+        (x, _, z), size = self.snow.wind, self.snow.flake_size[1]
+        share = {name: f"+- {100.0 * error:.0f} %" for name, error in self.errors.items()}
         light = float(np.mean(linear_to_srgb(np.array(self.light.snow))))
-        rows = {
-            "direction": f"{math.degrees(self.direction):.1f} degrees from right to below "
-            f"+- {math.degrees(error['direction']):.1f}",
-            "speed": f"{self.speed:.3g} px a frame at {middle:.3g} m {share['speed']}",
-            "wind": f"{x:.2f} m/s to the right, {z:.2f} away",
-            "density": f"{self.snow.density:.3g} flakes per m3 {share['density']}",
-            "size": f"{1e3 * size:.2g} mm {share['size']}",
-            "exposure": f"{self.snow.shutter:.2f} frames {share['shutter']}",
-            "light": f"{light:.3g} of white, display values {share['light']}",
-            "strength": str(strength),
-        }
-        return "\n".join(f"{name:<10} {text}" for name, text in rows.items())
+        return f"""\
+direction  {angle:.1f} degrees from right to below +- {turn:.1f}
+speed      {self.speed:.3g} px a frame at {_MEDIAN:.3g} m {share["speed"]}
+wind       {x:.2f} m/s to the right, {z:.2f} away
+density    {self.snow.density:.3g} flakes per m3 {share["density"]}
+size       {1e3 * size:.2g} mm {share["size"]}
+exposure   {self.snow.shutter:.2f} frames {share["shutter"]}
+light      {light:.3g} of white, display values {share["light"]}
+strength   {self.snow.strength()}"""
 
 
 def match(
@@ -173,124 +168,111 @@ def match(
     >>> scene = fl.Scene("#304050", size=(256, 144), effects=[fl.Snow()], fps=30)
     >>> found = fl.match([scene.render(t) for t in range(16)])  # doctest: +SKIP
     """
-    read, count, rate = _opened(frames)
+    read, count, rate = _opened("frames", frames)
     fps = real("fps", fps if fps is not None else (rate or 30.0), above=0.0)
-    numbers: Iterable[int] = range(min(count, LONG))
-    pictures = map(read, numbers if progress is None else progress(numbers))
-    plate = None if clean is None else _picture(clean)
-    if count == 1 and plate is None:
-        raise Unmatched("frames has one picture: a still needs clean, its plate without snow")
-    if 1 < count < LEAST:
-        raise Unmatched(f"frames has {count} pictures: a film needs {LEAST}, a still one and clean")
-    seen = watch(pictures, plate)
-    height, width = seen.mean.shape[:2]
-    if min(height, width) < WINDOW:
-        raise Unmatched(f"frames are too small: {WINDOW} px are needed, got {width} x {height}")
-    lens_of = _lens(camera, width * seen.scale)
-    return _matched(seen, lens_of, fps)
-
-
-def _opened(frames: Any) -> tuple[Callable[[int], Array], int, float | None]:
-    if isinstance(frames, (str, os.PathLike)):
-        source = open_background(frames)
-        return lambda n: source.frame(n).pixels, source.count or 1, source.fps
-    pictures = [frames] if np.ndim(frames) == 3 and not isinstance(frames, list) else list(frames)
-    for picture in pictures:
-        if np.ndim(picture) != 3 or np.shape(picture)[2] < 3:
-            raise ValueError(f"frames must be pictures (H, W, 3), got shape {np.shape(picture)}")
-    if not pictures:
-        raise ValueError("frames must hold pictures, got none")
-    return lambda n: np.asarray(pictures[n]), len(pictures), None
-
-
-def _picture(clean: Any) -> Array:
-    if isinstance(clean, (str, os.PathLike)):
-        return np.asarray(open_background(clean).frame(0).pixels)
-    return np.asarray(clean)
-
-
-def _lens(camera: Any, width: int) -> Camera:
-    if camera is None:
-        return Camera(DEFAULT_FOCAL * width)
+    plate = None if clean is None else _opened("clean", clean)[0](0)
     if isinstance(camera, CameraPath):
-        return camera.camera
-    return expect_camera(camera)
+        camera = camera.camera
+    elif camera is not None:
+        expect_camera(camera)
+    _refuse(
+        count < LEAST and (count > 1 or plate is None),
+        f"frames has {count}: a film needs {LEAST}, and one picture needs clean, its plate",
+    )
+    numbers: Iterable[int] = range(min(count, LONG))
+    seen = watch(map(read, numbers if progress is None else progress(numbers)), plate)
+    height, width = seen.mean.shape[:2]
+    _refuse(
+        min(height, width) < WINDOW,
+        f"frames are too small: {WINDOW} px are needed, got {width} x {height}",
+    )
+    lens = Camera(DEFAULT_FOCAL * width) if camera is None else camera.magnified(1.0 / seen.scale)
+    return _matched(seen, lens, fps)
+
+
+def _opened(name: str, given: Any) -> tuple[Callable[[int], Array], int, float | None]:
+    """Return what reads a frame, their number, and the film's rate."""
+    if isinstance(given, (str, os.PathLike)):
+        source = open_background(given)
+        return lambda n: source.frame(n).pixels, source.count or 1, source.fps
+    pictures = [given] if getattr(given, "ndim", 0) == 3 else [np.asarray(one) for one in given]
+    shapes = [one.shape for one in pictures if one.ndim != 3 or one.shape[2] < 3]
+    if shapes or not pictures:
+        came = f"shape {shapes[0]}" if shapes else "none"
+        raise ValueError(f"{name} must have pictures (H, W, 3), got {came}")
+    return pictures.__getitem__, len(pictures), None
+
+
+def _refuse(when: bool, why: str) -> None:
+    if when:
+        raise Unmatched(why)
 
 
 def _matched(seen: Watched, camera: Camera, fps: float) -> Match:
-    still = len(seen.frames) == 1
+    film = len(seen.frames) > 1
     luma, mean = seen.frames.mean(axis=3), seen.mean.mean(axis=2)
-    if float(luma.std()) < _QUIET:
-        raise Unmatched("no snow: nothing changes in frames")
-    light, doubt = light_of(luma, mean)
-    if seen.veil is not None:
-        behind = mean if still else mean - seen.veil.mean(axis=2)
-        if still:
-            light, doubt = light_over(seen.veil.mean(axis=2), behind)
-    deviations, counts = density(luma, mean, light)
+    _refuse(float(luma.std()) < _QUIET, "no snow: nothing changes in frames")
+    light, doubt = light_of(luma, mean) if film else (1.0, 0.0)
     cover = None
-    if seen.veil is not None:
+    if seen.clean is not None:
+        behind = seen.clean.mean(axis=2)
+        if not film:
+            light, doubt = light_over(luma[0] + mean - behind, behind)
         # How opaque the air is on average, by places that differ from the light.
-        before = light - behind
-        cover = float((seen.veil.mean(axis=2) * before).sum() / (before**2).sum())
-        if not 0.002 < cover < 0.98:
-            raise Unmatched("no snow: frames are no nearer to flakes' light than clean is")
-        if still:
-            deviations = (deviations - np.float32(cover) * counts) / np.float32(1.0 - cover)
-    found = spectra(deviations, counts, 1 if still else LAGS)
-    focal = camera.focal / seen.scale
-    way = direction(found, focal)
-    if not still and (way.share < _CLEAR or way.error > _TURN):
-        moves = float(np.abs(seen.shifts).max()) > 0.5
-        raise Unmatched(
-            "no snow: what changes in frames has no direction that all of it shares"
-            + ("; the camera moves, and may do so in other ways than it turns" if moves else "")
+        cover = float(((mean - behind) * (light - behind)).sum() / ((light - behind) ** 2).sum())
+        _refuse(
+            not 0.002 < cover < 0.98,
+            "no snow: frames are no nearer to flakes' light than clean is",
         )
-    if not still and (doubt > _DOUBT * light or light > _WHITE):
-        raise Unmatched(
-            f"the light of flakes is not told from their number: it is {light:.2f} of white, give "
-            f"or take {doubt:.2f}; a plate with dark and bright places is needed"
-        )
-    light = min(light, 1.0)
-    if abs(math.sin(way.angle)) < _LEVEL or math.sin(way.angle) < 0.0:
-        raise Unmatched(
-            f"what moves goes {math.degrees(way.angle):.0f} degrees from right to below, which is "
-            "no fall: the camera must stand upright, and the wind be below some 5 m/s"
-        )
-    many = 1_000_000 if still else len(seen.frames)
-    lens = Lens(focal, fps, _NEAR, _FAR, _OPACITY, SNOW, WINDOW, many)
-    got = fit(found, way, lens, veil=None if cover is None else -math.log1p(-cover))
-    if got.misfit > _MISFIT and not still:
-        raise Unmatched(
-            f"what changes in frames is not like falling snow (misfit {got.misfit:.2f}): "
-            "compression has eaten faint flakes, the background moves, or the camera travels"
-        )
-    air = got.air
-    fall = SNOW.fall(air.sizes)
-    speed = math.hypot(air.wind[0], fall)
-    colors = np.clip(tinted(seen.frames, seen.mean, light), 0.0, None)
-    low, size, high = (
-        _LARGER * one for one in (air.sizes.smallest, air.sizes.mean, air.sizes.largest)
+    found = spectra(luma, mean, light)
+    way = direction(found, camera.focal)
+    degrees = math.degrees(way.angle)
+    moves = float(np.abs(seen.shifts).max()) > 0.5
+    _refuse(
+        film and (way.share < _CLEAR or way.error > _TURN),
+        "no snow: what changes in frames has no direction that all of it shares"
+        + ("; the camera moves, and may do so in other ways than it turns" if moves else ""),
     )
+    _refuse(
+        film and (doubt > _DOUBT * light or light > _WHITE),
+        f"the light of flakes is not told from their number: it is {light:.2f} of white, give or "
+        f"take {doubt:.2f}; a plate with dark and bright places is needed",
+    )
+    _refuse(
+        math.sin(way.angle) < _LEVEL,
+        f"what moves goes {degrees:.0f} degrees from right to below, which is no fall: the camera "
+        "must stand upright, and the wind be below some 5 m/s",
+    )
+    lens = Lens(camera.focal, fps, len(seen.frames))
+    got = fit(found, way, lens, None if cover is None else -math.log1p(-cover))
+    _refuse(
+        film and got.misfit > _MISFIT,
+        f"what changes in frames is not like falling snow (misfit {got.misfit:.2f}): compression "
+        "has eaten faint flakes, the background moves, or the camera travels",
+    )
+    sizes, wind, shutter = got.air.sizes, got.air.wind, got.air.shutter
+    fall = SNOW.fall(sizes)
+    speed = math.hypot(wind, fall)
+    light = min(light, 1.0)
+    colors = np.clip(tinted(seen.frames, seen.mean, light), 0.0, None)
     snow = Snow(
-        density=air.density, flake_size=(low, size, high),
-        wind=(air.wind[0], 0.0, way.approach * speed), shutter=min(air.shutter, 1.0), near=_NEAR,
-        far=_FAR, opacity=_OPACITY,
+        density=got.density, wind=(wind, 0.0, way.approach * speed), shutter=min(shutter, 1.0),
+        flake_size=(_LARGER * sizes.smallest, _LARGER * sizes.mean, _LARGER * sizes.largest),
+        near=NEAR, far=FAR, opacity=OPACITY,
     )  # fmt: skip
-    known = dict(zip(("density", "size", "shutter"), np.hypot(got.errors, _SURE), strict=True))
-    turn = abs(math.cos(way.angle) / math.sin(way.angle)) * way.error
-    area = 0.25 * math.pi * _OPACITY * air.sizes.moment(2.0)
-    veil = -math.expm1(-air.density * area * (_FAR - _NEAR))
-    plate = seen.mean if still else (seen.mean - veil * colors) / (1.0 - veil)
-    frame = seen.frames[len(seen.frames) // 2] + seen.mean
+    plate = seen.clean
+    if plate is None:
+        area = 0.25 * math.pi * OPACITY * sizes.moment(2.0)
+        veil = -math.expm1(-got.density * area * (FAR - NEAR))
+        plate = (seen.mean - veil * colors) / (1.0 - veil)
+    known = {
+        name: math.hypot(own, best)
+        for own, (name, best) in zip(got.errors.tolist(), _SURE.items(), strict=True)
+    }
+    turn = way.error / abs(math.tan(way.angle))
     return Match(
-        snow=snow, light=Light(snow=tuple(srgb_to_linear(colors).tolist())),
-        camera=camera.magnified(1.0 / seen.scale), fps=fps,
-        direction=math.atan2(fall, air.wind[0]),
-        speed=camera.focal * speed / fps / (0.5 * (_NEAR + _FAR)),
-        errors={
-            **{name: float(one) for name, one in known.items()}, "direction": way.error,
-            "light": doubt / light, "speed": turn + 0.03,
-        },
-        plate=np.clip(plate, 0.0, 1.0), _frame=frame, _fit=got,
+        snow=snow, light=Light(snow=tuple(srgb_to_linear(colors).tolist())), camera=camera,
+        fps=fps, direction=math.atan2(fall, wind), speed=camera.focal * speed / fps / _MEDIAN,
+        errors=known | {"direction": way.error, "light": doubt / light, "speed": turn + 0.03},
+        plate=np.clip(plate, 0.0, 1.0), _frame=seen.frames[len(seen.frames) // 2] + seen.mean,
     )  # fmt: skip
