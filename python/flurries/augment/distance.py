@@ -99,7 +99,7 @@ class Ground:
         height = len(plane)
         upper = plane[: height // 4]
         upper = upper[np.isfinite(upper)]
-        far = float(np.median(upper)) if upper.size else SKY
+        far = float(np.median(upper)) if upper.size else BACKDROP
         rows = np.flatnonzero(np.isfinite(plane).mean(axis=1) > 0.5)
         rows = rows[rows >= height // 2]
         if len(rows) < 4:
@@ -134,10 +134,6 @@ def ground_of(value: Any) -> Ground | None:
     return Ground(**value)
 
 
-# Depth of a sky that nobody described, metres.
-SKY = BACKDROP
-
-
 @dataclass(frozen=True)
 class Distances:
     """The depth of one picture."""
@@ -165,7 +161,7 @@ class Distances:
     def end(self) -> float:
         """The depth of a sky: twice the farthest finite depth, metres."""
         finite = float(np.max(self.plane, where=self.plane < np.inf, initial=0.0))
-        return max(SKY, 2.0 * finite)
+        return max(BACKDROP, 2.0 * finite)
 
     def full(self, shape: tuple[int, int]) -> Array:
         """Return (H, W) float32, contiguous."""
@@ -231,6 +227,6 @@ def _nearest(known: Array) -> Array:
 
 @kept(32)
 def _grounded(shape: tuple[int, int], ground: Ground | None, focal: float) -> Distances:
-    plane = np.full((1, 1), SKY, np.float32) if ground is None else ground.rows(shape, focal)
+    plane = np.full((1, 1), BACKDROP, np.float32) if ground is None else ground.rows(shape, focal)
     plane.flags.writeable = False
     return Distances(plane)

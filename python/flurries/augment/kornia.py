@@ -68,22 +68,17 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
         depth: Any = None
         if self.depth_channel is not None:
             depth = input[:, self.depth_channel].detach().cpu().float().numpy()
-        layers: list[Array] = []
-
-        def batch(planes: Array) -> tuple[Array, Array]:
-            seen, layer = self._painted(planes, wanted, depth)
-            layers.append(layer[..., 3])
-            return seen, layer
-
         colors = [c for c in range(count) if c not in others]
-        seen = painted(input[:, colors] if others else input, batch)
+        seen, alpha = painted(
+            input[:, colors] if others else input,
+            lambda planes: self._painted(planes, wanted, depth),
+        )
         if not others:
             return seen
         result = input.clone()
         result[:, colors] = seen
         if self.alpha_channel is not None:
-            opacity = torch.from_numpy(layers[0]).to(input.device, input.dtype)
-            before = input[:, self.alpha_channel]
+            before, opacity = input[:, self.alpha_channel], alpha.to(input.device, input.dtype)
             result[:, self.alpha_channel] = 1.0 - (1.0 - before) * (1.0 - opacity)
         return result
 

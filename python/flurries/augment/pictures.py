@@ -33,40 +33,34 @@ _LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 def picture_of(name: str, value: object) -> Array:
     """Return one picture (H, W) or (H, W, 1 or 3) as it came, checked."""
-    given = _numbers(name, value)
-    if given.ndim == 4:
-        raise ValueError(
-            f"{name} must be one picture, got {_came(given)}; a clip (T, H, W, C) goes to .clip, "
-            "a batch (N, H, W, C) to .batch"
-        )
-    return _shaped(name, given, 0)
+    return _shaped(name, value, 0)
 
 
 def stack_of(name: str, value: object) -> Array:
     """Return pictures (N, H, W) or (N, H, W, 1 or 3) as they came, checked."""
-    return _shaped(name, _numbers(name, value), 1)
+    return _shaped(name, value, 1)
 
 
-def _shaped(name: str, given: Array, first: int) -> Array:
+def _shaped(name: str, value: object, first: int) -> Array:
     """Return pictures whose height is the dimension `first`."""
-    if given.ndim == first + 2 or (given.ndim == first + 3 and given.shape[-1] in (1, 3)):
-        return given
-    n = "N, " * first
-    hint = given.ndim == first + 3 and given.shape[first] in (1, 3)
-    raise ValueError(
-        f"{name} must have shape ({n}H, W), ({n}H, W, 1) or ({n}H, W, 3), got {given.shape}"
-        + "; channels come last" * hint
-    )
-
-
-def _numbers(name: str, value: object) -> Array:
     given = rectangular(name, value)
     if given.dtype.type not in _TYPES:
         raise TypeError(f"{name} must be {', '.join(DTYPES[:-1])} or {DTYPES[-1]}, got "
                         f"{_came(value)}")  # fmt: skip
     if 0 in given.shape:
         raise ValueError(f"{name} must not be empty, got shape {given.shape}")
-    return given
+    if given.ndim == first + 2 or (given.ndim == first + 3 and given.shape[-1] in (1, 3)):
+        return given
+    if given.ndim == 4 and not first:
+        raise ValueError(
+            f"{name} must be one picture, got {_came(given)}; a clip (T, H, W, C) goes to .clip, "
+            "a batch (N, H, W, C) to .batch"
+        )
+    n, three = "N, " * first, given.ndim == first + 3 and given.shape[first] in (1, 3)
+    raise ValueError(
+        f"{name} must have shape ({n}H, W), ({n}H, W, 1) or ({n}H, W, 3), got {given.shape}"
+        + "; channels come last" * three
+    )
 
 
 def _mixed(given: Array, alpha: Array, color: tuple[float, ...], white: float) -> Array:

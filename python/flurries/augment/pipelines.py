@@ -53,10 +53,13 @@ def thicker(weather: Weather, given: Any, fps: float, depth: Any) -> Array:
     return np.asarray(1.0 - (1.0 - before) * (1.0 - layer[..., 3]), before.dtype)
 
 
-def painted(given: torch.Tensor, weather: Callable[[Array], tuple[Array, Array]]) -> torch.Tensor:
+def painted(
+    given: torch.Tensor, weather: Callable[[Array], tuple[Array, Array]]
+) -> tuple[torch.Tensor, torch.Tensor]:
     """Return pictures (..., C, H, W) in a weather, as they came: dtype, device and gradient.
 
-    The weather takes (..., H, W, C) and returns that and layers, (..., H, W, 4).
+    And the opacity, (..., H, W) float32. The weather takes (..., H, W, C) and returns that
+    and layers, (..., H, W, 4).
     """
     import torch
 
@@ -73,9 +76,9 @@ def painted(given: torch.Tensor, weather: Callable[[Array], tuple[Array, Array]]
     planes = (plain.float() if plain.dtype == torch.bfloat16 else plain).numpy()
     seen, layer = weather(np.moveaxis(planes, -3, -1))
     result = torch.from_numpy(np.ascontiguousarray(np.moveaxis(seen, -1, -3)))
-    result = result.to(given.device, given.dtype)
+    result, alpha = result.to(given.device, given.dtype), torch.from_numpy(layer[..., 3])
     if given.requires_grad and torch.is_grad_enabled():
         # What is seen is linear in the picture: (1 - alpha) of each pixel shows.
-        left = torch.from_numpy(1.0 - layer[..., None, :, :, 3]).to(given.device, given.dtype)
+        left = (1.0 - alpha)[..., None, :, :].to(given.device, given.dtype)
         result = result + (given - given.detach()) * left
-    return result
+    return result, alpha

@@ -99,7 +99,7 @@ def _sample(job: Pictures, parts: list[Part], lines: dict[str, Any]) -> list[Mem
             found.append((member, job.folder / part.path, line["sha256"]))
     for kind in job.swaps:
         if (path := job.path_of_label(kind, first.name)) is not None:
-            found.append((f"{key}.{kind}{path.suffix}", path, job.hash_of(path)))
+            found.append((f"{key}.{kind}{path.suffix}", path, job.hashes[path]))
     return found
 
 

@@ -154,7 +154,7 @@ class Pictures(Job):
     unit: float  # Of depths, metres.
     more: Mapping[str, float]  # Of the weathers, where it is not as usual.
     tolerant: bool = True
-    _hashes: Hashes = field(default_factory=Hashes)
+    hashes: Hashes = field(default_factory=Hashes)
     # The pictures made last, as read and in weather, and what they are.
     _last: tuple[Any, dict[str, Any]] = (None, {})
 
@@ -164,7 +164,7 @@ class Pictures(Job):
     def mark_of(self, index: int) -> Mark:
         part = self.parts[index]
         if part.copied:
-            return Mark(COPY, 0, self._hashes[self.source / part.name])
+            return Mark(COPY, 0, self.hashes[self.source / part.name])
         scale = "" if self.profile == "natural" else f"-{self.profile}"
         camera = "".join(f"{name} {value:g} " for name, value in self.more.items())
         camera += f"{self.fps:g} {self.focal:g} {self.distance:g} {self.unit:g}"
@@ -263,9 +263,6 @@ class Pictures(Job):
             return None
         raise FileNotFoundError(2, f"No {kind} {' '.join(ENDINGS[kind])} of {name}", str(way))
 
-    def hash_of(self, path: Path) -> str:
-        return self._hashes[path]
-
     def _label(self, kind: str, name: str, picture: Stored) -> Array:
         shape = picture.picture.pixels.shape[:2]
         if kind == "boxes" and self.boxes is not None:
@@ -283,7 +280,7 @@ class Pictures(Job):
         kinds = [kind for kind in self.swaps if kind in (*ALWAYS, NEEDS.get(part.plane))]
         labels = [self.path_of_label(kind, view) for kind in kinds for view in views]
         files += [label for label in labels if label is not None]
-        first, *more = [self._hashes[file] for file in files]
+        first, *more = [self.hashes[file] for file in files]
         if part.plane == "occlusion" and self.boxes is not None:
             more += [repr(self.boxes.get(view)) for view in views]
         return hashlib.sha256("".join([first, *more]).encode()).hexdigest() if more else first

@@ -109,7 +109,7 @@ class _Transform(v2.Transform):  # type: ignore[misc]
             whole, layers = (np.stack(part) for part in zip(*seen, strict=True))
             return whole.reshape(planes.shape), layers.reshape(*planes.shape[:-1], 4)
 
-        result = painted(given, pictures).reshape(inpt.shape)
+        result = painted(given, pictures)[0].reshape(inpt.shape)
         if isinstance(inpt, tv_tensors.TVTensor):
             result = tv_tensors.wrap(result, like=inpt)
         return result

@@ -20,9 +20,6 @@ from flurries.augment.record import VERSION, Recorded
 
 _NAMES = ("Snowfall", "Rainfall", "Fog")
 
-# Labels of `apply` that each picture of several has its own of.
-_LABELS = ("boxes", "masks", "flow")
-
 
 class Weather(Recorded):
     """Weather as a function of pictures; the fields are described in the weathers themselves."""
@@ -204,7 +201,7 @@ class Weather(Recorded):
         if eye is not None:
             sides = (-1 if choice("eye", eye, ("left", "right")) == "left" else 1,)
         moment = 0.0 if time is None else _seconds(time)
-        labels = [boxes, masks, flow]
+        labels = {"boxes": boxes, "masks": masks, "flow": flow}
         pair, film = isinstance(image, tuple), getattr(image, "ndim", 0) == 4
         if pair:
             pictures, times, sides = _pair(*image), [moment] * 2, (-1, 1)
@@ -213,14 +210,15 @@ class Weather(Recorded):
             times = [moment + number / rate for number in range(len(pictures))]
             sides *= len(pictures)
         else:
-            pictures, times, depth = [picture_of("image", image)], [moment], [depth]
-            wet = [wet]
-            labels = [[label] for label in labels]
+            pictures, times = [picture_of("image", image)], [moment]
+            depth, wet = [depth], [wet]
+            labels = {name: [label] for name, label in labels.items()}
         count, record = len(pictures), self._drawn(pictures[0], index)
-        each = [_each(name, label, count) for name, label in zip(_LABELS, labels, strict=True)]
-        corners = [None if one is None else boxes_of(one) for one in each[0]]
+        # Each picture of several has its own.
+        boxes, masks, flow = (_each(name, label, count) for name, label in labels.items())
+        corners = [None if one is None else boxes_of(one) for one in boxes]
         shape, color = pictures[0].shape[:2], record["color"]
-        flows = [None if one is None else flow_of(one, shape) for one in each[2]]
+        flows = [None if one is None else flow_of(one, shape) for one in flow]
         goes_on = rate if time is not None or len(set(times)) > 1 else None
         made = self._seen(pictures, [record] * count, depth, wet, times, goes_on, distance, sides,
                           passing=False)  # fmt: skip
@@ -230,8 +228,8 @@ class Weather(Recorded):
             if wanted or sides or flows[k] is not None or here.distances.given is not None:
                 later = partial(mixture_of, here, alpha, flows[k], wanted, rate)
             found.append(Weathered(
-                seen, alpha, color, record, each[0][k], each[1][k],
-                **hidden(alpha, veil, corners[k], each[1][k]), _mixture=later,
+                seen, alpha, color, record, boxes[k], masks[k],
+                **hidden(alpha, veil, corners[k], masks[k]), _mixture=later,
             ))  # fmt: skip
         return tuple(found) if pair else found if film else found[0]
 

@@ -22,9 +22,6 @@ class Precipitation(Weather):
     """Weather that falls."""
 
     veil: float = 0.0
-    wind: Range = 0.0
-    fall: Range = 0.0
-    exposure: Range = 0.0
 
     DRAWN: ClassVar[Mapping[str, Limits]] = {
         "wind": (-100.0, 100.0), "fall": (-100.0, 100.0), "exposure": (0.0, 10.0),

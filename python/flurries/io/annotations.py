@@ -56,9 +56,8 @@ def _yolo(values: list[float], shape: tuple[int, int]) -> list[float]:
     """Return a box of shares: its middle and sides, or the corners of a polygon around it."""
     if len(values) in (4, 5):
         x, y, width, height = values[:4]
-        across, down = (x - width / 2, x + width / 2), (y - height / 2, y + height / 2)
-    else:
-        across, down = (tuple(values[0::2]), tuple(values[1::2]))  # type: ignore[assignment]
+        values = [x - width / 2, y - height / 2, x + width / 2, y + height / 2]
+    across, down = values[0::2], values[1::2]
     sides = min(across), min(down), max(across), max(down)
     return [share * size for share, size in zip(sides, (*shape[::-1], *shape[::-1]), strict=True)]
 
