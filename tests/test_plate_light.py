@@ -125,7 +125,6 @@ def test_air_before_a_wall_takes_no_light_from_the_sky_beyond_its_edge():
         assert np.abs(before - farther[name]).max() < 0.05
 
 
-Array = np.ndarray[Any, Any]
 WEATHERS = {"ambient": fl.Snow("heavy"), "mist": fl.Mist("fog", structure=0.0)}
 
 

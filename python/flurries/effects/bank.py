@@ -75,11 +75,8 @@ class Bank:
         lit = lit_by_sun(mist, frame) or (local and self._topped)
         step = "lit gas" if lit_by_sun(mist, frame) or frame.lights else "gas"
 
-        def whole() -> Drawn:
-            make = partial(self._drawn, frame, base, lit=lit)
-            return frame.once(self, "bank", make, eye=True, depth=True)
-
-        made = frame.run(self, step, whole)
+        make = partial(self._drawn, frame, base, lit=lit)
+        made = frame.run(self, step, frame.once, self, "bank", make, eye=True, depth=True)
         if made is None:
             return Layer(mist.NAME, np.zeros(frame.size, np.float32), color)
         alpha, light, depth = (None if plane is None else frame.crop(plane) for plane in made)

@@ -152,14 +152,41 @@ class Precipitation:
             _core.join(alpha, planes or [np.zeros_like(alpha)], even)
         if color is None:
             shade = frame.run(self, "local light", local_shade, frame, self.optics)
-            layer = Layer(self.name, alpha, shade=shade, glow=glow)
         else:
             shade = None if glow is None else even_shade(frame, color)
-            layer = Layer(self.name, alpha, color, shade=shade, glow=glow)
+        layer = Layer(self.name, alpha, color or (1.0, 1.0, 1.0), shade=shade, glow=glow)
         known = hasattr(front if back is None else back, "passes")
         if frame.whole and known:
-            layer = replace(layer, **_passes_of(back, front, frame, amount, (behind, near), alpha))
+            layer = replace(layer, **self._passes(frame, amount, behind, near, alpha))
         return (*far, layer)
+
+    def _passes(
+        self, frame: Frame, amount: float, behind: Array | None, near: Array | None, alpha: Array
+    ) -> dict[str, Any]:
+        """Return motion to both sides, depth, coverage and ids of the window; see `Layer`."""
+        with current.get().stage("passes"):
+            others = [frame.later(step) for step in STEPS]
+            if behind is not None:
+                (motion, backward), depth = self.texture.passes(frame, others)
+            else:
+                motion, backward = (np.zeros((*alpha.shape, 2), np.float32) for _ in others)
+                depth = np.full(alpha.shape, np.inf, np.float32)
+            # What shows lies before the scene, wherever its layer's mean is.
+            scene = None if frame.depth is None else frame.crop(frame.depth)
+            coverage, ids = np.zeros_like(alpha), np.full(alpha.shape, -1, np.int64)
+            seen = None
+            if near is not None:
+                coverage = np.ascontiguousarray(near)
+                _, nearest, rows = self.flakes.seen(frame, amount)
+                shown = nearest, coverage, behind
+                numbers = _core.layer_seen(shown)
+                ways, far = self.flakes.passes(rows, numbers)
+                seen = shown, numbers, np.column_stack([*ways, far])
+                ids = np.append(rows[0].astype(np.int64), -1)[nearest]
+            _core.layer_finish(motion, backward, depth, alpha, scene, seen)
+        return {
+            "motion": motion, "backward": backward, "depth": depth, "coverage": coverage, "ids": ids
+        }  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,34 +220,3 @@ def _together(asked: Sequence[Needs]) -> Needs:
         frozenset[str]().union(*(needs.reads for needs in asked)),
         most=1.0 - float(np.prod([1.0 - needs.most for needs in asked])), by_rows=True,
     )  # fmt: skip
-
-
-def _passes_of(
-    texture: Any, flakes: Any, frame: Frame, amount: float,
-    planes: tuple[Array | None, Array | None], alpha: Array,
-) -> dict[str, Any]:  # fmt: skip
-    """Return motion to both sides, depth, coverage and ids of the window; see `Layer`."""
-    behind, front = planes
-    with current.get().stage("passes"):
-        others = [frame.later(step) for step in STEPS]
-        if texture is not None and behind is not None:
-            (motion, backward), depth = texture.passes(frame, others)
-        else:
-            motion, backward = (np.zeros((*alpha.shape, 2), np.float32) for _ in others)
-            depth = np.full(alpha.shape, np.inf, np.float32)
-        # What shows lies before the scene, wherever its layer's mean is.
-        scene = None if frame.depth is None else frame.crop(frame.depth)
-        coverage, ids = np.zeros_like(alpha), np.full(alpha.shape, -1, np.int64)
-        seen = None
-        if front is not None:
-            coverage = np.ascontiguousarray(front)
-            _, nearest, rows = flakes.seen(frame, amount)
-            shown = nearest, coverage, behind
-            numbers = _core.layer_seen(shown)
-            ways, far = flakes.passes(rows, numbers)
-            seen = shown, numbers, np.column_stack([*ways, far])
-            ids = np.append(rows[0].astype(np.int64), -1)[nearest]
-        _core.layer_finish(motion, backward, depth, alpha, scene, seen)
-    return {
-        "motion": motion, "backward": backward, "depth": depth, "coverage": coverage, "ids": ids
-    }  # fmt: skip
