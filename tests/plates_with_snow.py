@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import av
 import numpy as np
@@ -35,8 +36,7 @@ MOST = {
 _FEW = 30_000
 
 # Points of a flake of some pixels: fewer than the twin's own, which is for errors of .01.
-twin_footprints.POINTS, twin_footprints.LEAST_POINTS = 8.0, 16
-twin_footprints.POINT, twin_footprints.LARGE, twin_footprints.SAMPLES = 0.4, 6.0, 2
+FEWER = {"POINTS": 8.0, "LEAST_POINTS": 16, "POINT": 0.4, "LARGE": 6.0, "SAMPLES": 2}
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,8 @@ def clip(one: Case, folder: Path) -> Path:
     file = folder / f"{one.seed}_{one.view.size[0]}_{one.frames}.mp4"
     if file.exists():
         return file
-    alpha = opacity(one)
+    with mock.patch.multiple(twin_footprints, **FEWER):
+        alpha = opacity(one)
     still = plate(one, 0.0)
     with av.open(str(file), "w") as out:
         stream = out.add_stream("libx264", rate=int(one.view.fps), options={"crf": str(CRF)})

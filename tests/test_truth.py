@@ -35,7 +35,7 @@ FLAKES: dict[str, Any] = {
     "snow": fl.Snow("heavy", wind=AIR),
     "snow, all drawn": fl.Snow(density=12.0, wind=AIR, **NEAR),
     "snow in gusts": fl.Snow(density=12.0, wind=fl.Wind(AIR, gusts=0.8, swirl=0.4), **NEAR),
-    "rain, all drawn": fl.Rain(density=60.0, wind=AIR, **NEAR),
+    "rain, all drawn": fl.Rain(density=120.0, wind=AIR, **NEAR),
     "tent": fl.effects.TentSnow(texture=0.0, haze=0.0, wind=AIR),
     "tent's rain": fl.effects.TentRain(texture=0.0, haze=0.0, wind=AIR),
 }
