@@ -90,23 +90,19 @@ def case(seed: int, size: tuple[int, int] = (640, 360), frames: int = 32) -> Cas
 
 def plate(one: Case, t: float) -> np.ndarray:
     """Return the photograph as the camera sees it at frame t, display values (h, w, 3)."""
-    photo = getattr(skimage.data, one.photograph)()
-    picture = skimage.util.img_as_float(photo)[..., :3]
+    picture = skimage.util.img_as_float(getattr(skimage.data, one.photograph)())[..., :3]
     width, height = one.view.size
     # A camera that turns needs more of it: of infinity, and a little larger.
-    room = width + 2 * math.ceil(one.view.focal * 0.1 * 1.0 * one.frames / one.view.fps) + 8
-    wide = room if one.view.spin else width
+    room = 2 * math.ceil(one.view.focal * 0.1 * one.frames / one.view.fps) + 8
+    wide = width + (room if one.view.spin else 0)
     ratio = max(wide / picture.shape[1], (height + 8) / picture.shape[0])
     shape = math.ceil(picture.shape[0] * ratio), math.ceil(picture.shape[1] * ratio)
     large = skimage.transform.resize(picture, shape, order=3, anti_aliasing=ratio < 1.0)
-    shift = one.view.focal * math.tan(one.view.spin * t / one.view.fps)
-    left = 0.5 * (shape[1] - width) + shift
-    whole, rest = math.floor(left), left - math.floor(left)
-    top = (shape[0] - height) // 2
-    rows = large[top : top + height]
-    if not one.view.spin:
-        return np.clip(rows[:, whole : whole + width], 0.0, 1.0)
-    first, second = (rows[:, whole + n : whole + n + width] for n in (0, 1))
+    left = 0.5 * (shape[1] - width) + one.view.focal * math.tan(one.view.spin * t / one.view.fps)
+    whole, top = math.floor(left), (shape[0] - height) // 2
+    rest = left - whole if one.view.spin else 0.0
+    columns = whole + np.arange(width)
+    first, second = (large[top : top + height].take(columns + n, 1, mode="clip") for n in (0, 1))
     return np.clip((1.0 - rest) * first + rest * second, 0.0, 1.0)
 
 
@@ -143,7 +139,6 @@ def opacity(one: Case) -> Floats:
         for few in range(0, count, _FEW):
             part = np.s_[few : few + _FEW]
             kept.append((places[:, part], diameter[part], 2.0 * math.pi * phases[:, part]))
-    found = np.empty((one.frames, height, width), np.float32)
     canvases = [Canvas((height, width), law.opacity, t) for t in range(one.frames)]
     amplitude, rate = view.sway
     for places, diameter, phases in kept:
@@ -163,9 +158,7 @@ def opacity(one: Case) -> Floats:
             if len(rest):
                 ends = np.array([way[0][:, rest], np.mean(way, axis=0)[:, rest], way[1][:, rest]])
                 canvas.add(ends, image[rest], law.shown(depth[rest]))
-    for t, canvas in enumerate(canvases):
-        found[t] = canvas.alpha()
-    return found
+    return np.array([canvas.alpha() for canvas in canvases], np.float32)
 
 
 def clip(one: Case, folder: Path) -> Path:
@@ -174,8 +167,7 @@ def clip(one: Case, folder: Path) -> Path:
     if file.exists():
         return file
     with mock.patch.multiple(twin_footprints, **FEWER):
-        alpha = opacity(one)
-    still = plate(one, 0.0)
+        alpha, still = opacity(one), plate(one, 0.0)
     with av.open(str(file), "w") as out:
         stream = out.add_stream("libx264", rate=int(one.view.fps), options={"crf": str(CRF)})
         stream.width, stream.height, stream.pix_fmt = *one.view.size, "yuv420p"

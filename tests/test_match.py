@@ -3,6 +3,7 @@
 The whole loop of 40 clips is `python docs/make_match.py`.
 """
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -10,15 +11,28 @@ import pytest
 
 import flurries as fl
 from films import snowfall, write
-from flurries.matching.match import Unmatched
-from plates_with_snow import case, clip, misses, noisy, plate
+from flurries.matching.match import Match, Unmatched
+from plates_with_snow import Case, case, clip, misses, noisy, plate
 from test_cli import Run, here, run
+
+
+def tint(found: Match, one: Case) -> float:
+    """Return how far a match's channels are off, apart from their mean."""
+    off = fl.io.linear_to_srgb(np.array(found.light.snow)) - one.color
+    return float(np.abs(off - off.mean()).max())
 
 
 def test_the_numbers_of_a_clip_of_the_twin_are_found(tmp_path: Path):
     one = case(8, frames=16)  # It takes little to draw.
     found = fl.match(clip(one, tmp_path), camera=fl.Camera(one.view.focal))
     assert found.fps == one.view.fps and not misses(found, one), (found, one)
+    assert tint(found, one) < 0.04, found.light
+    # One picture and its plate.
+    file = next(iter(tmp_path.iterdir()))
+    picture = fl.io.open_background(file).frame(3).pixels
+    found = fl.match(picture, noisy(plate(one, 0.0), 0), fl.Camera(one.view.focal), one.view.fps)
+    assert abs(math.degrees(found.direction) - one.direction) < 10.0 and tint(found, one) < 0.04
+    assert abs(found.snow.density / one.law.density - 1.0) < 3.0 * found.errors["density"]
 
 
 @pytest.mark.parametrize(
@@ -69,3 +83,13 @@ def test_another_shot_has_its_own_light():
     found = fl.match(snowfall(), camera=fl.Camera(384.0), fps=25.0)
     other = found.scene("#203040", size=(96, 64))
     assert other.effects[0] == found.snow and other.light is None
+
+
+def test_the_command_leaves_the_camera_of_a_wide_plate_as_it_is(run: Run, here: Path):
+    wide = [frame.repeat(3, 0).repeat(3, 1) for frame in snowfall(4)]
+    fl.io.write_picture("plate.png", fl.io.fit(fl.io.photograph("coffee"), (960, 540)))
+    fl.io.write_picture("snow.png", wide[3])
+    code, _, err = run(
+        "match", "snow.png", "--clean", "plate.png", "--focal", "1152", "-o", "a.toml"
+    )
+    assert code == 0 and fl.open("a.toml").camera.camera.focal == 1152.0, err

@@ -37,7 +37,9 @@ _CLEAR, _TURN, _MISFIT, _LEVEL = 3.0, 0.15, 1.1, 0.15
 # What is faint is lost before it is seen, and flakes look smaller: by the closed loop's median.
 _LARGER = 1.1
 
-# What number, size and exposure are right by at best: the closed loop's.
+# What number, size and exposure are right by at best: the closed loop's. Those of a still are so
+# many times as uncertain, and so is its light by a share: by seven of the loop's frames.
+_STILL, _STILL_LIGHT = 3.0, 0.08
 _SURE = {"density": 0.13, "size": 0.08, "shutter": 0.09}
 
 # The depth that half of the flakes' cover is before, metres.
@@ -217,7 +219,8 @@ def _matched(seen: Watched, camera: Camera, fps: float) -> Match:
     if seen.clean is not None:
         behind = seen.clean.mean(axis=2)
         if not film:
-            light, doubt = light_over(luma[0] + mean - behind, behind)
+            light = light_over(mean - behind, behind)
+            doubt = _STILL_LIGHT * light
         # How opaque the air is on average, by places that differ from the light.
         cover = float(((mean - behind) * (light - behind)).sum() / ((light - behind) ** 2).sum())
         _refuse(
@@ -254,7 +257,7 @@ def _matched(seen: Watched, camera: Camera, fps: float) -> Match:
     fall = SNOW.fall(sizes)
     speed = math.hypot(wind, fall)
     light = min(light, 1.0)
-    colors = np.clip(tinted(seen.frames, seen.mean, light), 0.0, None)
+    colors = tinted(seen.frames, seen.mean, seen.clean, light)
     snow = Snow(
         density=got.density, wind=(wind, 0.0, way.approach * speed), shutter=min(shutter, 1.0),
         flake_size=(_LARGER * sizes.smallest, _LARGER * sizes.mean, _LARGER * sizes.largest),
@@ -266,7 +269,7 @@ def _matched(seen: Watched, camera: Camera, fps: float) -> Match:
         veil = -math.expm1(-got.density * area * (FAR - NEAR))
         plate = (seen.mean - veil * colors) / (1.0 - veil)
     known = {
-        name: math.hypot(own, best)
+        name: math.hypot(own, best * (1.0 if film else _STILL))
         for own, (name, best) in zip(got.errors.tolist(), _SURE.items(), strict=True)
     }
     turn = way.error / abs(math.tan(way.angle))
