@@ -158,9 +158,10 @@ def test_motion_of_kitti_is_read(tmp_path: Path):
     found = read_label("flow", tmp_path / "a.png", (H, W))
     want = (levels[..., :2] - 32768.0) / 64.0
     assert np.isnan(found[3, 5]).all() and np.nanmax(np.abs(found - want)) == 0.0
-    (tmp_path / "a.flo").write_bytes(b"none of it at all")
-    with pytest.raises(ValueError, match=r"a\.flo: holds no flow"):
-        read_label("flow", tmp_path / "a.flo", (H, W))
+    for name, broken in (("a.flo", b"none of it at all"), ("a.npy", b"")):
+        (tmp_path / name).write_bytes(broken)
+        with pytest.raises(ValueError, match=f"{name}: holds no flow"):
+            read_label("flow", tmp_path / name, (H, W))
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))

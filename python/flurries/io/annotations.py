@@ -24,9 +24,12 @@ ENDINGS = {
 def read_label(kind: str, path: Path, shape: tuple[int, int] = (1, 1)) -> Array:
     """Return a label of a picture, whose shape boxes of shares take; others are refused."""
     try:
-        found: Array = _READERS[kind](path, shape)
-        return found
-    except (ValueError, IndexError, TypeError, ElementTree.ParseError) as error:
+        plain = path.suffix == ".npy"
+        found = np.load(path, allow_pickle=False) if plain else _READERS[kind](path, shape)
+        if kind == "wet":
+            return np.asarray(found != 0)
+        return np.asarray(found, np.float32 if kind == "depth" else None)
+    except (ValueError, IndexError, TypeError, EOFError, ElementTree.ParseError) as error:
         raise ValueError(f"{path}: holds no {kind} of a picture: {error}") from error
 
 
@@ -94,8 +97,6 @@ def _flow(path: Path, shape: tuple[int, int]) -> Array:
         if head[:1].tobytes() != b"PIEH" or data.size != 2 * head[1:].prod():
             raise ValueError("its head and size are not those of Middlebury's format")
         return np.where(np.abs(data) < 1e9, data, np.nan).reshape(head[2], head[1], 2)
-    if path.suffix == ".npy":
-        return np.asarray(np.load(path, allow_pickle=False))
     stored = read_picture(path).pixels
     if stored.dtype != np.uint16 or stored.shape[2] != 3:
         raise ValueError(f"a PNG of motion has 3 channels of 16 bits, got {stored.dtype}")
@@ -107,8 +108,6 @@ def _numbers(path: Path, shape: tuple[int, int]) -> Array:
     """Return (H, W) whole numbers: instances, or a mask."""
     from PIL import Image
 
-    if path.suffix == ".npy":
-        return np.asarray(np.load(path, allow_pickle=False))
     with Image.open(path) as opened:
         found = np.array(opened)
         # The 255 of a palette is what VOC leaves open.
@@ -116,13 +115,9 @@ def _numbers(path: Path, shape: tuple[int, int]) -> Array:
 
 
 def _depth(path: Path, shape: tuple[int, int]) -> Array:
-    if path.suffix == ".npy":
-        return np.asarray(np.load(path, allow_pickle=False), np.float32)
-    found = read_picture(path).pixels[..., 0] if path.suffix == ".png" else read_depth(path)
-    return np.asarray(found, np.float32)
+    return read_picture(path).pixels[..., 0] if path.suffix == ".png" else read_depth(path)
 
 
 _READERS: dict[str, Callable[[Path, tuple[int, int]], Any]] = {
-    "depth": _depth, "flow": _flow, "boxes": _boxes, "masks": _numbers,
-    "wet": lambda path, shape: _numbers(path, shape) != 0,
+    "depth": _depth, "flow": _flow, "boxes": _boxes, "masks": _numbers, "wet": _numbers,
 }  # fmt: skip
