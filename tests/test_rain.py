@@ -45,6 +45,16 @@ def test_kept_power_is_the_mean_over_directions(cycles: float, alias: str, shutt
         assert want == pytest.approx(2.0 / math.pi * math.asin(0.5 / cycles), rel=1e-9)
 
 
+@pytest.mark.parametrize("cycles", [1.0, 4.0])
+def test_kept_power_is_that_of_a_large_tile(cycles: float):
+    # The kernel's own tables: the sum over the lattice of 512 px.
+    amplitude = fl.spectral.band_amplitude((512, 512), wavelengths=(2.0, 12.0))
+    speed = 12.0 * cycles * np.array([math.cos(1.5), math.sin(1.5)])
+    for alias in ("cut", "soft"):
+        kept = fl.spectral.temporal_filter(amplitude, speed, alias=alias, wavelength_max=12.0)
+        assert (kept**2).sum() == pytest.approx(kept_power(cycles, alias), rel=0.06)
+
+
 @pytest.mark.parametrize(
     ("mean", "spread", "power"), [(0.5, 3.0, 2.0), (-0.1, 2.0, 2.0), (0.15, 2.5, 1.5)]
 )

@@ -19,7 +19,6 @@ from flurries._kept import kept
 from flurries.camera.path import CameraPath
 from flurries.cone.sheet import wrapped
 from flurries.effects import checks
-from flurries.effects.checks import Described, effect
 from flurries.effects.color import Color
 from flurries.effects.drawn import Flakes
 from flurries.effects.motion import Motion, air_course, air_motions, rays
@@ -136,7 +135,7 @@ def beyond(part: DoubleCone, path: CameraPath, fps: float, lap: Lap) -> tuple[fl
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Cone(metaclass=Described):
+class _Cone(metaclass=checks.Described):
     amount: Number = 1.0
     fall: Number = 8.0
     wind: Vector | Wind = (0.56, 0.0, 0.0)
@@ -182,7 +181,7 @@ class _Cone(metaclass=Described):
         )  # fmt: skip
 
 
-@effect()
+@checks.effect()
 @dataclass(frozen=True, kw_only=True)
 class ConeRain(_Cone):
     """Rain on a double cone: the cost of a frame does not depend on how heavy it is.
@@ -248,7 +247,7 @@ class ConeRain(_Cone):
         return self._parts(make, self.drop_length, (0.3, 0.55, 0.8, 1.0))
 
 
-@effect()
+@checks.effect()
 @dataclass(frozen=True, kw_only=True)
 class ConeSnow(_Cone):
     """Snow on a double cone, with flakes that sway in front, since those of a texture move alike.

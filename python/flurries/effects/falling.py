@@ -18,7 +18,6 @@ from flurries._contract import Array, real, vector
 from flurries._warnings import warn
 from flurries.effects import checks
 from flurries.effects.bent import moved_by_wind, read_bent
-from flurries.effects.checks import Described, effect
 from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color, lamp_shade
 from flurries.effects.motion import Motion, plane_motion, product, times
 from flurries.effects.notes import Body, Notes, as_bodies, as_ids, as_placed, as_where, depths_of
@@ -121,7 +120,7 @@ class FlakeTexture:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Falling(metaclass=Described):
+class Falling(metaclass=checks.Described):
     """The fields of snow and of rain."""
 
     density: Number
@@ -223,7 +222,7 @@ class Falling(metaclass=Described):
         )  # fmt: skip
 
 
-@effect("rate", "visibility", "severity", law=solved)
+@checks.effect("rate", "visibility", "severity", law=solved)
 @dataclass(frozen=True, kw_only=True)
 class Snow(Falling):
     """Falling snow, made of flakes.
@@ -346,7 +345,7 @@ class Snow(Falling):
     NATURAL: ClassVar[str] = "aggregate"
 
 
-@effect("rate", "visibility", "severity", law=solved)
+@checks.effect("rate", "visibility", "severity", law=solved)
 @dataclass(frozen=True, kw_only=True)
 class Rain(Falling):
     """Rain, made of drops.

@@ -13,7 +13,6 @@ from flurries import gas
 from flurries._contract import choice, flag, integer, real, vector
 from flurries.effects import checks
 from flurries.effects.bank import Bank
-from flurries.effects.checks import Described, effect
 from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color
 from flurries.effects.presets import MIST, PAPER_MIST, MistLook
 from flurries.effects.strength import BACKDROP, Strength, knob_of, reach
@@ -48,9 +47,9 @@ def _of_severity(kind: Any, turned: dict[str, Any], given: dict[str, Any]) -> di
     return {"visibility": knob_of("visibility", {**given, **turned})}
 
 
-@effect("severity", law=_of_severity)
+@checks.effect("severity", law=_of_severity)
 @dataclass(frozen=True, kw_only=True)
-class Mist(metaclass=Described):
+class Mist(metaclass=checks.Described):
     """Mist, fog and clouds.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres when

@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from flurries.effects import checks
-from flurries.effects.checks import Described, effect
 from flurries.effects.color import Color
 from flurries.effects.drawn import Flakes
 from flurries.effects.field import Field
@@ -27,7 +26,7 @@ from flurries.spectral.tiles import Blend
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Tent(metaclass=Described):
+class _Tent(metaclass=checks.Described):
     amount: Number = 1.0
     fall: Number = 1.4
     wind: Vector | Wind = (0.36, 0.0, 0.0)
@@ -66,7 +65,7 @@ class _Tent(metaclass=Described):
         )  # fmt: skip
 
 
-@effect()
+@checks.effect()
 @dataclass(frozen=True, kw_only=True)
 class TentSnow(_Tent):
     """Falling snow as Langer's texture.
@@ -149,7 +148,7 @@ class TentSnow(_Tent):
         )  # fmt: skip
 
 
-@effect()
+@checks.effect()
 @dataclass(frozen=True, kw_only=True)
 class TentRain(_Tent):
     """Rain as Langer's texture.
