@@ -1,8 +1,11 @@
-"""Weather for data sets: what comes back, how much there is of it, and that it can be had again."""
+"""Weather on arrays: pictures, batches, films and pairs, draws and records, whoever makes them."""
 
 import json
 import math
+import multiprocessing
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -180,7 +183,7 @@ def test_sheets_before_two_eyes_have_their_disparity():
 def test_without_an_index(kind: str):
     seeded = KINDS[kind](seed=7)
     assert np.array_equal(seeded(PICTURE), seeded(PICTURE.copy()))
-    # With one, see test_augment_workers.py, the seed counts.
+    # With one the seed counts.
     assert not np.array_equal(seeded(PICTURE, index=0), KINDS[kind](seed=8)(PICTURE, index=0))
     other = PICTURE.copy()
     other[0, 0] ^= 255
@@ -231,3 +234,61 @@ def test_draws_fill_their_ranges(kind: str):
         assert abs((values.mean() - low) / (high - low) - 0.5) < 5.0 / math.sqrt(12 * 400), name
     levels = {KINDS[kind](severity=(2, 4), seed=3).record(index=k)["amount"] for k in range(60)}
     assert levels == {0.4, 0.6, 0.8}
+
+
+# From 3.12 on Python warns of any fork beside threads; the test is that it works.
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+
+LARGE = np.random.default_rng(0).integers(0, 256, (120, 160, 3), dtype=np.uint8)
+WEATHERS = (fl.augment.Snowfall, fl.augment.Rainfall, fl.augment.Fog)
+JOBS = [(kind(severity=(2, 4), seed=7), index) for kind in WEATHERS for index in range(12)]
+
+
+def made(job: tuple[Any, int]) -> bytes:
+    weather, index = job
+    result: np.ndarray = weather(LARGE, index=index)
+    return result.tobytes()
+
+
+@pytest.fixture(scope="module")
+def want() -> list[bytes]:
+    # The parent has used its threads before anybody forks.
+    return [made(job) for job in JOBS]
+
+
+def by_processes(method: str, workers: int) -> list[bytes]:
+    context = multiprocessing.get_context(method)
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        futures = [pool.submit(made, job) for job in reversed(JOBS)]
+        return [future.result(timeout=120) for future in futures][::-1]
+
+
+def by_threads() -> list[bytes]:
+    with ThreadPoolExecutor(8) as pool:
+        return list(pool.map(made, JOBS))
+
+
+def by_joblib() -> list[bytes]:
+    import joblib
+
+    many = joblib.Parallel(n_jobs=2, backend="loky", timeout=120)
+    return list(many(joblib.delayed(made)(job) for job in JOBS))
+
+
+@pytest.mark.parametrize("way", [
+    partial(by_processes, "fork", 3), partial(by_processes, "spawn", 2),
+    partial(by_processes, "forkserver", 1), by_threads, by_joblib,
+])  # fmt: skip
+def test_whoever_makes_them_pictures_are_the_same(way: Callable[[], Any], want: list[bytes]):
+    assert way() == want and len(set(want)) == len(JOBS)
+
+
+def test_without_a_seed_forked_workers_never_share_a_draw():
+    with multiprocessing.get_context("fork").Pool(3) as pool:
+        seeds = pool.map_async(drawn, [fl.augment.Snowfall()] * 60, chunksize=1).get(120)
+    assert len(set(seeds)) == 60
+
+
+def drawn(weather: Any) -> int:
+    number: int = weather.apply(LARGE[:8, :8]).record["weather_seed"]
+    return number

@@ -1,7 +1,5 @@
 """What is in the air before a picture: flakes or drops, a texture of them, and a veil."""
 
-from __future__ import annotations
-
 import math
 import threading
 from dataclasses import replace

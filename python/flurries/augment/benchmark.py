@@ -1,7 +1,5 @@
 """A data set in a fixed table of weathers, told by its hashes from any other; scores of it."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import io

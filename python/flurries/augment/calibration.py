@@ -5,8 +5,6 @@ from its rate or visibility. "hard" is a share of the contrast, for benchmarks, 
 at every step; the air has as much weather as takes it before the picture's own depths.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Literal, TypeAlias

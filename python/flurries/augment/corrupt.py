@@ -1,7 +1,5 @@
 """Whole data sets in weather: parallel, resumable; a picture's weather is of its name."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import re

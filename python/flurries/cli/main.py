@@ -1,7 +1,5 @@
 """The entry: finds the command, runs it, and turns what goes wrong into one sentence."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import signal

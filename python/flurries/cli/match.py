@@ -1,7 +1,5 @@
 """`flurries match`: from real falling snow to a scene."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

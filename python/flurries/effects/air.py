@@ -5,8 +5,6 @@ changes. So a request says where the camera is in that air at the frame's times,
 looks there.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

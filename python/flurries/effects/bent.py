@@ -7,8 +7,6 @@ from where the camera is and how it looks, not from a time. What a pixel sees of
 on it, which a lattice of nodes says for the opening and the close of the shutter.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator

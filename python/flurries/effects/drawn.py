@@ -1,7 +1,5 @@
 """Flakes that are drawn one by one, the near ones or all of them, and the list of them."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass

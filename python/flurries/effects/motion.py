@@ -1,7 +1,5 @@
 """What moves the weather, a fall, a wind and a camera, and the pixels of what is at a depth."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """One layer of what falls: a texture behind, flakes in front, and a veil over all that is far."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

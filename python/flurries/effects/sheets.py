@@ -7,8 +7,6 @@ evenly and as a whole a frame reads each sheet at its own place and adds them; e
 sees of a sheet is told by `effects/bent.py`.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -9,8 +9,6 @@ is odd but for its mean of 1: clumps ride with flakes of the mean size, fronts o
 them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """How a frame is put together: in one piece, or in bands of rows where it is large."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

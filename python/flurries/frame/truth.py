@@ -1,7 +1,5 @@
 """A frame with what it is made of: layers, and what their pixels show."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Which way flakes move: the line that all planes of the fan share, by places of the picture."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -6,8 +6,6 @@ metres. What varies is the optical density of a Poisson process, whose spectrum 
 of its flakes.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The population whose fan is the clip's: its number, sizes and exposure, by least squares."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import cache

@@ -5,8 +5,6 @@ are and however opaque, what varies in time goes with |L - B| from place to plac
 where the plate is as bright as they.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from flurries._contract import Array, Float64

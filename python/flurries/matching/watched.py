@@ -5,8 +5,6 @@ so (frame - M) / (L - M) is (a - mean(a)) / (1 - mean(a)), whatever the plate is
 that of the flakes' optical density alone, and the plate need not be known.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from typing import NamedTuple

@@ -4,8 +4,6 @@ A picture is written in bands of rows, so that no second copy of 16384 x 16384 p
 ever made, and it is read back before it takes its final name.
 """
 
-from __future__ import annotations
-
 import os
 import zlib
 from collections.abc import Callable, Iterator, Sequence
