@@ -20,8 +20,7 @@ from flurries.io import write_picture
 from flurries.viewer.charts import chart
 from flurries.viewer.controls import applied, controls_of
 from flurries.viewer.inert import inert
-from flurries.viewer.preview import Preview
-from flurries.viewer.session import Session, jpeg
+from flurries.viewer.session import Preview, Session, jpeg
 
 SNOW = TentSnow(flakes=300, wind=(0.9, 0.0, 0.0), fall=1.2)
 SCENE = fl.Scene("#203040", size=(160, 120), effects=[SNOW], fps=25.0, seed=5)

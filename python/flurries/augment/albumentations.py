@@ -1,7 +1,4 @@
-"""Weather as transforms of albumentations and of AlbumentationsX, see docs/augment.md.
-
-Draws come from the pipeline's own random numbers, so that its seed rules them.
-"""
+"""Weather as transforms of albumentations and AlbumentationsX, ruled by a pipeline's own seed."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Weather as augmentations of kornia, in its pipelines, see docs/augment.md.
-
-Draws come from torch's random numbers. Gradients go through to what is seen of a picture.
-"""
+"""Weather as augmentations of kornia; gradients go through to what is seen of a picture."""
 
 import itertools
 from typing import Any, ClassVar

@@ -24,22 +24,16 @@ _NOT_LABELS = rf"(?!(.*/)?({_LABELS})/)"
 
 @dataclass(frozen=True)
 class Layout:
-    """Where a kind of data set has its pictures, told by regular expressions of whole paths.
+    """Where a kind of data set has its pictures, told by regular expressions of whole paths."""
 
-    `signs`: each is the path of some file. `pictures`: these get weather. `films`: of the frames of
-    a film, whose name the groups are, and ``t`` the frame's number or its microseconds since 1970.
-    `eyes`: what in the name of a left picture is another text in that of the right one. `labels`:
-    what in the name of a picture is another one in that of its label. `boxes`: tables of boxes of
-    COCO's kind. `lens`: focal length in widths of the picture, and distance between the eyes in
-    metres.
-    """
-
-    signs: tuple[str, ...] = ()
-    pictures: str = f"(?i:{_NOT_LABELS}).*"
+    signs: tuple[str, ...] = ()  # Each is the path of some file.
+    pictures: str = f"(?i:{_NOT_LABELS}).*"  # These get weather.
+    # Frames of films, whose names the groups are; `t`: numbers, or microseconds since 1970.
     films: tuple[str, ...] = (r"(.*/)?frame[-_]?(?P<t>\d+)\.\w+",)
-    eyes: tuple[tuple[str, str], ...] = (("/left/", "/right/"),)
+    eyes: tuple[tuple[str, str], ...] = (("/left/", "/right/"),)  # Texts in names of a pair.
     fps: float = 30.0
-    lens: tuple[float, float] = (1.2, 0.12)
+    lens: tuple[float, float] = (1.2, 0.12)  # Widths of the picture; metres between the eyes.
+    # Texts in the names of a picture and of its label; and tables of boxes of COCO's kind.
     labels: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     boxes: str = ""
 
@@ -109,16 +103,12 @@ _EPOCH = 1_400_000_000_000_000
 
 @dataclass(frozen=True)
 class Member:
-    """A picture of a data set.
-
-    `weather` is the name that its weather is drawn from: its own, its film's or its left eye's.
-    `time` is that of a frame in seconds, `eyes` the names of the pair that it is one of.
-    """
+    """A picture of a data set."""
 
     name: str
-    weather: str
-    time: float | None = None
-    eyes: tuple[str, str] | None = None
+    weather: str  # What it is drawn from: the picture's name, its film's or its left eye's.
+    time: float | None = None  # Of a frame, seconds.
+    eyes: tuple[str, str] | None = None  # Names of its pair.
 
     @property
     def words(self) -> str:

@@ -56,11 +56,8 @@ def thicker(weather: Weather, given: Any, fps: float, depth: Any) -> Array:
 def painted(
     given: torch.Tensor, weather: Callable[[Array], tuple[Array, Array]]
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return pictures (..., C, H, W) in a weather, as they came: dtype, device and gradient.
-
-    And the opacity, (..., H, W) float32. The weather takes (..., H, W, C) and returns that
-    and layers, (..., H, W, 4).
-    """
+    """Return pictures (..., C, H, W) in a weather, as they came, and the opacity (..., H, W)."""
+    # The weather takes (..., H, W, C), and returns that and layers (..., H, W, 4).
     import torch
 
     channels = given.shape[-3]

@@ -1,7 +1,4 @@
-"""What others read of a set in weather: its card, a table of its pictures, and shards.
-
-Shards are plain tar files of samples, named as webdataset reads them.
-"""
+"""What others read of a set in weather: its card, a table of its pictures, webdataset's shards."""
 
 from __future__ import annotations
 
@@ -27,7 +24,6 @@ _OURS = "<!-- written by flurries corrupt -->"
 
 # What a sample says of its weather.
 _SAID = ("source", "weather", "severity", "strength", "record")
-
 
 # The name of a member, its content, and what tells it from others.
 Member: TypeAlias = "tuple[str, Path | bytes, str]"

@@ -1,7 +1,4 @@
-"""What a weather for data sets is told, what is drawn from that, and the record of it.
-
-Draws are a pure function of the seed and the index of a call.
-"""
+"""What a weather is told, what is drawn from that, purely by seed and index, and the record."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Weather as transforms of torchvision (v2), in its pipelines, see docs/augment.md.
-
-Draws come from torch's random numbers, which a DataLoader seeds for each of its workers.
-"""
+"""Weather as transforms of torchvision (v2), drawn from torch's random numbers: docs/augment.md."""
 
 from __future__ import annotations
 

@@ -1,10 +1,7 @@
 """A camera that turns and zooms: integrals in its axes, weighed by its focal length.
 
-Between keys a camera turns about one axis at one rate: R(t) = R_i exp([w] (t - t_i)), with w in the
-camera's own axes. Integrals of R^T u for a velocity u that is linear in time are then sums of
-elementary terms: any time can be asked for without the ones before it. What moves across the view
-by dP moves by f dP / Z in the picture, with the focal length of that moment: a zoom weighs the way
-instead of changing what has long passed.
+Between keys R(t) = R_i exp([w] (t - t_i)), w in the camera's own axes: integrals of R^T u, u linear
+in time, are sums of elementary terms. See docs/internals/architecture.md.
 """
 
 import bisect

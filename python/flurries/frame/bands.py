@@ -1,7 +1,4 @@
-"""Windows of a picture, where weather can be seen in them, and the bands of a large one.
-
-What a frame is mixed of is several times as large as it: of a large one only a band is ever held.
-"""
+"""Windows of a picture, where weather can be seen in them, and the bands of a large one."""
 
 from typing import Any
 
@@ -13,7 +10,7 @@ from flurries.spectral.tiles import tile_starts
 
 Window = tuple[int, int, int, int]
 
-# Frames of more pixels than this are made in bands.
+# Frames of more pixels than this are made in bands: what a frame is mixed of is larger than it.
 WHOLE = 1 << 21
 
 # Pixels of a band, and what its rows are a multiple of: flakes and gas come in tiles of 64 px.

@@ -1,7 +1,4 @@
-"""What an effect says about a frame before it is made, in ``needs(frame) -> Needs``.
-
-An effect without the method is rendered whenever it is in the scene, and given everything.
-"""
+"""What an effect says about a frame before it is made; without `needs` it is given everything."""
 
 from __future__ import annotations
 

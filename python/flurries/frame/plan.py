@@ -1,7 +1,4 @@
-"""The plan of a scene: the steps that its effects name, and a trace of a few of its frames.
-
-Printed as a table, shown as a picture in a notebook, or given as JSON.
-"""
+"""The plan of a scene: the steps that its effects name, and a trace of a few of its frames."""
 
 import json
 import math

@@ -1,8 +1,4 @@
-"""Planes of a frame in memory that an earlier frame has given back.
-
-The system clears fresh memory page by page, which a frame with layers waits for. What a frame held
-is kept here, up to a limit, and used again once no array and no view of it is left.
-"""
+"""Planes of a frame in memory that an earlier frame has given back: fresh memory is slow."""
 
 import math
 import sys

@@ -1,7 +1,4 @@
-"""What a scene's frames are made of: which effects run, with which steps, and what they are given.
-
-Resolved once, at the scene's first frame. What is left out here costs a frame no time.
-"""
+"""What a scene's frames are made of: which effects run, with which steps, and what they get."""
 
 from __future__ import annotations
 

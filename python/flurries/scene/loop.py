@@ -1,11 +1,7 @@
-"""A scene that begins again after some frames: what runs, and what had to be bent for it.
+"""A scene that begins again after N frames: two rounds at a time, at t and at t - N.
 
-A flake that falls through a film of N frames is N frames' way farther on when the film begins
-again. So a film that repeats shows two rounds at a time: the film at t, and the film at t - N. In
-each frame a few flakes of the first go and as many of the second come, by the same law as where
-the amount of snow changes; at the end all are those of t - N, which is where the film began. No
-speed is bent, and as many flakes are there at all times. What is no crowd of flakes looks at the
-frame's `lap` itself: waves of a texture turn by whole cycles, a cone by whole tiles.
+In each frame a few flakes of the first go and as many of the second come, as where the amount
+changes. What is no crowd of flakes looks at the frame's `lap`: waves turn by whole cycles.
 """
 
 from __future__ import annotations

@@ -1,9 +1,4 @@
-"""What can be tuned by hand in a scene, and the scene that the sliders stand for.
-
-A row of the page stands for a number, choice or color of an effect, for a lamp, the opening of the
-lens or a depth. Only rows that were touched count: what is keyed or unusual in a scene stays until
-somebody moves its slider, which then holds for the whole film.
-"""
+"""What can be tuned by hand in a scene, and the scene that the touched sliders stand for."""
 
 import math
 from collections.abc import Iterator, Mapping

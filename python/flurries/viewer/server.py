@@ -1,8 +1,7 @@
 """The viewer in a browser: one page and its answers, for this machine and this user alone.
 
-Bound to 127.0.0.1. Every address begins with a random token, so that neither other users nor pages
-of other sites can ask; the name in the request must be this machine's, so that no foreign name can
-be made to point here. What the page may write is one file, chosen on the command line.
+Every address begins with a random token, against other users and other sites' pages; the name in a
+request must be this machine's, so that no foreign name can be made to point here.
 """
 
 import hmac

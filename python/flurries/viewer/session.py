@@ -1,8 +1,4 @@
-"""What both viewers ask: a picture for where the sliders stand, the charts, and the scene's text.
-
-The front end keeps the time and the sliders and sends both with every question. What is remembered
-here is where the air was in each page's last picture, so that it can go on from there.
-"""
+"""What both viewers ask: a picture for where the sliders stand, the charts, the scene's text."""
 
 import json
 import threading
@@ -10,6 +6,7 @@ import time
 import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -19,14 +16,82 @@ from flurries import stereo
 from flurries._contract import Array, choice, integer, real
 from flurries.camera.path import CameraPath
 from flurries.frame.show import jpeg, on_screen
+from flurries.io import fit, fit_nearest
 from flurries.motion.keys import Keys
 from flurries.motion.wind import Wind
+from flurries.scene.depth import DepthMap
+from flurries.scene.foreground import Foreground
 from flurries.scene.scene import Scene
 from flurries.viewer.charts import chart, field_of
 from flurries.viewer.controls import EYES, applied, controls_of, fall_of, moves, names, settings
 from flurries.viewer.inert import inert
 from flurries.viewer.keep import film, python_of, save
-from flurries.viewer.preview import Preview
+
+# Of an effect, what is counted in pixels of the picture, with the least that makes sense.
+_SCALED = {"tile": 8, "overlap": 0}
+
+
+class Preview:
+    """A scene made small once, to be shown with changing effects and cameras."""
+
+    def __init__(self, scene: Scene, most: int) -> None:
+        limit = integer("size", most, low=16, high=4096)
+        height, width = scene._shape
+        self.scale = min(limit / max(height, width), 1.0)
+        self.scene = scene
+        if self.scale < 1.0:
+            size = (max(round(width * self.scale), 1), max(round(height * self.scale), 1))
+            self.scene = scene.replace(
+                size=size,
+                background=_small(scene.background, size),
+                foreground=_small(scene.foreground, size),
+                depth=_small(scene.depth, size),
+                camera=scene.camera.resize(self.scale),
+            )
+
+    @cached_property
+    def flat(self) -> Scene:
+        """The small scene without its depth."""
+        return self.scene.replace(depth=None)
+
+    def shown(self, changes: Mapping[str, Any]) -> Scene:
+        """Return the small scene with what was touched, which is given for the large one."""
+        # Not `replace`, which would open and fit the background's file for every picture.
+        rest = dict(changes)
+        base = self.flat if rest.pop("depth", self.scene.depth) is None else self.scene
+        if self.scale < 1.0:
+            rest["camera"] = rest["camera"].resize(self.scale)
+            rest["effects"] = tuple(scaled(effect, self.scale) for effect in rest["effects"])
+        return base._derive(**rest)
+
+
+def scaled(effect: Any, scale: float) -> Any:
+    """Return an effect for a picture `scale` times as large."""
+    changes: dict[str, Any] = {}
+    if getattr(effect, "wavelengths", None) is not None:
+        shortest, longest = (scale * length for length in effect.wavelengths)
+        shortest = max(shortest, 2.0)
+        changes["wavelengths"] = (shortest, max(longest, 1.25 * shortest))
+    for name, least in _SCALED.items():
+        value = getattr(effect, name, None)
+        if isinstance(value, int):
+            changes[name] = max(round(scale * value), least)
+    return replace(effect, **changes) if changes else effect
+
+
+def _small(value: Any, size: tuple[int, int]) -> Any:
+    """Return arrays at a size: a picture filtered, a matte or a depth by its nearest pixels."""
+    if isinstance(value, DepthMap) and isinstance(value.source, np.ndarray):
+        law = {key: getattr(value, key) for key in ("near", "far", "white", "law")}
+        return DepthMap(fit_nearest(value.source, size), **law)
+    if isinstance(value, Foreground):
+        return Foreground(_small(value.source, size), _small(value.depth, size))
+    if isinstance(value, (list, tuple)):
+        return type(value)(_small(one, size) for one in value)
+    if not isinstance(value, np.ndarray):
+        return value
+    return fit_nearest(value, size) if value.ndim == 2 else fit(value, size, "stretch")
+
 
 # Where two eyes meet, if nothing else says so: in front of the far flakes, behind the nearest.
 CONVERGENCE = 6.0
@@ -50,6 +115,7 @@ class Session:
         self.values: dict[str, Any] = {}
         # A page plays on beyond a film's end.
         self._preview = Preview(scene.replace(extend="hold") if scene._spans else scene, size)
+        # Where it was in each page's last picture: all else comes with every question.
         self._air: dict[str, _Air] = {}
         # Sources of files decode one frame at a time.
         self._lock = threading.Lock()

@@ -1,7 +1,4 @@
-"""Scenes as TOML files: strict to read, every value that differs from the default to write.
-
-Paths are relative to the file's folder. Keyed numbers are ``{keys = [[frame, value], ...]}``.
-"""
+"""Scenes as TOML files: strict to read, every value that differs from the default to write."""
 
 from flurries.scene.toml.reader import load
 from flurries.scene.toml.writer import save
