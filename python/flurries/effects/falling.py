@@ -105,7 +105,7 @@ class FlakeTexture:
             return [np.zeros((*frame.size, 2), np.float32) for _ in others], far
         nearness = weights / film.depths
         speed = float(nearness @ film.falls / nearness.sum() / self.weather.mean_speed)
-        depth = np.full(frame.size, weights.sum() / nearness.sum(), np.float32)
+        depth = np.full((1, 1), weights.sum() / nearness.sum(), np.float32)
         mean = replace(motion, fall=times(motion.fall, speed))
         here, *places = mean.places(frame.path, frame.fps, [at.t for at in (frame, *others)])
         moves = [
@@ -115,8 +115,7 @@ class FlakeTexture:
         if motion.varied is not None:
             for move, other in zip(moves, others, strict=True):
                 move += moved_by_wind(self.weather, weights, frame, other)
-        depth.fill(weights @ film.depths / weights.sum())
-        return moves, depth
+        return moves, np.full(frame.size, weights @ film.depths / weights.sum(), np.float32)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -174,7 +174,7 @@ def air_course(fps: float, fall: Number, wind: Vector) -> Course:
 
 
 def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Array:
-    """Return the motion to another frame of a window's depths, (h, w, 2) float32 pixels."""
+    """Return the motion to another frame of depths, a window's or one (1, 1), (h, w, 2) px."""
     here, there = frame.camera, other.camera
     own, other_axes = here.matrix(), there.matrix()
     turned = own.T @ other_axes - np.eye(3)
@@ -184,23 +184,25 @@ def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Ar
     shifted = np.subtract(there.principal(frame.shape), middle)
     x, y = _middles(frame)
     a, b = (x - middle[0]) / focals[0], (y[:, None] - middle[1]) / focals[1]
-    motion = np.zeros((*depth.shape, 2), np.float32)
+    motion = np.empty((*frame.size, 2), np.float32)
     # Blocks of rows stay in a cache.
-    for first in range(0, len(depth), _ROWS):
+    for first in range(0, len(b), _ROWS):
         rows = slice(first, first + _ROWS)
-        far = np.maximum(depth[rows].astype(np.float64), NEAREST)
+        far = np.maximum(depth[rows if len(depth) > 1 else slice(1)].astype(np.float64), NEAREST)
         seen = np.isfinite(far)
-        far[~seen] = 1.0
+        np.copyto(far, 1.0, where=~seen)
         down = b[rows]
-        x, y, z = (
-            (turned[0, i] * a + (turned[1, i] * down + turned[2, i])) * far + aside[i]
-            if turns
-            else aside[i]
-            for i in range(3)
-        )
+        x, y, z = aside
+        if turns:
+            ray = (turned[0, i] * a + (turned[1, i] * down + turned[2, i]) for i in range(3))
+            x, y, z = (way * far + part for way, part in zip(ray, aside, strict=True))
         later = far + z
         # What passes the eye meanwhile: as fast as now.
-        scale = np.where(later < 0.5 * far, 1.0 / far, 1.0 / np.maximum(later, NEAREST)) * seen
+        passing = later < 0.5 * far
+        scale = np.divide(1.0, np.maximum(later, NEAREST, out=later), out=later)
+        if passing.any():
+            np.divide(1.0, far, out=scale, where=passing)
+        scale *= seen
         for axis, (side, at) in enumerate(((x, a), (y, down))):
             change = ends[axis] * (side - z * at) * scale
             grown = ends[axis] - focals[axis]

@@ -171,9 +171,10 @@ class Precipitation:
                 depth = np.full(alpha.shape, np.inf, np.float32)
             # What shows lies before the scene, wherever its layer's mean is.
             scene = None if frame.depth is None else frame.crop(frame.depth)
-            coverage, ids = np.zeros_like(alpha), np.full(alpha.shape, -1, np.int64)
             seen = None
-            if near is not None:
+            if near is None:
+                coverage, ids = np.zeros_like(alpha), np.full(alpha.shape, -1, np.int64)
+            else:
                 coverage = np.ascontiguousarray(near)
                 _, nearest, rows = self.flakes.seen(frame, amount)
                 shown = nearest, coverage, behind

@@ -151,8 +151,7 @@ def _by_tile(field: Field, frame: Frame, way: Way, mapped: Map) -> tuple[Array, 
         parts = [(down @ part)[top:bottom] for part in (air, _power_longer(field, frame, shortest))]
 
         def there(rows: slice) -> tuple[Float64, Float64]:
-            shares, power = (part[rows] @ across for part in parts)
-            return shares, power
+            return parts[0][rows] @ across, parts[1][rows] @ across
 
         some = np.unique(air)
         exact = tuple(some) if len(some) <= _FEW else ()
@@ -173,8 +172,11 @@ def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map) -> tuple[Array,
     for number, (start, end) in enumerate(pairwise(edges.tolist())):
         # The field of all waves that stand for depths up to the octave's end.
         nearer = field.pixels(frame, way, None, shortest=np.full(layout.grid, ends[number]))
+
         # The root of the share of an octave's power; the same for both eyes.
-        root = partial(_root_share, depth, start, end)
+        def root(near: float = start, far: float = end) -> Array:
+            return np.sqrt(share_before(depth, near, far)).astype(np.float32)
+
         total += frame.standing(field, (number, octaves), root) * (nearer - before)
         before = nearer
     first = wave_depth(edges[:1], near_depth=near, longest=longest)
@@ -189,10 +191,6 @@ def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map) -> tuple[Array,
         return air, left(air)
 
     return total, partial(_remap, field, frame, way, mapped, there, (), left)
-
-
-def _root_share(depth: Array, near: float, far: float) -> Array:
-    return np.sqrt(share_before(depth, near, far)).astype(np.float32)
 
 
 def _cycles(field: Field, frame: Frame, way: Way) -> float:

@@ -150,7 +150,7 @@ def _truth(
     cover = alphas[0] if parts else np.zeros(plate.shape[:2], np.float32)
     for alpha in alphas[1:]:
         cover = 1.0 - (1.0 - cover) * (1.0 - alpha)
-    most = _most(alphas)
+    most = _most(alphas if len(alphas) > 1 else ())
     depth = None if program.distance is None else program.depth_at(t)
     behind = mix.plate(plate)
     if front is not None and front.deep is not None:
