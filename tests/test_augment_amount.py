@@ -43,11 +43,6 @@ def test_hard_is_above_natural_at_every_step():
         ]
         assert scales[0][0] == scales[1][0] == 0.0 and (np.diff(scales) > 0.0).all()
         assert (np.array(scales[1][1:]) > scales[0][1:]).all()
-    for wrong in (-0.1, 1.1, math.nan, "x"):
-        with pytest.raises((TypeError, ValueError), match="amount"):
-            contrast_loss(wrong)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="profile"):
-        contrast_loss(0.5, profile="easy")  # type: ignore[arg-type]
 
 
 def lost_by(weather: Any, size: int, count: int, depth: Any = None) -> np.ndarray:

@@ -163,8 +163,8 @@ def test_the_sky_lights_the_top_and_dims_below_it():
 
 
 @every("wrong", [
-    {"structure": np.nan}, {"structure": 0.5, "top": np.inf}, {"backdrop": 0.0},
-    {"count": 9, "top": 1.0}, {"method": "slices", "radius": 1.0},
+    {"structure": 0.5, "top": np.inf}, {"count": 9, "top": 1.0},
+    {"method": "slices", "radius": 1.0},
 ])  # fmt: skip
 def test_refusals_name_the_argument(wrong):
     with pytest.raises(ValueError, match=list(wrong)[-1]):

@@ -248,12 +248,6 @@ def test_whole_numbers_come_back_to_the_bit(tmp_path):
         found = read_layers(path)
         assert found.keys() == given.keys() and found["snow.id"].dtype == np.int64
         np.testing.assert_array_equal(found["snow.id"], numbers)
-    for wrong, match in ((-numbers, "from 0"), (np.full((4, 4), 2**63, np.uint64), "from 0"),
-                         (np.dstack([numbers] * 2), r"\(H, W\)")):  # fmt: skip
-        with pytest.raises(ValueError, match=match):
-            write_layers(tmp_path / "c.exr", {"id": wrong})
-    with pytest.raises(TypeError, match="64-bit"):
-        write_layers(tmp_path / "c.exr", {"id": numbers.astype(np.int32)})
 
 
 def test_what_a_format_cannot_hold_is_refused(tmp_path):

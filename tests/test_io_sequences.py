@@ -152,10 +152,6 @@ def test_what_cannot_be_opened(tmp_path, sequence):
     ]:  # fmt: skip
         with pytest.raises(error, match=words):
             open_background(spec)
-    with pytest.raises(ValueError, match="damaged must be"):
-        open_background(sequence, damaged="skip")
-    with pytest.raises(TypeError):
-        open_background(b"a.png")
     (tmp_path / "plate.0098.png").write_bytes(b"")
     with pytest.raises(OSError, match=r"plate\.0098\.png: the file is empty"):
         open_background(sequence)

@@ -126,8 +126,6 @@ def test_it_counts_between_depths_and_may_be_a_function_or_a_number(tmp_path: An
     fl.io.write_picture(tmp_path / "roof.png", np.full((8, 12, 3), 255, np.uint8))
     for where in (str(tmp_path / "roof.png"), fl.effects.Where(number, near=3.0), 0.5):
         assert_kept(scene(where=where, holdout=where), tmp_path / "scene.toml")
-    with pytest.raises(ValueError, match="where"):
-        scene(where=np.full((2, 2), 1.5))
     with pytest.raises(ValueError, match="where must be a file"):
         scene(where=under).save(tmp_path / "scene.toml")
 
@@ -214,12 +212,3 @@ def test_notes_are_kept_in_files(tmp_path: Any):
     assert_kept(one, tmp_path / "scene.toml")
     other = scene(hide=[4711], place=[(3, 0.0, 0.0, 1.5, 0.021)], wakes=[body], time=SLOW)
     assert fingerprint(other) != fingerprint(one)
-
-
-@pytest.mark.parametrize("fields", [
-    {"split": ()}, {"split": (12.0, 3.0)}, {"hide": [-1]}, {"place": [(1.0, 2.0)]}, {"wakes": [3]},
-    {"place": [(0, 0, 0, 1, 0.0)]}, {"where": 1.5}, {"where": np.zeros((2, 3, 4))}, {"time": "x"},
-])  # fmt: skip
-def test_notes_that_mean_nothing_are_refused(fields: Any):
-    with pytest.raises((ValueError, TypeError), match=next(iter(fields))):
-        scene(**fields)

@@ -88,13 +88,3 @@ def test_an_installed_package_names_its_effects(tmp_path: Path, monkeypatch: pyt
         assert 'kind = "ash"' in (tmp_path / "again.toml").read_text()
     finally:
         sys.modules.pop("my_package", None)
-
-
-@pytest.mark.parametrize(("kind", "effect", "wanted"), [
-    ("snow", fl.effects.TentRain, "flurries' own"), ("My Ash", fl.effects.TentRain, "lower case"),
-    (3, fl.effects.TentRain, "lower case"), ("ash", int, "dataclass"),
-    ("ash", fl.effects.TentRain(), "dataclass"),
-])  # fmt: skip
-def test_what_cannot_be_registered(kind: Any, effect: Any, wanted: str):
-    with pytest.raises((ValueError, TypeError), match=wanted):
-        fl.effects.register(kind, effect)

@@ -22,6 +22,7 @@ import flurries as fl
 from flurries._contract import rectangular
 from public import Call, calls, listed
 from public.complaints import of_arguments, of_layouts, of_no_arrays, of_output, of_sizes, sizes_of
+from public.refused import OUTSIDE
 from public.scenes import write_files
 
 Array = npt.NDArray[Any]
@@ -72,6 +73,7 @@ def test_everything_public_has_a_call():
     assert not missing, f"put a call into tests/public: {sorted(missing)}"
     gone = {name for name, call in TABLE.items() if call.of is None}
     assert not gone, f"take these calls out of tests/public: {sorted(gone)}"
+    assert OUTSIDE.keys() <= TABLE.keys()
     own = {name for name, call in TABLE.items() if call.of is listed().get(name)}
     assert all("(" in name or inspect.ismethod(TABLE[name].of) for name in set(TABLE) - own)
     assert len(OF_ARRAYS) > 60 and len(OF_OUT) > 25 and len(OF_ARGUMENTS) > 130

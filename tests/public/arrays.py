@@ -71,7 +71,7 @@ ROUND: dict[str, Any] = {
 }  # fmt: skip
 NO_GAS: dict[str, tuple[Any, ...]] = {
     "centers": ([(0.0, 0.0)], np.full((COUNT, 3), 1e101)), "radius": (0.0, -1.0, [0.1]),
-    "density": (1.01, [-0.1] * COUNT),
+    "density": (1.01, [-0.1] * COUNT), "camera": (fl.Camera(120.0, aspect=1.3),),
 }  # fmt: skip
 FLAT = (np.ones(16), np.ones((2, 2, 2)), np.ones((0, 4)))
 

@@ -24,6 +24,7 @@ KEYED = Keys([(0, 1.0), (1, 2.0)])
 COUNT = (-1, 100_000_001, 7.0, KEYED)
 LEVELS = np.zeros((4, 5, 3), np.uint8)
 LIGHT = np.zeros((4, 5, 3), np.float32)
+IDS = np.ones((4, 5), np.int64)
 METADATA = ({"a b": 1}, {"": 1}, {"x" * 61: 1}, {"a": None}, {"a": b"x"}, {1: "a"}, {"a": "x\0y"},
             {"DateTime": "yesterday"})  # fmt: skip
 WEATHER: dict[str, tuple[Any, ...]] = {
@@ -51,29 +52,31 @@ CONE: dict[str, tuple[Any, ...]] = {
 }  # fmt: skip
 
 OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
-    "TentSnow": {
+    "effects.TentSnow": {
         **TENT, "flakes": COUNT, "flake_opacity": SHARE, "flake_size": SIZES,
         "flake_density": (-0.1, 1e7, "many"),
     },
-    "TentRain": {
+    "effects.TentRain": {
         **TENT, "drops": COUNT, "drop_size": SIZES, "drop_depth": POSITIVE, "gain": (-1.0, 1e5),
         "renormalise": (1,),
     },
     "Snow": {
         "flake_size": ((0.01, 0.005, 0.02),), "density": (-1.0,), "method": ("drawn",),
-        "emission": (1.5,), "look": ("v1",), "time": (NAN, 1e3, "slow"),
+        "emission": (1.5,), "look": ("v1",), "time": (NAN, 1e3, "slow"), "hide": ([-1],),
+        "split": ((), (12.0, 3.0)), "place": ([(1.0, 2.0)], [(0, 0, 0, 1, 0.0)]), "wakes": ([3],),
+        "where": (1.5, np.full((2, 2), 1.5), np.zeros((2, 3, 4))),
     },
     "Mist": {
         "amount": SHARE, "count": (-1, 10.0, 10**9), "visibility": (0.0, -3.0), "radius": (0.0,),
         "density": (2.0,), "color": (2.0, "blue"), "wind": ((1.0, 2.0),), "box": (0.0, (1.0, 2.0)),
         "center": ((1.0, 2.0),), "depths": ((3.0, 2.0), 3.0), "footprint": ("ball",), "lit": (1,),
         "forward": (-0.1,), "scatter": ("mie",), "asymmetry": (1.0,), "structure": (-0.1, 2.1),
-        "falloff": (0.0,), "look": ("v0",),
+        "falloff": (0.0,), "look": ("v0",), "backdrop": (0.0,),
     },
-    "ConeRain": {
+    "effects.ConeRain": {
         **CONE, "drops": (-1,), "drop_size": (0.0,), "drop_length": (3.0,), "spread": (-1.0, 2.0),
     },
-    "ConeSnow": {
+    "effects.ConeSnow": {
         **CONE, "texture_flakes": (10**6,), "flakes": (-1,), "flake_size": ((0.02, 0.01),),
         "flake_opacity": (1.5,),
     },
@@ -100,6 +103,7 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
                         np.full((3, 4), 2.0), np.zeros((3, 4)), -np.stack([np.eye(3)] * 3),
                         np.stack([np.eye(3)] * 3) + 0.1, [(0.0, NAN, 0.0)],
                         Keys([(0, (0.0, 1.0))]), Keys([(0, 1.0)])),
+        "focal": ([], [0.0], [1.0, NAN], "x", Keys([(0, (1.0, 2.0))])),
     },
     "CameraPath(velocity)": {
         "velocity": (*VECTOR, [[1, 2, 3]], [(1,), (1, 2), 3]), "position": ([(0, 0, 0)],)
@@ -155,7 +159,15 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
         "space": ("srgb", 1, None), "lights": ([3],), "lens": (2.8,),
         "depth": (0.0, -2.0, NAN, INF, True, {}, np.full((30, 24), 5.0), np.full((24, 30, 3), 5.0)),
         "foreground": (LIGHT[..., 0], np.full((24, 30), 2.0), np.full((24, 30), NAN), {}, 5),
+        "loop": (1, 2.5),
     },
+    "Scene.render": {
+        "t": (NAN, "x", None, True),
+        "region": (np.s_[0:0, :], np.s_[::2, :], np.s_[0, 0], 5, (slice(0, 1),), np.s_[200:300, :],
+                   np.s_["a":, :]),
+    },
+    "effects.register": {"kind": ("snow", "My Ash"), "effect": (int, fl.Mist())},
+    "augment.contrast_loss": {"amount": (-0.1, 1.1)},
     "Scene.write": {
         "damaged": ("ignore",), "layers": (True,), "overwrite": ("yes",),
         "frames": ([], "x", [1.5], [True], 1.5, "0-99999999", ["1"]),
@@ -173,7 +185,8 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
     "io.write_layers": {
         "layers": ({}, {"a": LIGHT, "b": LIGHT[:3]}, {"a": np.zeros((4, 5, 5), np.float32)},
                    {"a": LIGHT[:, :0]}, {"a": LEVELS}, {"a b": LIGHT}, {"": LIGHT}, {".a": LIGHT},
-                   {"a..b": LIGHT}),
+                   {"a..b": LIGHT}, {"id": -IDS}, {"id": np.full((4, 5), 2**63, np.uint64)},
+                   {"id": np.dstack([IDS] * 2)}, {"id": IDS.astype(np.int32)}),
     },
     "io.VideoWriter": {
         "size": ((0, 8), (8,), (8.0, 8), (8, 20_000)), "fps": (0, NAN, 1e9, "24"),

@@ -120,7 +120,7 @@ CALLS: dict[str, Call] = {
     "io.srgb_to_linear": Call(
         {"values": COVER}, floats=("values",), takes={"values": ("empty", "too deep", "NaN")}),
     "io.frame_range": Call({"text": "1-10x2"}, loose=True),
-    "io.open_background": Call({"spec": "picture.png"}, loose=True),
+    "io.open_background": Call({"spec": "picture.png"}, refused={"damaged": ("skip",)}, loose=True),
     "io.open_depth": Call({"spec": "layers.exr"}),
     "io.photograph": Call({"name": "rocket", "size": (12, 9)}),
     "io.read_depth": Call({"path": "layers.exr"}),
@@ -154,6 +154,7 @@ CALLS: dict[str, Call] = {
     "output.journal.check": Call({"place": "frames"}),
     "Scene.write": Call(
         {"pattern": "one/%04d.png", "frames": "1", "overwrite": True}, of=SCENE.write, loose=True),
+    "Scene.render": Call({"t": 3.0, "region": np.s_[2:9, 3:12]}, of=SCENE.render),
     "scene.toml.load": Call({"path": "scene.toml"}),
     "scene.toml.save": Call({"scene": SCENE, "path": "saved.toml"}),
     "scene.fingerprint.fingerprint": Call({"scene": SCENE}),
