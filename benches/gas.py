@@ -1,12 +1,10 @@
-"""What the eye inside the gas costs: ``python benches/gas.py [--runs N]``.
+"""What the eye inside the gas costs: ``python benches/gas.py``.
 
 For both eyes, beside the frames a second of Johnson 2005, section 4.1. Frames of a moving fog are
 in `benches/layers.py`.
 """
 
 from __future__ import annotations
-
-import argparse
 
 import numpy as np
 from timing import timed
@@ -24,13 +22,9 @@ def inside(runs: int) -> None:
     layers = [np.empty((*shape, 4), np.float32) for _ in both]
 
     def anaglyph(centers: np.ndarray, radius: float) -> None:
-        pair = [
-            fl.gas.splat(shape, centers, radius, 0.4, 0.7, eye, near_mode="exact", out=layer)[
-                ..., :3
-            ]
-            for eye, layer in zip(both, layers, strict=True)
-        ]
-        fl.stereo.anaglyph(*pair)
+        for eye, layer in zip(both, layers, strict=True):
+            fl.gas.splat(shape, centers, radius, 0.4, 0.7, eye, near_mode="exact", out=layer)
+        fl.stereo.anaglyph(*(layer[..., :3] for layer in layers))
 
     print("the eye in the middle of a box of 5, 640 x 480: both eyes and the anaglyph, frames/s")
     for (number, radius), paper in PAPER.items():
@@ -47,6 +41,4 @@ def inside(runs: int) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=15)
-    inside(parser.parse_args().runs)
+    inside(15)

@@ -285,12 +285,12 @@ def damaging(original):
     return write
 
 
-@pytest.mark.parametrize("name", ["a.exr", "a.png", "a.tif"])
-def test_a_picture_that_reads_back_wrong_is_not_kept(tmp_path, monkeypatch, name):
-    path = tmp_path / name
-    pixels = np.random.default_rng(2).random((40, 40, 3)).astype(np.float32)
-    monkeypatch.setattr(parts, "_write", damaging(parts._write))
-    options = {"compression": "none", "half": False}
+@pytest.mark.parametrize(("name", "options"), [
+    ("a.exr", {"compression": "none"}), ("a.exr", {}), ("a.png", {}), ("a.tif", {"bits": 16}),
+])  # fmt: skip
+def test_a_picture_that_reads_back_wrong_is_not_kept(tmp_path, monkeypatch, name, options):
+    for writer in ("_write", "_pack"):
+        monkeypatch.setattr(parts, writer, damaging(getattr(parts, writer)))
     with pytest.raises(OSError, match=rf"{name}: (does not|cannot be) read back"):
-        write_picture(path, pixels, **options)
+        write_picture(tmp_path / name, np.random.default_rng(2).random((40, 40, 3)), **options)
     assert names(tmp_path) == []

@@ -12,7 +12,7 @@ import flurries as fl
 from flurries.cli import main
 from flurries.io import read_picture, read_video, srgb_to_linear, write_picture
 from flurries.io.stores import Store
-from flurries.output.frames import Frames
+from flurries.output.film import Frames
 from flurries.output.journal import NAME, Journal, check
 from flurries.scene.fingerprint import BITS, Settings
 from stills import header_of

@@ -37,7 +37,7 @@ DOORS = {
     ("scene.rendering", "frame.plan"),
     ("scene.rendering", "scene.accuracy"),
     ("scene.rendering", "output.write"),
-    ("scene.rendering", "output.groups"),
+    ("scene.rendering", "output.cluster"),
     ("scene.scene", "scene.toml"),
     ("viewer", "viewer.widget"),
 }

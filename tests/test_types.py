@@ -148,7 +148,7 @@ def test_the_example_of_a_film_runs(tmp_path: Path):
 
 
 PROJECT = (ROOT / "pyproject.toml").read_text()
-CORE = {"numpy", "openimageio", "pillow", "click", "fileseq", "tqdm", "tomli", "tomli-w"}
+CORE = {"numpy", "openimageio", "pillow", "click", "deflate", "fileseq", "tqdm", "tomli", "tomli-w"}
 
 
 @pytest.mark.parametrize("call", [

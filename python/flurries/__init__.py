@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from flurries import _build as _build
+from flurries._core import __version__ as __version__
 from flurries._threads import set_threads, settings
 
 if TYPE_CHECKING:
@@ -39,8 +40,6 @@ if TYPE_CHECKING:
     from flurries.scene import Scene, open
     from flurries.scene.scene import flakes
     from flurries.viewer import view
-
-    __version__: str
 
 __all__ = [
     "Camera", "CameraPath", "Keys", "Mist", "Rain", "Scene", "Snow", "Wind", "augment", "camera",
@@ -68,13 +67,8 @@ _MOVED = {
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
-        if name == "__version__":
-            # It stands in Cargo.toml alone; to ask the installed package takes some time.
-            from importlib.metadata import version
-
-            found: Any = version("flurries")
-        elif name in _FROM:
-            found = getattr(import_module(f"flurries.{_FROM[name]}"), name)
+        if name in _FROM:
+            found: Any = getattr(import_module(f"flurries.{_FROM[name]}"), name)
         elif name in __all__:
             found = import_module(f"flurries.{name}")
         else:

@@ -27,6 +27,8 @@ __all__ = [
     "wind_waves",
 ]  # fmt: skip
 
+__version__: str
+
 _Array = npt.NDArray[Any]
 _Float64 = npt.NDArray[np.float64]
 _Int32 = npt.NDArray[np.int32]

@@ -42,7 +42,7 @@ class Settings:
 
 
 def settings(*, threads: int | None = None, reproducible: bool | None = None) -> Settings:
-    """Set how the kernels of this process run; in a ``with``, until it ends.
+    """Set how the kernels of this process run, and return it; in a ``with``, until it ends.
 
     Parameters
     ----------
@@ -53,20 +53,12 @@ def settings(*, threads: int | None = None, reproducible: bool | None = None) ->
         Whether the kernels give the same bits whatever vector instructions the processor has. Off
         by default; ``FLURRIES_REPRODUCIBLE=1`` turns it on for a process and those that it starts.
 
-    Returns
-    -------
-    Settings
-        With `threads` and `reproducible` as they are.
-
     Notes
     -----
     Without `reproducible` AVX-512 and AVX2 agree with each other, and processors without either
-    differ from them in the last bits. With it products and sums are rounded apart everywhere, and
-    Fourier transforms take no vector path. In float64 such a transform takes its factors from the C
+    differ from them in the last bits. In float64 a Fourier transform takes its factors from the C
     library, and those may differ in the last bit between processors; so may what NumPy prepares for
-    a scene. Scenes with the C library, NumPy and its linear algebra held to an old processor's
-    instructions kept all their bits (``tests/test_determinism.py``). What it costs is measured by
-    ``python benches/accuracy.py precision`` (docs/internals/accuracy.md).
+    a scene. What it costs is measured by ``python benches/accuracy.py precision``.
     """
     count = None if threads is None else integer("threads", threads, low=1, high=MOST_THREADS)
     mode = None if reproducible is None else flag("reproducible", reproducible)

@@ -63,13 +63,13 @@ mod core {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         super::look_up(module.py())
     }
 }
 
-/// Finds NumPy's functions while the module is imported, and the table of borrowed arrays, on another thread: Python hears Ctrl-C on
-/// the main thread alone, and the binding, which would look them up at the first array that it is handed, panics if that
-/// fails.
+/// Finds NumPy's functions and its table of borrowed arrays while the module is imported, on another thread: Python hears
+/// Ctrl-C on the main thread alone, and the binding, which would look them up at the first array, panics if that fails.
 fn look_up(py: Python<'_>) -> PyResult<()> {
     // Where NumPy is missing or Ctrl-C is pressed in its import, this is an error like any other.
     py.import("numpy")?;

@@ -21,7 +21,7 @@ import flurries as fl
 ELSEWHERE = ("albumentations", "kornia", "torchvision", "__main__")
 
 # What libraries offer that need not be here.
-GUESTS = {"view": "anywidget", "output.groups.to_dask": "dask"}
+GUESTS = {"view": "anywidget", "output.cluster.to_dask": "dask"}
 
 # Parts of `CameraPath`, effects, weather and the command: they get what those have checked.
 INNER = ("turning", "keys", "demo", "calibration")

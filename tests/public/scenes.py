@@ -196,8 +196,8 @@ CALLS: dict[str, Call] = {
     "augment.benchmark.make": Call(
         {"folder": "pictures", "out": "benchmark", "like": None}, loose=True),
     "augment.benchmark.score": Call({"benchmark": "scored", "predictions": "scored"}, loose=True),
-    "output.groups.grouped": Call({"scene": SCENE, "frames": "1-9"}),
-    "output.groups.to_dask": Call({"scene": SCENE, "frames": "1-9", "group": 2}),
+    "output.cluster.grouped": Call({"scene": SCENE, "frames": "1-9"}),
+    "output.cluster.to_dask": Call({"scene": SCENE, "frames": "1-9", "group": 2}),
     "view": Call({"scene": SCENE}, loose=True),
     "cli.main": Call({"arguments": ["--help-of-nothing"]}, loose=True),
 }  # fmt: skip

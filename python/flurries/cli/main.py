@@ -9,10 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import click
-from click.shell_completion import shell_complete
+from click.shell_completion import get_completion_class, shell_complete
 
 from flurries import __version__
 from flurries._contract import suggestion
+from flurries.cli.options import OneOf, command
 from flurries.cli.words import plain_warnings, say
 
 DEFECT, MISTAKE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
@@ -46,7 +47,7 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:
             return None
-        file = "look" if name in LOOK else name
+        file = "look" if name in LOOK else "main" if name == "completion" else name
         found: click.Command = getattr(importlib.import_module(f"flurries.cli.{file}"), name)
         return found
 
@@ -81,6 +82,19 @@ class Commands(click.Group):
 @click.version_option(__version__, "-V", "--version", message="flurries %(version)s")
 def commands() -> None:
     """Falling snow, rain and mist for pictures and film."""
+
+
+@command(
+    'eval "$(flurries completion bash)"    # in ~/.bashrc',
+    'eval "$(flurries completion zsh)"     # in ~/.zshrc',
+    "flurries completion fish > ~/.config/fish/completions/flurries.fish",
+)
+@click.argument("shell", type=OneOf(("bash", "zsh", "fish")))
+def completion(shell: str) -> None:
+    """Print the script that teaches a shell to complete flurries."""
+    kind = get_completion_class(shell)
+    assert kind is not None
+    print(kind(commands, {}, "flurries", COMPLETE).source())
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -129,7 +143,3 @@ def explain(error: Exception) -> int:
         words, code = f"{name}: {error} (a defect of flurries; --verbose says where)", DEFECT
     say(words or name)
     return code
-
-
-if __name__ == "__main__":
-    sys.exit(main())

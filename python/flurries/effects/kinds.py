@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import is_dataclass
-from importlib.metadata import entry_points
 from typing import Any
 
 from flurries._contract import _came, choice
@@ -42,11 +41,7 @@ def register(kind: str, effect: type[Any]) -> None:
         that was registered before is replaced.
     effect : class
         A dataclass with ``parts``, or with a method ``render(frame)`` that returns a
-        :class:`Layer`.
-
-    Examples
-    --------
-    ``docs/your-own-effect.md`` has an effect in 25 lines.
+        :class:`Layer`; ``docs/your-own-effect.md`` has one in 25 lines.
     """
     named = isinstance(kind, str) and kind.isidentifier() and kind == kind.lower()
     if not named or len(kind) > LONGEST_KIND:
@@ -67,6 +62,8 @@ def class_of(kind: object) -> type[Any]:
     known = {**OURS, **_registered}
     if isinstance(kind, str) and kind in known:
         return known[kind]
+    from importlib.metadata import entry_points
+
     others = {point.name: point for point in entry_points(group=GROUP)}
     if isinstance(kind, str) and kind in others:
         found: type[Any] = others[kind].load()
@@ -81,5 +78,7 @@ def kind_of(effect: object) -> str | None:
     for kind, known in (*OURS.items(), *_registered.items()):
         if known is own:
             return kind
+    from importlib.metadata import entry_points
+
     here = f"{own.__module__}:{own.__qualname__}"
     return next((point.name for point in entry_points(group=GROUP) if point.value == here), None)

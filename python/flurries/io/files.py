@@ -10,7 +10,6 @@ import errno
 import hashlib
 import os
 import stat
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -148,20 +147,6 @@ def read_text(path: str | os.PathLike[str], most: int, kind: str) -> str:
         return data.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         raise ValueError(f"{os.fspath(path)}: a {kind} is UTF-8 text: {error}") from None
-
-
-def require_whole_png(path: Path, what: str) -> None:
-    """Refuse a PNG that broke off or was changed: libpng tells the terminal, too."""
-    with path.open("rb") as stream:
-        kind = b"" if stream.read(8) == b"\x89PNG\r\n\x1a\n" else b"IEND"
-        while kind != b"IEND":
-            head = stream.read(8)
-            length, kind = int.from_bytes(head[:4], "big"), head[4:]
-            data, total = stream.read(length), stream.read(4)
-            if len(total) < 4:
-                raise OSError(f"{what}: it lacks its end")
-            if zlib.crc32(data, zlib.crc32(kind)) != int.from_bytes(total, "big"):
-                raise OSError(f"{what}: a sum of its bytes is wrong")
 
 
 def hash_of(path: Path) -> str:

@@ -4,14 +4,10 @@ import ctypes
 import os
 import platform
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import numpy as np
-
-from flurries import _core
 from flurries._kept import kept
 
 
@@ -20,9 +16,7 @@ def openimageio() -> Any:
     """Import OpenImageIO and return the module, without its threads."""
     import OpenImageIO as library
 
-    # Its pools are global, and a forked child inherits them without the threads: writing an EXR
-    # then waits for ever. So all happens in the calling thread, which lets go of the GIL; a large
-    # EXR has threads while it is written, see `packing_threads`.
+    # A forked child inherits its global pools without the threads, and would wait for ever.
     library.attribute("threads", 1)
     library.attribute("exr_threads", -1)
     library.attribute(_LIMIT, 1)
@@ -76,41 +70,6 @@ def let_open(size: int) -> None:
     library, wanted = openimageio(), -(-size // 2**20)
     if wanted > library.get_int_attribute(_LIMIT):
         library.attribute(_LIMIT, min(wanted, 2**31 - 1))
-
-
-# Held while OpenEXR has threads. A fork waits for it; the thread that forks may hold it itself.
-_packing = threading.RLock()
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(
-        before=_packing.acquire, after_in_parent=_packing.release, after_in_child=_packing.release
-    )
-
-
-@contextmanager
-def packing_threads() -> Iterator[None]:
-    """Let EXR be packed by as many threads as kernels use, until the end of the block."""
-    count = _core.threads()
-    # OpenEXR has one pool, so one picture at a time has them; others are packed by their callers.
-    if count == 1 or not _packing.acquire(blocking=False):
-        yield
-        return
-    try:
-        openimageio().attribute("exr_threads", count)
-        yield
-    finally:
-        _let_threads_go()
-        _packing.release()
-
-
-def _let_threads_go() -> None:
-    """Take OpenEXR its threads: it loses them when a file is opened to be written, no sooner."""
-    library = openimageio()
-    library.attribute("exr_threads", -1)
-    nowhere = library.ImageOutput.create("nowhere.exr")
-    if nowhere.open(os.devnull, library.ImageSpec(1, 1, 1, "half")):
-        nowhere.write_image(np.zeros((1, 1, 1), np.float16))
-    nowhere.close()
-    last_error(nowhere)
 
 
 def last_error(*holders: Any) -> str:

@@ -14,18 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from flurries.io.atomic import (
-    PREFIX,
-    checked_target,
-    flush_folder,
-    has_ended,
-    hidden_name,
-    is_left,
-    owner_in,
-    owner_of_new_files,
-    remove_leftovers,
-    replacing,
-)
+from flurries.io import atomic
 from flurries.io.files import hash_of, read_bytes
 
 # Stores in which an object appears whole or not at all, whatever becomes of the sender; elsewhere
@@ -73,7 +62,7 @@ class Store:
 
     def require_usable(self, path: Path) -> None:
         """Raise OSError where no such file can be written; make its folder if need be."""
-        checked_target(path)
+        atomic.checked_target(path)
 
     def exists(self, path: Path) -> bool:
         return os.path.lexists(path)
@@ -124,7 +113,7 @@ class Store:
         finally:
             os.close(descriptor)
         if new:
-            flush_folder(path.parent)
+            atomic.flush_folder(path.parent)
         return path.name
 
     def join(
@@ -134,14 +123,14 @@ class Store:
         joined, folder = list(names), target.parent
         if not joined:
             return False
-        flush_folder(folder)
+        atomic.flush_folder(folder)
         while True:
             # Whoever gives the last one another name has it to himself.
             last, part = _unique(own), _unique(own)
             with suppress(FileNotFoundError):
                 target.rename(last)
                 joined.append(last.name)
-            with replacing(part) as temporary:
+            with atomic.replacing(part) as temporary:
                 temporary.write_bytes(made(joined))
             joined.append(part.name)
             try:
@@ -151,18 +140,18 @@ class Store:
             except OSError:
                 joined.pop()  # No links here: it stays under its own name.
             break
-        flush_folder(folder)
+        atomic.flush_folder(folder)
         for name in joined:
             (folder / name).unlink(missing_ok=True)
         return True
 
     def is_left(self, path: Path, owner: str) -> bool:
         """Whether nobody writes to a file of somebody any more."""
-        return is_left(path, owner)
+        return atomic.is_left(path, owner)
 
     def tidy(self, folder: Path) -> None:
         """Remove what processes that have ended left under hidden names."""
-        remove_leftovers(folder)
+        atomic.remove_leftovers(folder)
 
 
 def _unique(path: Path) -> Path:
@@ -242,7 +231,9 @@ class Bucket(Store):
         # S3 itself refuses what is not these bytes.
         checked = self.protocol in ("s3", "s3a") and len(data) < _LARGE
         more = {"ContentMD5": base64.b64encode(md5(data)).decode()} if checked else {}
-        target = path if self.protocol in _WHOLE else path.with_name(hidden_name(path.suffix))
+        target = (
+            path if self.protocol in _WHOLE else path.with_name(atomic.hidden_name(path.suffix))
+        )
         with self._named(path):
             try:
                 self.system.pipe_file(target.as_posix(), data, **more)
@@ -259,7 +250,9 @@ class Bucket(Store):
     @contextmanager
     def elsewhere(self, path: Path) -> Iterator[Path]:
         """Give a place on this machine for a file that is sent later."""
-        with tempfile.TemporaryDirectory(prefix=PREFIX + owner_of_new_files()) as room:
+        with tempfile.TemporaryDirectory(
+            prefix=atomic.PREFIX + atomic.owner_of_new_files()
+        ) as room:
             try:
                 yield Path(room) / path.name
             except OSError as error:
@@ -269,11 +262,11 @@ class Bucket(Store):
                 raise OSError(error.errno, error.strerror, self.name_of(path)) from error
 
     def tidy(self, folder: Path) -> None:
-        left = [name for name in self._objects(folder) if name.startswith(PREFIX)]
-        self._remove(folder, [name for name in left if has_ended(owner_in(name))])
+        left = [name for name in self._objects(folder) if name.startswith(atomic.PREFIX)]
+        self._remove(folder, [name for name in left if atomic.has_ended(atomic.owner_in(name))])
         # What they had on this machine.
-        for room in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
-            if has_ended(owner_in(room.name)):
+        for room in Path(tempfile.gettempdir()).glob(f"{atomic.PREFIX}*"):
+            if atomic.has_ended(atomic.owner_in(room.name)):
                 shutil.rmtree(room, ignore_errors=True)
 
     def _remove(self, folder: Path, names: list[str]) -> None:

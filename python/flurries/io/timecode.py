@@ -51,7 +51,7 @@ class TimeCode:
         return TimeCode((self.frames + frames) % day, self.nominal, self.drop)
 
     @property
-    def parts(self) -> tuple[int, int, int, int]:
+    def text(self) -> str:
         count = self.frames
         if self.drop:
             skipped = self.nominal // 15
@@ -59,14 +59,10 @@ class TimeCode:
             ones = max(rest - skipped, 0) // (60 * self.nominal - skipped)
             count += skipped * (9 * tens + ones)
         seconds, frames = divmod(count, self.nominal)
-        return seconds // 3600, seconds // 60 % 60, seconds % 60, frames
-
-    @property
-    def text(self) -> str:
-        hours, minutes, seconds, frames = self.parts
-        return f"{hours:02d}:{minutes:02d}:{seconds:02d}{';' if self.drop else ':'}{frames:02d}"
+        clock = f"{seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+        return f"{clock}{';' if self.drop else ':'}{frames:02d}"
 
     @property
     def word(self) -> int:
-        digits = "".join(f"{part % 100:02d}" for part in self.parts)
-        return int(digits, 16) | (_DROP if self.drop else 0)
+        digits = re.sub(r"\D", "", self.text)
+        return int(digits[:6] + digits[-2:], 16) | (_DROP if self.drop else 0)

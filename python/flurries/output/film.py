@@ -1,7 +1,7 @@
-"""A scene to a video, with the sound of the film that it lies over.
+"""A scene's frames as files, or a video with the sound of the film that it lies over.
 
-It is made in groups of frames, each a file of its own in a folder beside the film until all are
-there; so a run that was stopped goes on. The film joins them and encodes nothing again.
+A video is made in groups of frames, each a file of its own in a folder beside the film until all
+are there; so a run that was stopped goes on. The film joins them and encodes nothing again.
 """
 
 from collections.abc import Callable, Iterable
@@ -13,17 +13,56 @@ from typing import Any, cast
 
 import numpy as np
 
+from flurries._threads import reproducible
 from flurries._trace import current
-from flurries.io import VideoWriter, replacing
+from flurries.io import Pattern, VideoWriter, replacing
 from flurries.io.atomic import flush_folder
 from flurries.io.films.codecs import bits_for
 from flurries.io.films.process import Remote
-from flurries.io.films.writer import Film, Plan
+from flurries.io.films.writer import GROUP, Film, Plan
+from flurries.io.stores import Store
 from flurries.output.cluster import run_on
-from flurries.output.frames import Frames
 from flurries.output.journal import Journal, Mark, is_journal
 from flurries.output.sequence import Fates, Job, Progress, run
-from flurries.scene.fingerprint import short_hash
+from flurries.scene.content import Content
+from flurries.scene.fingerprint import Inputs, Settings, short_hash
+
+
+class Frames(Job):
+    """One scene's frames, each a file."""
+
+    def __init__(self, content: Content, pattern: str, store: Store, *, overwrite: bool) -> None:
+        self.content, self.scene = content, content.scene
+        self.pattern, self.store, self.overwrite = Path(pattern), store, overwrite
+        self.folder = self.pattern.parent
+        self.skip = content.output.damaged == "skip"
+        self.fine = False  # Whether all is mixed in more than 8 bits.
+        self._inputs = Inputs(self.scene)
+        # Eyes of their own see more of the camera's way.
+        self._settings = Settings(self.scene, whole=content.eyes is not None)
+        # Frames of the two modes are never mixed.
+        self._mark = f"{self._settings.common}-{short_hash((reproducible(), content.way))}"
+
+    def path_of(self, index: int) -> Path:
+        still = "%" not in self.pattern.name
+        return self.pattern if still else Pattern(str(self.pattern)).path(index)
+
+    def mark_of(self, index: int) -> Mark:
+        return Mark(self._mark + self._settings.of(index), index, self._inputs.of(index))
+
+    def stands_in(self, number: int) -> bool:
+        return number in self.scene._held
+
+    def make(self, index: int, numbers: Iterable[int]) -> Any:
+        if self.skip:
+            try:
+                self.scene._look(index)
+            except (OSError, ValueError):
+                return None
+        return self.content.render(index, fine=self.fine)
+
+    def save(self, path: Path, made: Any, header: dict[str, Any]) -> None:
+        self.content.save(path, made, header)
 
 
 def write_film(
@@ -73,7 +112,8 @@ class _Groups(Job):
     scratch = True
 
     def __init__(self, shots: Frames, plan: Plan, frames: list[int]) -> None:
-        self.shots, self.plan, self.groups = shots, plan, plan.groups(frames)
+        self.shots, self.plan = shots, plan
+        self.groups = [frames[first : first + GROUP] for first in range(0, len(frames), GROUP)]
         self.folder = plan.path.with_name(f"{plan.path.name}.parts")
 
     def frames(self, index: int) -> list[int]:

@@ -19,10 +19,8 @@ from flurries.io import Pattern
 from flurries.io.colorspace import ColorSpace
 from flurries.io.sequences import VIDEO_EXTENSIONS, with_percent
 from flurries.io.stores import store_of
-from flurries.output.cluster import run_on
-from flurries.output.film import write_film
-from flurries.output.frames import Frames
-from flurries.output.groups import grouped
+from flurries.output.cluster import grouped, run_on
+from flurries.output.film import Frames, write_film
 from flurries.output.points import EXTENSIONS as USD
 from flurries.output.points import Points
 from flurries.output.sequence import Fates, Progress, run

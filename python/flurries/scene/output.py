@@ -134,7 +134,7 @@ class Output:
         kind, suffix = self.kind, Path(text).suffix.lower()
         exr, tiff, alone = suffix == ".exr", suffix in (".tif", ".tiff"), kind == "alone"
         apart = kind in ("layers", "deep") or eyes
-        known = (self.bits,) if film else format_of(text).kinds
+        known = (self.bits,) if film else (*format_of(text).bits, *format_of(text).floats)
         space = None if apart and kind != "deep" else space
         rules = [
             (film and alone and self.codec != "prores-4444",

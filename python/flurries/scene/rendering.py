@@ -321,7 +321,7 @@ class Rendering(Sources):
 
     def to_dask(self, frames: Frames = None, *, group: int | None = None) -> dask.array.Array:
         """Return `render`'s frames as a lazy Dask array (T, H, W, 3), `group` of them a chunk."""
-        from flurries.output.groups import to_dask
+        from flurries.output.cluster import to_dask
 
         made: dask.array.Array = to_dask(self, frames, group=group)
         return made

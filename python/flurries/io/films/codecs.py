@@ -70,11 +70,6 @@ class Encoder:
     tag: str | None = None  # What the file calls it, where programs know it under one name only.
 
     @property
-    def halved(self) -> tuple[int, int]:
-        """The numbers that width and height must be multiples of."""
-        return 1 + ("420" in self.pixels or "422" in self.pixels), 1 + ("420" in self.pixels)
-
-    @property
     def rgb(self) -> bool:
         return self.pixels.startswith(("bgr", "gbr"))
 

@@ -44,8 +44,6 @@ SCALING: dict[str, Any] = {"interpolation": 4 | 0x2000 | 0x40000 | 0x80000, "thr
 
 UNSPECIFIED = 2
 
-_FULL = 2
-
 
 def require_library() -> None:
     """Refuse to go on without PyAV, which is an extra: pictures do without it."""
@@ -84,7 +82,7 @@ class Tags:
             primaries=said("color_primaries"),
             transfer=said("color_trc"),
             matrix=UNSPECIFIED if frame.format.is_rgb else said("colorspace"),
-            full=said("color_range") == _FULL or frame.format.name.startswith("yuvj"),
+            full=said("color_range") == 2 or frame.format.name.startswith("yuvj"),
             aspect=aspect if Fraction(1, 20) <= aspect <= 20 else Fraction(1),
             bits=_bits(frame),
             timecode=next((code for code in codes if code is not None), None),

@@ -63,10 +63,6 @@ class Plan:
     comment: str = ""
     channels: int = 3
 
-    def groups(self, numbers: list[int]) -> list[list[int]]:
-        """Return frames in the groups that are encoded alone."""
-        return [numbers[first : first + GROUP] for first in range(0, len(numbers), GROUP)]
-
 
 class VideoWriter:
     """Writes a video frame by frame; a context manager.
@@ -289,7 +285,8 @@ class Film:
 
     def _configure(self, context: Any) -> None:
         plan, tags = self._plan, self._plan.tags
-        across, down = plan.codec.halved
+        # Colors at half resolution want even sides.
+        across, down = 1 + ("42" in plan.codec.pixels), 1 + ("420" in plan.codec.pixels)
         context.width = plan.size[0] + plan.size[0] % across
         context.height = plan.size[1] + plan.size[1] % down
         context.pix_fmt = plan.codec.pixels

@@ -195,21 +195,18 @@ def _part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> Part:
     specification.channelnames = tuple(names)
     specification.channelformats = tuple(map(openimageio().TypeDesc, kinds))
     specification.alpha_channel = specification.channelindex("A")
-    # Noise beside planes of few values: level 6 takes longer, for 2 in 100 bytes.
-    specification.attribute("compression", "zip:4")
+    specification.attribute("compression", "zip")
 
     def band(first: int, last: int) -> Array:
         rows = list[Array]()
         for name, kind in zip(names, kinds, strict=True):
             plane = planes[name][0][first:last]
-            if kind == "half":
-                rows.append(to_half(plane))
-            else:
-                plane = np.ascontiguousarray(to_single(plane) if kind == "float" else plane)
-                rows.extend(plane.view(np.float16).reshape(-1, 2, width).swapaxes(0, 1))
-        return np.stack(rows, axis=-1)
+            if kind != "uint":
+                plane = to_half(plane) if kind == "half" else to_single(plane)
+            rows.append(np.ascontiguousarray(plane).view(np.uint8))
+        return np.concatenate(rows, axis=1)
 
-    return Part(specification, band, halves=True)
+    return Part(specification, band)
 
 
 def _checked_layer(name: str, values: npt.ArrayLike) -> Any:

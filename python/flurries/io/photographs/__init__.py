@@ -25,12 +25,6 @@ def photograph(
         600 x 400 px, CC0 (Rachel Michetti).
     size : (width, height), optional
         Pixels that it is fitted to, as :func:`flurries.io.fit` does; its own if not given.
-
-    Examples
-    --------
-    >>> import flurries as fl
-    >>> fl.io.photograph("coffee").shape
-    (400, 600, 3)
     """
     choice("name", name, NAMES)
     pixels = read_picture(Path(__file__).with_name(f"{name}.jpg")).pixels

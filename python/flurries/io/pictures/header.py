@@ -15,7 +15,7 @@ import numpy as np
 
 from flurries._contract import flag
 from flurries.io.color import Array, Encoding
-from flurries.io.files import Budget, given, plain_file, require_whole_png
+from flurries.io.files import Budget, given, plain_file
 from flurries.io.oiio import last_error, let_open, libraries_silent, openimageio
 
 # Left, top, width and height, px.
@@ -224,7 +224,6 @@ def opened_picture(
     limits = given("budget", budget, Budget)
     if found.stat().st_size == 0:
         raise OSError(f"{found}: the file is empty")
-    require_whole_png(found, f"{found}: the picture is damaged or cut short")
     with libraries_silent():
         reader = _reader_of(found, limits)
         try:

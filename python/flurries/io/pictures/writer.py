@@ -30,11 +30,6 @@ class Format:
     alpha: bool = True
     lossless: bool = True
 
-    @property
-    def kinds(self) -> tuple[int | str, ...]:
-        """The kinds of a color: numbers of bits, or "half" and "float"."""
-        return (*self.bits, *self.floats)
-
     def stored(self, dtype: np.dtype[Any], *, half: bool, bits: int | None) -> str:
         """Return the type in the file, as OpenImageIO calls it."""
         if not self.bits or (self.floats and dtype.kind == "f" and bits is None):
@@ -65,8 +60,6 @@ COMPRESSIONS = {
     "none": True, "rle": True, "zips": True, "zip": True, "piz": True, "dwaa": False, "dwab": False,
 }  # fmt: skip
 
-# Tags of EXIF.
-_DESCRIPTION, _ORIENTATION, _SOFTWARE, _MOMENT = 0x010E, 0x0112, 0x0131, 0x0132
 _LONGEST_TEXT = 60_000
 
 
@@ -143,33 +136,26 @@ def write_picture(
     specification.channelnames = names if opacity is None else (*names, "A")
     if opacity is not None:
         specification.alpha_channel = colors
+    whole = stored.startswith("uint")
+    packed = form.name == "png" or (form.name == "tiff" and whole)
+    packed |= form.name == "openexr" and compression == "zip"
     part = Part(specification, band)
     if form.name == "jpeg":
         try:
             data = _encode_jpeg(band(0, height), int(quality), strings, said)
         except OSError as error:
             raise OSError(f"{os.fspath(path)}: cannot be encoded: {error}") from error
-        write_parts(path, [part], lossless=False, encoded=data)
+        write_parts(path, [part], packed=False, lossless=False, encoded=data)
         return
-    whole = stored.startswith("uint")
     said.put(specification, form.name, "display" if whole else "linear", strings)
     if form.name == "openexr":
-        # Zip at level 1 takes two thirds of the time of OpenEXR's 4, for 5 in 100 more bytes.
-        level = ":1" if compression.startswith("zip") else ""
-        specification.attribute("compression", compression + level)
+        specification.attribute("compression", compression)
     elif form.name == "dpx" and bits == 10:
         specification.attribute("oiio:BitsPerSample", 10)
     elif form.name in ("png", "tiff") and whole:
         specification.attribute("oiio:UnassociatedAlpha", 1)
-    if form.name == "png":
-        # Flakes are noise: a search for what repeats takes longer and finds little.
-        specification.attribute("compression", "rle")
-        specification.attribute("png:compressionLevel", 1)
-        specification.attribute("png:filter", 0x20)  # Differences from the row above.
-    elif stored == "uint8":
-        specification.attribute("compression", "lzw")  # A quarter of the time of zip, for TIFF.
     lossless = form.lossless and (form.name != "openexr" or COMPRESSIONS[compression])
-    write_parts(path, [part], lossless=lossless)
+    write_parts(path, [part], packed=packed, lossless=lossless)
 
 
 def format_of(path: str | os.PathLike[str]) -> Format:
@@ -186,16 +172,17 @@ def _encode_jpeg(pixels: Array, quality: int, strings: Mapping[str, str], slate:
     # OpenImageIO's writer leaves errors to libjpeg's own handler, and that one ends the process:
     # a full disk would take the whole program with it. Pillow encodes to memory and raises.
     from PIL import Image
+    from PIL.ExifTags import Base
 
     image = Image.fromarray(pixels[..., 0] if pixels.shape[2] == 1 else pixels)
     tags, text = Image.Exif(), description(strings)
     if len(text) > _LONGEST_TEXT:
         raise ValueError(f"metadata of {len(text)} characters do not fit into a JPEG; use EXR")
     if text:
-        tags[_DESCRIPTION] = text
+        tags[Base.ImageDescription] = text
     if (turned := slate.value("Orientation") or 1) != 1:
-        tags[_ORIENTATION] = turned
-    tags[_SOFTWARE], tags[_MOMENT] = "flurries", strings["DateTime"]
+        tags[Base.Orientation] = turned
+    tags[Base.Software], tags[Base.DateTime] = "flurries", strings["DateTime"]
     profile = slate.value("ICCProfile") if slate.colored and slate.encoding == "display" else None
     buffer = io.BytesIO()
     kept = {"exif": tags.tobytes(), "icc_profile": profile and bytes(profile)}
