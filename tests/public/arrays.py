@@ -71,7 +71,7 @@ ROUND: dict[str, Any] = {
 }  # fmt: skip
 NO_GAS: dict[str, tuple[Any, ...]] = {
     "centers": ([(0.0, 0.0)], np.full((COUNT, 3), 1e101)), "radius": (0.0, -1.0, [0.1]),
-    "density": (1.01, [-0.1] * COUNT), "camera": (fl.Camera(120.0, aspect=1.3),),
+    "density": (1.01, [-0.1] * COUNT),
 }  # fmt: skip
 FLAT = (np.ones(16), np.ones((2, 2, 2)), np.ones((0, 4)))
 
@@ -202,7 +202,7 @@ CALLS: dict[str, Call] = {
     "gas.splat": Call(
         {**SIGHT, **GAS, "color": RNG.random((COUNT, 3)), "depth": DEPTH},
         refused={**NO_GAS, "color": (np.ones(4), np.inf), "depth": (DEPTH.T,),
-                 "error": (-1e-3, 1.0)},
+                 "error": (-1e-3, 1.0), "camera": (fl.Camera(120.0, aspect=1.3),)},
     ),
     "gas.alpha": Call({**SIGHT, **GAS, "depth": DEPTH}, refused=NO_GAS),
     "gas.light": Call(

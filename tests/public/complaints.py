@@ -282,13 +282,14 @@ Values = Callable[[Call, str], Iterator[tuple[Any, bool]]]
 
 def of_arguments(call: Call, tried: Values = values_for) -> Iterator[str]:
     """Try values for every argument that is no array, with little memory."""
-    every = tuple(call.parameters)
     call()
-    for argument in every:
+    # Strengths of effects ("severity") are no parameters of their own.
+    for argument in dict.fromkeys((*call.parameters, *call.refused)):
         if argument == "out":
             continue
-        of_array = ((value, True) for value in call.refused.get(argument, ()))
-        for value, must in of_array if argument in call.arrays else tried(call, argument):
+        alone = argument in call.arrays or argument not in call.parameters
+        told = ((value, True) for value in call.refused.get(argument, ()))
+        for value, must in told if alone else tried(call, argument):
             with little_memory():
                 found = _of_value(call, argument, value, must)
             if found:

@@ -39,9 +39,8 @@ TENT: dict[str, tuple[Any, ...]] = {
     "amount": SHARE, "fall": (Keys([(0, (1.0, 2.0))]),), "wind": VECTOR, "color": COLOR,
     "haze": SHARE, "shutter": (-0.1, 180.0, Keys([(0, 0.5), (1, -0.1)])), "texture": SHARE,
     "spread": POSITIVE, "power": POSITIVE, "near_depth": (*POSITIVE, KEYED),
-    "depth_mode": ("Tile", "row"),
-    "tile": (4, -1, 2**15 + 1, 16.0), "overlap": (-1, 2**15 + 1, 3.0), "blend": ("smooth",),
-    "alias": ("Cut", "hard"), "jitter": (1, 0, KEYED), "sway": ((1.0,), 1.0, (NAN, 1.0)),
+    "depth_mode": ("Tile", "row"), "tile": (4, -1, 2**15 + 1, 16.0), "blend": ("smooth",),
+    "overlap": (-1, 2**15 + 1, 3.0), "alias": ("Cut", "hard"), "jitter": (1, 0, KEYED),
     "look": ("v0",), "exponent": (KEYED,), "severity": (0, 6, 2.5), "rate": (0.0, NAN, "much"),
     "wavelengths": ((1.9, 4.0), (4.0, 4.0), (5.0, 4.0), (4.0,), 4.0, (2.0, INF), KEYED),
 }  # fmt: skip
@@ -54,7 +53,7 @@ CONE: dict[str, tuple[Any, ...]] = {
 OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
     "effects.TentSnow": {
         **TENT, "flakes": COUNT, "flake_opacity": SHARE, "flake_size": SIZES,
-        "flake_density": (-0.1, 1e7, "many"),
+        "flake_density": (-0.1, 1e7, "many"), "sway": ((1.0,), 1.0, (NAN, 1.0)),
     },
     "effects.TentRain": {
         **TENT, "drops": COUNT, "drop_size": SIZES, "drop_depth": POSITIVE, "gain": (-1.0, 1e5),

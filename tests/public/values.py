@@ -151,8 +151,8 @@ TYPES: dict[str, Callable[[Any], bool]] = {
     "npt.DTypeLike": lambda value: isinstance(value, np.float64),
     # Classes, of which none is among the hostile values.
     **dict.fromkeys(
-        ("Camera", "Scene", "Budget", "Population", "Match", "Ground", "Lamp", "Lens",
-         "Light", "Output", "Sun", "Texture", "Wind"), lambda value: isinstance(value, dict),
+        ("Camera", "Scene", "Budget", "Ground", "Lamp", "Lens", "Light", "Output", "Sun", "Texture",
+         "Wind"), lambda value: isinstance(value, dict),
     ),
     # Of what is left, sequences and such, only the plainest is known.
     "Any": lambda value: True, "Depth": lambda value: True,
