@@ -300,7 +300,6 @@ def _place(name: str, spec: str | os.PathLike[str]) -> Path:
 
 
 def _is_pattern(path: Path) -> bool:
-    # A file whose own name holds a '%' is that file.
     return "%" in path.name and not path.exists()
 
 

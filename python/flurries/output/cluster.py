@@ -3,6 +3,8 @@
 A worker must have what the client has: if not, it refuses and says what, before a file.
 """
 
+from __future__ import annotations
+
 import importlib
 import logging
 import math
@@ -32,11 +34,8 @@ from flurries.scene.scene import Scene, expect_scene
 
 __all__ = ["grouped", "to_dask"]
 
-# How long a scheduler may take to answer, seconds.
-_GREETING = 10.0
-
-# After how long without workers it is said what is waited for, seconds.
-_QUIET = 10.0
+# How long a scheduler may take to answer, and workers to come before it is said, seconds.
+_GREETING, _QUIET = 10.0, 10.0
 
 # After how long it is said that a worker is silent, seconds, and in how many of its heartbeats: it
 # was heard a look of a crew later, and is missed at the next one.
