@@ -18,9 +18,6 @@ const SHARE: usize = 1 << 18;
 ///
 /// `out` holds the bits.
 pub fn to_half(out: &mut [u16], values: &[f32], cancel: &Cancel) -> Result<(), Error> {
-    if out.len() != values.len() {
-        return Err(Error::Internal("arrays of different lengths".into()));
-    }
     let pieces = out.chunks_mut(SHARE).zip(values.chunks(SHARE));
     pool::for_each(pieces, |(out, values)| {
         cancel.check()?;

@@ -184,14 +184,16 @@ impl View {
             let [x, y, _] = turned(point, [0.0, turn, 0.0]);
             let [x, y] = [x, y].map(|v| v * scale + 0.5 * SIDE as f64 - 0.5);
             let (left, top) = (libm::round(x) as isize - 3, libm::round(y) as isize - 3);
-            let blot = |at: isize, middle: f64| {
-                let away = (at as f64 - middle) / BLOT;
-                libm::exp(-0.5 * away * away)
+            let blots = |first: isize, middle: f64| {
+                let away = [0, 1, 2, 3, 4, 5, 6].map(|k| ((first + k) as f64 - middle) / BLOT);
+                away.map(|away| libm::exp(-0.5 * away * away))
             };
-            for row in top.max(0)..(top + 7).min(SIDE as isize) {
-                for column in left.max(0)..(left + 7).min(SIDE as isize) {
-                    depth[row as usize * SIDE + column as usize] +=
-                        THICKNESS * blot(row, y) * blot(column, x);
+            let across = blots(left, x);
+            for (row, tall) in (top..).zip(blots(top, y)) {
+                for (column, wide) in (left..).zip(across) {
+                    if row.min(column) >= 0 && row.max(column) < SIDE as isize {
+                        depth[row as usize * SIDE + column as usize] += THICKNESS * tall * wide;
+                    }
                 }
             }
         }

@@ -81,9 +81,9 @@ def _exr_rows(band: Array, names: Sequence[str]) -> Rows:
     """Of each row all of one channel, then all of the next, by their names."""
     if band.ndim == 3:
         band = np.stack([band[..., k] for k in np.argsort(names)], axis=1)
-    raw = band.reshape(-1).view(np.uint8)
+    raw, words = band.reshape(-1).view(np.uint8), band.reshape(-1).view(np.uint16)
     # Lower and upper bytes apart, each told by its difference from the one before.
-    apart = np.concatenate([raw[0::2], raw[1::2]])
+    apart = np.concatenate([words.astype(np.uint8), (words >> 8).astype(np.uint8)])
     told = apart.copy()
     told[1:] -= apart[:-1] + np.uint8(128)
     data = bytes(deflate.zlib_compress(told, LEVEL))
