@@ -41,10 +41,10 @@ def match(
     print(found)
     if report is not None:
         write_picture(report, found.report())
+    if plate is not None:
+        # Large ones are made smaller, and their camera's focal length is.
+        write_picture(plate, np.rint(255.0 * found.plate).astype(np.uint8))
+        camera = found.camera
     if output is not None:
-        if plate is not None:
-            # Large ones are made smaller, and their camera's focal length is.
-            write_picture(plate, np.rint(255.0 * found.plate).astype(np.uint8))
-            camera = found.camera
         found.scene(clean or plate, light=found.light, camera=camera).save(output)
         words.say(f"{output} has the scene")

@@ -9,8 +9,11 @@ from flurries._contract import Array, Float64
 # Px of the windows that spectra are taken of, and how many frames apart they are at most.
 WINDOW, LAGS = 128, 3
 
-# Contrast to the light below which a pixel counts less.
-_LEAST = 0.12
+# Contrast to the light below which a pixel counts less: codecs keep there what is opaque alone.
+_LEAST = 0.3
+
+# What it is right by at best, radians: clips 100 to 129 of `docs/make_match.py`.
+_SURE = 0.005
 
 # Lengths of way between two frames that are looked at, px; and degrees by which rays are smoothed.
 _NEAR, _FAR, _SMOOTH = 2, 44, 3.0
@@ -28,6 +31,7 @@ class Spectra(NamedTuple):
 
     cross: Array  # (places, lags, WINDOW, WINDOW // 2 + 1) complex: means over time.
     places: Float64  # (places, 2) px from the middle of the picture, right and down.
+    weights: Float64  # (places,) what each tells, of 1 together.
 
 
 class Direction(NamedTuple):
@@ -52,7 +56,7 @@ def spectra(frames: Array, mean: Array, light: float) -> Spectra:
         np.linspace(0, length - WINDOW, max(2 * length // WINDOW - 1, 1)).round().astype(int)
         for length in (height, width)
     )
-    found, places = [], []
+    found, places, weights = [], [], []
     for top in tops.tolist():
         for left in lefts.tolist():
             rows, columns = slice(top, top + WINDOW), slice(left, left + WINDOW)
@@ -61,24 +65,20 @@ def spectra(frames: Array, mean: Array, light: float) -> Spectra:
             lags = range(min(LAGS, n))
             means = [(own[lag:] * own[: n - lag].conj()).mean(axis=0) for lag in lags]
             found.append(np.array(means) / max(taper, 1e-6))
+            weights.append(taper + 1e-6)
             places.append((left + 0.5 * (WINDOW - width), top + 0.5 * (WINDOW - height)))
-    return Spectra(np.array(found), np.array(places))
+    return Spectra(np.array(found), np.array(places), np.array(weights) / sum(weights))
 
 
 def rays(cross: Array) -> Float64:
-    """Return how alike frames with these spectra are along rays of each degree, (places, 360)."""
+    """Return how alike frames with these spectra are along rays of .1 degrees, (places, 3600)."""
     near = np.fft.fftshift(np.fft.irfft2(cross, (WINDOW, WINDOW)), axes=(1, 2))
     near -= np.median(near, axis=(1, 2), keepdims=True)
-    angle = np.radians(np.arange(360))
-    way = np.arange(_NEAR, _FAR + 1.0)[:, None]
-    x, y = way * np.cos(angle) + WINDOW // 2, way * np.sin(angle) + WINDOW // 2
-    col, row = np.floor(x).astype(int), np.floor(y).astype(int)
-    total = np.zeros((len(near), 360))
-    for dy, down in ((0, 1.0 - y + row), (1, y - row)):
-        for dx, right in ((0, 1.0 - x + col), (1, x - col)):
-            total += (near[:, row + dy, col + dx] * (down * right)).sum(axis=1)
+    angle, way = np.radians(np.arange(360)), np.arange(_NEAR, _FAR + 0.5, 0.5)[:, None]
+    col, row = (np.rint(way * part(angle)).astype(int) + WINDOW // 2 for part in (np.cos, np.sin))
+    total = near[:, row, col].sum(axis=1)
     smooth = np.exp(-2.0 * (np.pi * _SMOOTH * np.fft.rfftfreq(360)) ** 2)
-    return np.asarray(np.fft.irfft(np.fft.rfft(total, axis=1) * smooth, 360, axis=1))
+    return np.asarray(10.0 * np.fft.irfft(np.fft.rfft(total, axis=1) * smooth, 3600, axis=1))
 
 
 def direction(found: Spectra, focal: float) -> Direction:
@@ -87,16 +87,14 @@ def direction(found: Spectra, focal: float) -> Direction:
     profile, places = rays(found.cross[:, 0 if still else 1]), found.places / focal
     if still:
         # It shows ways only by streaks, whose ends are alike: things fall.
-        profile[:, 180:] = -1.0
+        profile[:, 1800:] = -1.0
 
     def score(tried: Float64, some: slice) -> Float64:
         """Return how alike frames are along ways, (n, 2) of angle and approach."""
         (angle, approach), at = tried.T[..., None], places[some]
         x, y = np.cos(angle) - approach * at[:, 0], np.sin(angle) - approach * at[:, 1]
-        degree = np.degrees(np.arctan2(y, x)) % 360.0
-        low, rows = np.floor(degree).astype(int), np.arange(len(at))
-        one, two = (profile[some][rows, (low + n) % 360] for n in (0, 1))
-        return np.asarray((one + (degree - low) * (two - one)).sum(axis=1))
+        degree = np.rint(10.0 * np.degrees(np.arctan2(y, x))).astype(int) % 3600
+        return np.asarray(profile[some][np.arange(len(at)), degree].sum(axis=1))
 
     def best(some: slice) -> Float64:
         way = np.zeros(2)
@@ -108,7 +106,7 @@ def direction(found: Spectra, focal: float) -> Direction:
 
     way = best(np.s_[:])
     turns = [best(np.s_[n::4])[0] - way[0] for n in range(4)]
-    error = np.sqrt((np.angle(np.exp(1j * np.array(turns))) ** 2).mean() / 3.0)
+    error = np.sqrt((np.angle(np.exp(1j * np.array(turns))) ** 2).mean() / 3.0 + _SURE**2)
     this, other = score(np.array([way, (way[0] + np.pi, -way[1])]), np.s_[:])
     level = float(np.abs(profile).mean(axis=1).sum())
     share = (this - abs(other)) / max(level, 1e-12)

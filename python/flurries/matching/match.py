@@ -20,7 +20,7 @@ from flurries.light.shot import Light
 from flurries.matching.direction import WINDOW, direction, spectra
 from flurries.matching.fan import FAR, NEAR, OPACITY, Lens
 from flurries.matching.fit import fit
-from flurries.matching.light import light_of, light_over, tinted
+from flurries.matching.light import LUMA, light_of, tinted
 from flurries.matching.watched import LONG, Watched, watch
 from flurries.particles.sizes import SNOW
 from flurries.scene import Scene
@@ -29,18 +29,21 @@ from flurries.scene.scene import DEFAULT_FOCAL
 # A film needs so many frames.
 LEAST = 8
 
-# It cannot be told where nothing changes; from this error of the light on, or this light; where
-# the motion is less clear, or less sure in radians; from a misfit on; and where motion is level.
-_QUIET, _DOUBT, _WHITE = 1e-4, 0.045, 1.04
-_CLEAR, _TURN, _MISFIT, _LEVEL = 3.0, 0.15, 1.1, 0.15
+# It cannot be told where nothing changes; from this share of the light on that it may be off, or
+# this light; where the motion is less clear, or less sure in radians; from a misfit on; where
+# motion is level; and from an error of the density on.
+_QUIET, _DOUBT, _WHITE = 1e-4, 0.12, 1.04
+_CLEAR, _TURN, _MISFIT, _LEVEL, _FEW = 3.0, 0.15, 0.7, 0.15, 0.5
 
-# What is faint is lost before it is seen, and flakes look smaller: by the closed loop's median.
-_LARGER = 1.1
+# Errors of a still are so many times as large, and its light is right by a share: by seven of the
+# loop's frames.
+_STILL, _STILL_LIGHT = 1.5, 0.08
 
-# What number, size and exposure are right by at best: the closed loop's. Those of a still are so
-# many times as uncertain, and so is its light by a share: by seven of the loop's frames.
-_STILL, _STILL_LIGHT = 3.0, 0.08
-_SURE = {"density": 0.13, "size": 0.08, "shutter": 0.09}
+# What number, size and exposure are right by besides: clips 100 to 129 of `docs/make_match.py`.
+_SURE = 0.15, 0.06, 0.06
+
+# Below this mean size in metres it is as fast for its size as drops are.
+_DROPS = 0.0015
 
 # The depth that half of the flakes' cover is before, metres.
 _MEDIAN = 0.5 * (NEAR + FAR)
@@ -181,8 +184,8 @@ def match(
         count < LEAST and (count > 1 or plate is None),
         f"frames has {count}: a film needs {LEAST}, and one picture needs clean, its plate",
     )
-    numbers: Iterable[int] = range(min(count, LONG))
-    seen = watch(map(read, numbers if progress is None else progress(numbers)), plate)
+    numbers = range(min(count, LONG))
+    seen = watch(map(read, progress(numbers) if progress else numbers), plate)
     height, width = seen.mean.shape[:2]
     _refuse(
         min(height, width) < WINDOW,
@@ -198,9 +201,8 @@ def _opened(name: str, given: Any) -> tuple[Callable[[int], Array], int, float |
         source = open_background(given)
         return lambda n: source.frame(n).pixels, source.count or 1, source.fps
     pictures = [given] if getattr(given, "ndim", 0) == 3 else [np.asarray(one) for one in given]
-    shapes = [one.shape for one in pictures if one.ndim != 3 or one.shape[2] < 3]
-    if shapes or not pictures:
-        came = f"shape {shapes[0]}" if shapes else "none"
+    came = {one.shape for one in pictures if one.ndim != 3 or one.shape[2] < 3} or "none"
+    if came != "none" or not pictures:
         raise ValueError(f"{name} must have pictures (H, W, 3), got {came}")
     return pictures.__getitem__, len(pictures), None
 
@@ -212,55 +214,47 @@ def _refuse(when: bool, why: str) -> None:
 
 def _matched(seen: Watched, camera: Camera, fps: float) -> Match:
     film = len(seen.frames) > 1
-    luma, mean = seen.frames.mean(axis=3), seen.mean.mean(axis=2)
+    luma, mean = seen.frames @ LUMA, seen.mean @ LUMA
     _refuse(float(luma.std()) < _QUIET, "no snow: nothing changes in frames")
     light, doubt = light_of(luma, mean) if film else (1.0, 0.0)
     cover = None
     if seen.clean is not None:
-        behind = seen.clean.mean(axis=2)
+        behind = seen.clean @ LUMA
         if not film:
-            light = light_over(mean - behind, behind)
+            # Its veil, a (L - B), is nothing where the plate B is as bright as the light L.
+            slope, height = np.polyfit(behind.ravel(), (mean - behind).ravel(), 1).tolist()
+            light = -height / slope if slope < 0.0 else 2.0
             doubt = _STILL_LIGHT * light
         # How opaque the air is on average, by places that differ from the light.
         cover = float(((mean - behind) * (light - behind)).sum() / ((light - behind) ** 2).sum())
-        _refuse(
-            not 0.002 < cover < 0.98,
-            "no snow: frames are no nearer to flakes' light than clean is",
-        )
+        _refuse(not 0.002 < cover < 0.98, "no snow: frames are no nearer to white than clean is")
     found = spectra(luma, mean, light)
     way = direction(found, camera.focal)
-    degrees = math.degrees(way.angle)
-    moves = float(np.abs(seen.shifts).max()) > 0.5
+    turns = "; the camera does more than turn" if np.abs(seen.shifts).max() > 0.5 else ""
     _refuse(
         film and (way.share < _CLEAR or way.error > _TURN),
-        "no snow: what changes in frames has no direction that all of it shares"
-        + ("; the camera moves, and may do so in other ways than it turns" if moves else ""),
+        f"no snow: what changes in frames has no direction that all of it shares{turns}",
     )
+    few = f"{light:.2f} of white +- {doubt:.2f}; a plate with dark and bright places is needed"
     _refuse(
         film and (doubt > _DOUBT * light or light > _WHITE),
-        f"the light of flakes is not told from their number: it is {light:.2f} of white, give or "
-        f"take {doubt:.2f}; a plate with dark and bright places is needed",
+        f"the light of flakes is not told from their number: {few}",
     )
-    _refuse(
-        math.sin(way.angle) < _LEVEL,
-        f"what moves goes {degrees:.0f} degrees from right to below, which is no fall: the camera "
-        "must stand upright, and the wind be below some 5 m/s",
-    )
-    lens = Lens(camera.focal, fps, len(seen.frames))
+    level = f"{math.degrees(way.angle):.0f} degrees from right to below: the camera must be upright"
+    _refuse(math.sin(way.angle) < _LEVEL, f"no fall: what moves goes {level}")
+    lens = Lens(camera.focal, fps, len(seen.frames), (mean.shape[1], mean.shape[0]))
     got = fit(found, way, lens, None if cover is None else -math.log1p(-cover))
-    _refuse(
-        film and got.misfit > _MISFIT,
-        f"what changes in frames is not like falling snow (misfit {got.misfit:.2f}): compression "
-        "has eaten faint flakes, the background moves, or the camera travels",
-    )
+    few = "compression has eaten faint flakes, the background moves, or the camera travels"
+    _refuse(film and got.misfit > _MISFIT, f"what changes is not like falling snow: {few}")
+    _refuse(got.air.sizes.mean < _DROPS, "what falls is as fast for its size as rain is")
     sizes, wind, shutter = got.air.sizes, got.air.wind, got.air.shutter
     fall = SNOW.fall(sizes)
     speed = math.hypot(wind, fall)
     light = min(light, 1.0)
-    colors = tinted(seen.frames, seen.mean, seen.clean, light)
+    colors = tinted(seen.frames, seen.mean, light)
     snow = Snow(
         density=got.density, wind=(wind, 0.0, way.approach * speed), shutter=min(shutter, 1.0),
-        flake_size=(_LARGER * sizes.smallest, _LARGER * sizes.mean, _LARGER * sizes.largest),
+        flake_size=(sizes.smallest, sizes.mean, sizes.largest),
         near=NEAR, far=FAR, opacity=OPACITY,
     )  # fmt: skip
     plate = seen.clean
@@ -268,14 +262,18 @@ def _matched(seen: Watched, camera: Camera, fps: float) -> Match:
         area = 0.25 * math.pi * OPACITY * sizes.moment(2.0)
         veil = -math.expm1(-got.density * area * (FAR - NEAR))
         plate = (seen.mean - veil * colors) / (1.0 - veil)
-    known = {
-        name: math.hypot(own, best * (1.0 if film else _STILL))
-        for own, (name, best) in zip(got.errors.tolist(), _SURE.items(), strict=True)
-    }
+    # A light that is less by a share makes as much more of a flake's opacity.
+    known = np.hypot(got.errors, _SURE) * (1.0 if film else _STILL)
+    density, size, exposure = np.hypot(known, [2.0 * doubt / light, 0.0, 0.0]).tolist()
+    few = f"too few flakes are seen: their number is right by {density:.0%} only"
+    _refuse(density > _FEW * (1.0 if film else 2.0), few)
     turn = way.error / abs(math.tan(way.angle))
     return Match(
         snow=snow, light=Light(snow=tuple(srgb_to_linear(colors).tolist())), camera=camera,
         fps=fps, direction=math.atan2(fall, wind), speed=camera.focal * speed / fps / _MEDIAN,
-        errors=known | {"direction": way.error, "light": doubt / light, "speed": turn + 0.03},
+        errors={
+            "direction": way.error, "density": density, "size": size, "shutter": exposure,
+            "speed": turn + 0.03, "light": doubt / light,
+        },
         plate=np.clip(plate, 0.0, 1.0), _frame=seen.frames[len(seen.frames) // 2] + seen.mean,
     )  # fmt: skip

@@ -33,13 +33,9 @@ class Watched(NamedTuple):
 def smaller(pixels: Array, scale: int) -> Array:
     """Return the means over squares of pixels, (h, w, 3) float32, integers as shares of white."""
     white = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0
-    height, width = (length // scale * scale for length in pixels.shape[:2])
-    found = np.zeros((height // scale, width // scale, 3), np.float32)
-    for y in range(scale):
-        for x in range(scale):
-            found += pixels[y:height:scale, x:width:scale, :3]
-    found /= np.float32(scale**2 * white)
-    return found
+    height, width = (length // scale for length in pixels.shape[:2])
+    squares = pixels[: height * scale, : width * scale, :3].reshape(height, scale, width, scale, 3)
+    return np.asarray(squares.mean(axis=(1, 3), dtype=np.float32) / np.float32(white))
 
 
 def moved(first: Array, other: Array) -> tuple[float, float]:
@@ -79,8 +75,7 @@ def watch(pictures: Iterable[Array], clean: Array | None) -> Watched:
     shifts: list[tuple[float, float]] = []
     shape: tuple[int, ...] = ()
     for picture in pictures:
-        shape = shape or picture.shape[:2]
-        _expect_size("frames", picture, shape)
+        shape = _size("frames", picture, shape)
         kept.append(smaller(picture, -(-shape[1] // WIDE)))
         shifts.append(moved(kept[0].mean(axis=2), kept[-1].mean(axis=2)))
     scale = -(-shape[1] // WIDE)
@@ -89,7 +84,7 @@ def watch(pictures: Iterable[Array], clean: Array | None) -> Watched:
     frames = np.stack(kept)
     mean = np.nanmean(frames, axis=0) if np.isnan(frames).any() else frames.mean(axis=0)
     if clean is not None:
-        _expect_size("clean", clean, shape)
+        _size("clean", clean, shape)
         clean = smaller(clean, scale)
         if len(frames) == 1:
             # That of a still is its plate behind an even veil, whose light and opacity fit best.
@@ -101,6 +96,7 @@ def watch(pictures: Iterable[Array], clean: Array | None) -> Watched:
     return Watched(frames, mean, clean, np.array(shifts), scale)
 
 
-def _expect_size(name: str, picture: Array, size: tuple[int, ...]) -> None:
-    if picture.shape[:2] != size:
+def _size(name: str, picture: Array, size: tuple[int, ...]) -> tuple[int, ...]:
+    if size and picture.shape[:2] != size:
         raise ValueError(f"{name} must be (H, W) = {size} as frames' first, got {picture.shape}")
+    return picture.shape[:2]
