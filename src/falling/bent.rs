@@ -9,12 +9,13 @@
 
 use std::ops::Range;
 
-use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
+use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis, s};
 
+use super::blur::{Streaks, blur};
 use super::layers::left;
 use super::sheet::Sheet;
 use crate::base::error::{Cancel, Error, layout, pushed, reserve};
-use crate::base::pool::{self, line};
+use crate::base::pool;
 use crate::base::simd::{dispatch, multiply_add};
 
 /// Pixels from node to node; the first ones lie so far before the picture's first pixel.
@@ -28,17 +29,9 @@ pub const NUMBERS: usize = 4;
 const RUN: usize = 8;
 const RUNS: usize = APART / RUN;
 
-/// A way is at most so long along an axis, px, so that its half and the runs beside it fit between two nodes; and
-/// one shorter than the second is none.
-const LONGEST: f32 = 114.0;
-const REST: f32 = 0.3;
-
-/// Taps on whole pixels leave more of the finest waves along a way than its even share does; so much of its length
-/// more, and the octave has the power that it should.
-const LONGER: f32 = 1.06;
-
-/// Rows of a picture that are summed before they are blurred.
+/// Rows and columns of a picture that are summed before they are blurred: a sum stays in the second cache.
 const ROWS: usize = 128;
+const STRIP: usize = 1024;
 
 /// Periods of a torus by which a node may lie beside it.
 const ROUNDS: f32 = 64.0;
@@ -53,10 +46,35 @@ pub struct Group<'a> {
     pub far: f32,
 }
 
+/// Numbers at the nodes of a lattice, side by side.
+pub struct Nodes<'a, const N: usize> {
+    pub each: &'a [[f32; N]],
+    columns: usize,
+}
+
+impl<'a, const N: usize> Nodes<'a, N> {
+    pub fn new(view: ArrayView3<'a, f32>) -> Result<Self, Error> {
+        let (_, columns, numbers) = view.dim();
+        if numbers != N {
+            return Err(Error::Internal("no nodes look like that".into()));
+        }
+        Ok(Self { each: view.to_slice().ok_or_else(layout)?.as_chunks().0, columns })
+    }
+
+    /// What a row sees of a column of nodes.
+    #[inline(always)]
+    pub fn at(&self, row: usize, col: usize) -> [f32; N] {
+        let (above, down) = (row / APART, ((row % APART) as f32 + 0.5) / APART as f32);
+        let first = above * self.columns + col;
+        let (low, high) = (self.each[first], self.each[first + self.columns]);
+        std::array::from_fn(|i| low[i] + down * (high[i] - low[i]))
+    }
+}
+
 /// A sheet with the places that are read.
 struct Sight<'a> {
     places: [&'a [u8]; 16],
-    nodes: ArrayView3<'a, f32>,
+    nodes: Nodes<'a, NUMBERS>,
     period: (i32, i32),
     shear: i32,
     unit: f32,
@@ -68,14 +86,13 @@ impl<'a> Sight<'a> {
         cancel: &Cancel,
     ) -> Result<Self, Error> {
         let (rows, cols) = sheet.law.period;
-        let near = |node: &f32, period: usize| node.abs() < ROUNDS * period as f32;
-        let sound = nodes.len_of(Axis(2)) == NUMBERS
-            && nodes.lanes(Axis(2)).into_iter().all(|at| near(&at[0], cols) && near(&at[1], rows));
-        if !sound {
-            return Err(Error::Internal("no nodes look like that".into()));
+        let nodes = Nodes::new(nodes)?;
+        let most = [cols, rows].map(|period| ROUNDS * period as f32);
+        if !nodes.each.iter().all(|at| at[0].abs() < most[0] && at[1].abs() < most[1]) {
+            return Err(Error::Internal("no sheet reaches so far".into()));
         }
         let mut places = [&[][..]; 16];
-        let wanted = wanted(nodes);
+        let wanted = wanted(nodes.each);
         for number in (0..16).filter(|&number| wanted[number]) {
             places[number] = sheet.place(number, cancel)?;
         }
@@ -123,37 +140,12 @@ fn quarters(at: f32) -> i32 {
 }
 
 /// Which places are read: one where all nodes are alike.
-fn wanted(nodes: ArrayView3<'_, f32>) -> [bool; 16] {
-    let mut each = nodes.lanes(Axis(2)).into_iter();
-    let Some(first) = each.next() else { return [false; 16] };
+fn wanted(nodes: &[[f32; NUMBERS]]) -> [bool; 16] {
+    let Some(first) = nodes.first() else { return [false; 16] };
     let (right, down) = (-quarters(first[0]) & 3, -quarters(first[1]) & 3);
-    let alike = each.all(|at| at[0] == first[0] && at[1] == first[1]);
+    let alike = nodes.iter().all(|at| at[..2] == first[..2]);
     let one = (4 * down + right) as usize;
     std::array::from_fn(|number| if alike { number == one } else { number & 5 == 0 })
-}
-
-/// A group with what is read of it.
-struct Part<'a> {
-    group: &'a Group<'a>,
-    sights: Vec<Sight<'a>>,
-    slope: f32,
-    /// Pixels on each side that its longest way needs.
-    reach: usize,
-}
-
-impl<'a> Part<'a> {
-    fn new(group: &'a Group<'a>, cancel: &Cancel) -> Result<Self, Error> {
-        let longest = group.ways.iter().fold(0.0_f32, |longest, way| longest.max(way.abs()));
-        if group.ways.len_of(Axis(2)) != 2 || longest > LONGEST {
-            return Err(Error::Internal("no ways look like that".into()));
-        }
-        let mut sights = Vec::new();
-        for sheet in &group.sheets {
-            pushed(&mut sights, Sight::new(sheet, cancel)?)?;
-        }
-        let reach = if longest < REST { 0 } else { (0.5 * LONGER * longest) as usize + 3 };
-        Ok(Self { group, sights, slope: 1.0 / (group.far - group.near), reach })
-    }
 }
 
 /// Writes what sheets hide: 1 - exp(-sum of their optical depths).
@@ -167,9 +159,8 @@ pub fn read<'a>(
     depth: Option<ArrayView2<'_, f32>>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    let columns = out.ncols();
     let reach = |length: usize, first: usize| (first + length).div_ceil(APART) + 3;
-    let nodes = (reach(out.nrows(), corner[0]), reach(columns, corner[1]));
+    let nodes = (reach(out.nrows(), corner[0]), reach(out.ncols(), corner[1]));
     let short = |found: &ArrayView3<'_, f32>| found.dim().0 < nodes.0 || found.dim().1 < nodes.1;
     let each =
         |group: &Group<'_>| short(&group.ways) || group.sheets.iter().any(|one| short(&one.1));
@@ -178,36 +169,37 @@ pub fn read<'a>(
     }
     let mut parts = Vec::new();
     for group in groups {
-        pushed(&mut parts, Part::new(group, cancel)?)?;
+        let sights = group.sheets.iter().map(|one| Sight::new(one, cancel));
+        let sights = sights.collect::<Result<Vec<_>, _>>()?;
+        pushed(&mut parts, (sights, Streaks::new(group)?))?;
     }
     let runs = out.nrows().div_ceil(ROWS).max(pool::threads());
     pool::for_each(pool::rows(out, runs), |(rows, mut out)| {
         out.fill(0.0);
         let mut plane = Vec::new();
-        for part in &parts {
-            // Whole cells, as many as the window and its ways touch.
-            let (margin, first) = (part.reach, corner[1] + APART - part.reach);
-            let cells = first / APART..(corner[1] + APART + columns + margin).div_ceil(APART);
-            let (width, tall) = (cells.len() * APART, rows.len() + 2 * margin);
-            plane.clear();
-            let size = width * tall + APART;
-            reserve(&mut plane, size)?;
-            plane.resize(size, 0.0);
-            let top = corner[0] + APART + rows.start - margin;
-            let runs = first / RUN..(corner[1] + APART + columns + margin).div_ceil(RUN);
-            for sight in &part.sights {
+        for (number, mut strip) in out.axis_chunks_iter_mut(Axis(1), STRIP).enumerate() {
+            // From the first node on, which lies before the picture.
+            let at = [corner[0] + APART + rows.start, corner[1] + APART + number * STRIP];
+            let depth = depth.map(|map| map.slice_move(s![rows.clone(), number * STRIP..]));
+            for (sights, streaks) in &parts {
                 cancel.check()?;
-                for (row, line) in (top..).zip(plane.chunks_exact_mut(width)) {
-                    sum(line, sight, row, &runs);
+                let (margin, columns) = (streaks.reach, strip.ncols());
+                let (first, end) = (at[1] - margin, at[1] + columns + margin);
+                // Whole cells, as many as the strip and its ways touch.
+                let cells = first / APART..end.div_ceil(APART);
+                let width = cells.len() * APART;
+                let size = width * (strip.nrows() + 2 * margin) + APART;
+                let missing = size.saturating_sub(plane.len());
+                reserve(&mut plane, missing)?;
+                plane.resize(plane.len() + missing, 0.0);
+                let runs = first / RUN..end.div_ceil(RUN);
+                for (row, line) in (at[0] - margin..).zip(plane[..size].chunks_exact_mut(width)) {
+                    line.fill(0.0);
+                    sights.iter().for_each(|sight| sum(line, sight, row, &runs));
                 }
-            }
-            for (row, mut out) in out.rows_mut().into_iter().enumerate() {
-                cancel.check()?;
-                let out = out.as_slice_mut().ok_or_else(layout)?;
-                let depth = depth.map(|depth| line(depth, rows.start + row)).transpose()?;
-                let at = (corner[0] + APART + rows.start + row, corner[1] + APART);
-                let from = (row + margin, corner[1] + APART - cells.start * APART);
-                blur(out, part, (&plane, width), at, from, depth);
+                let from = (margin, at[1] - cells.start * APART);
+                blur(strip.view_mut(), streaks, (&plane, width), at, from, depth)
+                    .ok_or_else(layout)?;
             }
         }
         out.rows_mut().into_iter().try_for_each(|mut out| {
@@ -217,153 +209,64 @@ pub fn read<'a>(
     })
 }
 
-/// What a row sees of a column of nodes.
-#[inline(always)]
-fn node<const N: usize>(nodes: &ArrayView3<'_, f32>, row: usize, col: usize) -> [f32; N] {
-    let (above, down) = (row / APART, ((row % APART) as f32 + 0.5) / APART as f32);
-    std::array::from_fn(|i| {
-        let (low, high) = (nodes[(above, col, i)], nodes[(above + 1, col, i)]);
-        low + down * (high - low)
-    })
-}
-
 /// Adds some runs of a row of a sheet to a line that begins with the cell of the first.
 #[dispatch]
 fn sum<const LEVEL: u8>(line: &mut [f32], sight: &Sight<'_>, row: usize, needed: &Range<usize>) {
     let first = needed.start / RUNS;
-    let mut right: [f32; NUMBERS] = node(&sight.nodes, row, first);
+    let mut right = sight.nodes.at(row, first);
     for (col, cell) in (first..).zip(line.chunks_exact_mut(APART)) {
         let left = right;
-        right = node(&sight.nodes, row, col + 1);
+        right = sight.nodes.at(row, col + 1);
         if left[2..] == [0.0; 2] && right[2..] == [0.0; 2] {
             continue;
         }
-        let (mut gains, mut bases) = ([0.0; RUNS], [0.0; RUNS]);
+        let mut each = [[0.0; RUNS]; NUMBERS];
+        for i in 0..NUMBERS {
+            for k in 0..RUNS {
+                let part = (k as f32 + 0.5) / RUNS as f32;
+                each[i][k] = left[i] + part * (right[i] - left[i]);
+            }
+        }
         let (mut rows, mut cols, mut places) = ([0; RUNS], [0; RUNS], [0; RUNS]);
+        let mut flat = [0_i32; RUNS];
         // Nodes begin before the picture.
         let at = (row as i32 - APART as i32, (col * APART) as i32 - APART as i32);
         for k in 0..RUNS {
-            let part = (k as f32 + 0.5) / RUNS as f32;
-            let [x, y, gain, base] = std::array::from_fn(|i| left[i] + part * (right[i] - left[i]));
-            let (x, y) = (quarters(x), quarters(y));
+            let (x, y) = (quarters(each[0][k]), quarters(each[1][k]));
             let (aside, down) = (-x & 3, -y & 3);
-            (rows[k], cols[k]) =
-                (at.0 + ((y + down) >> 2), at.1 + ((x + aside) >> 2) + (k * RUN) as i32);
-            (places[k], gains[k], bases[k]) = (4 * down + aside, gain * sight.unit, base);
+            rows[k] = at.0 + ((y + down) >> 2);
+            cols[k] = at.1 + ((x + aside) >> 2) + (k * RUN) as i32;
+            places[k] = (4 * down + aside) as usize & 15;
+            flat[k] = rows[k].wrapping_mul(sight.period.1).wrapping_add(cols[k]);
+            each[2][k] *= sight.unit;
         }
         let skipped = needed.start.saturating_sub(col * RUNS);
         let end = RUNS.min(needed.end - col * RUNS);
-        let runs = cell.as_chunks_mut::<RUN>().0.iter_mut().enumerate();
         let rounds = sight.rounds((rows[0], cols[0]));
         let last = (rows[RUNS - 1] + rounds.0, cols[RUNS - 1] + rounds.1);
         let on = |at: i32, most: i32| (0..=most).contains(&at);
+        let runs = cell.as_chunks_mut::<RUN>().0.iter_mut().enumerate().take(end).skip(skipped);
         // What is even is farthest at its ends.
-        let whole = end - skipped == RUNS;
-        if whole && on(last.0, sight.period.0 - 1) && on(last.1, sight.period.1 - RUN as i32) {
-            let mut from = [0; RUNS];
-            for k in 0..RUNS {
-                from[k] = (rows[k] + rounds.0) * sight.period.1 + cols[k] + rounds.1;
-            }
+        if on(last.0, sight.period.0 - 1) && on(last.1, sight.period.1 - RUN as i32) {
+            let first = rounds.0.wrapping_mul(sight.period.1).wrapping_add(rounds.1);
             for (k, out) in runs {
-                let place = sight.places[places[k] as usize & 15];
-                let bytes = place.get(from[k] as usize..).and_then(<[u8]>::first_chunk);
-                let bytes: &[u8; RUN] = bytes.unwrap_or(&[0; RUN]);
-                for i in 0..RUN {
-                    out[i] += multiply_add::<f32, LEVEL>(f32::from(bytes[i]), gains[k], bases[k]);
-                }
+                let near = sight.places[places[k]].get(flat[k].wrapping_add(first) as usize..);
+                let near = near.and_then(<[u8]>::first_chunk).unwrap_or(&[0; RUN]);
+                add::<LEVEL>(out, near, each[2][k], each[3][k]);
             }
         } else {
-            for (k, out) in runs.take(end).skip(skipped) {
-                let bytes = sight.run((rows[k], cols[k]), places[k] as usize & 15);
-                for i in 0..RUN {
-                    out[i] += multiply_add::<f32, LEVEL>(f32::from(bytes[i]), gains[k], bases[k]);
-                }
+            for (k, out) in runs {
+                let around = sight.run((rows[k], cols[k]), places[k]);
+                add::<LEVEL>(out, &around, each[2][k], each[3][k]);
             }
         }
     }
 }
 
-/// The taps of a way: how many on each side of the middle, the share of an inner one, and of the last.
-///
-/// Their variance is that of the way, length^2 / 12; as many even taps as have no more, and a part of the next.
 #[inline(always)]
-fn taps(length: f32) -> (i32, f32, f32) {
-    let square = length * length / 12.0;
-    let m = (0.5 * ((1.0 + length * length).sqrt() - 1.0)).ceil().max(1.0);
-    let inner = (m - 1.0) * m * (2.0 * m - 1.0) / 3.0;
-    let end = ((square * (2.0 * m - 1.0) - inner) / (2.0 * (m * m - square))).clamp(0.0, 1.0);
-    let share = 1.0 / (2.0 * m - 1.0 + 2.0 * end);
-    (m as i32, share, end * share)
-}
-
-/// Adds a part of a plane, from a pixel on.
-#[inline(always)]
-fn tap<const LEVEL: u8>(sums: &mut [f32; APART], plane: &[f32], at: usize, gain: f32) {
-    // No way leads beyond the plane, which has room for a cell more than it shows.
-    let Some(from) = plane.get(at..).and_then(<[f32]>::first_chunk::<APART>) else { return };
-    for i in 0..APART {
-        sums[i] = multiply_add::<f32, LEVEL>(from[i], gain, sums[i]);
-    }
-}
-
-/// Adds a row of a plane, blurred and weighed by the share of the group that lies before a wall. A cell's pixels
-/// have one way.
-#[dispatch]
-fn blur<const LEVEL: u8>(
-    out: &mut [f32],
-    part: &Part<'_>,
-    plane: (&[f32], usize),
-    at: (usize, usize),
-    from: (usize, usize),
-    depth: Option<&[f32]>,
-) {
-    let (plane, width) = plane;
-    let (mut done, end) = (0, out.len());
-    while done < end {
-        let col = at.1 + done;
-        let run = (APART - col % APART).min(end - done);
-        let (left, right): ([f32; 2], [f32; 2]) = (
-            node(&part.group.ways, at.0, col / APART),
-            node(&part.group.ways, at.0, col / APART + 1),
-        );
-        let way: [f32; 2] = std::array::from_fn(|i| 0.5 * (left[i] + right[i]));
-        let first = from.0 * width + from.1 + done;
-        let mut sums = [0.0; APART];
-        let steep = way[1].abs() > way[0].abs();
-        let (long, short) = if steep { (way[1], way[0]) } else { (way[0], way[1]) };
-        let (along, aside) = if steep { (width, 1) } else { (1, width) };
-        if long.abs() < REST {
-            tap::<LEVEL>(&mut sums, plane, first, 1.0);
-        } else {
-            let (most, inner, last) = taps(LONGER * long.abs());
-            let slope = short / long;
-            for number in -most..=most {
-                let gain = if number.abs() == most { last } else { inner };
-                let off = slope * number as f32;
-                let whole = off.round_ties_even();
-                let (number, whole, part) = (number as isize, whole as isize, off - whole);
-                let at = number * along as isize + whole * aside as isize;
-                let at = first.wrapping_add_signed(at);
-                // Three pixels across that have the place and no width: two would make the streak wider.
-                tap::<LEVEL>(&mut sums, plane, at, gain * (1.0 - part * part));
-                if part != 0.0 {
-                    let (low, high) = (0.5 * part * (part - 1.0), 0.5 * part * (part + 1.0));
-                    tap::<LEVEL>(&mut sums, plane, at - aside, gain * low);
-                    tap::<LEVEL>(&mut sums, plane, at + aside, gain * high);
-                }
-            }
-        }
-        let out = &mut out[done..done + run];
-        match depth {
-            None => out.iter_mut().zip(&sums).for_each(|(out, sum)| *out += sum),
-            Some(depth) => {
-                for ((out, &sum), &depth) in out.iter_mut().zip(&sums).zip(&depth[done..]) {
-                    let share = ((depth - part.group.near) * part.slope).clamp(0.0, 1.0);
-                    *out += sum * if depth < part.group.far { share } else { 1.0 };
-                }
-            }
-        }
-        done += run;
+fn add<const LEVEL: u8>(out: &mut [f32; RUN], bytes: &[u8; RUN], gain: f32, base: f32) {
+    for i in 0..RUN {
+        out[i] += multiply_add::<f32, LEVEL>(f32::from(bytes[i]), gain, base);
     }
 }
 
@@ -451,18 +354,6 @@ mod tests {
         assert!(alike > 0.75, "{alike}");
         let (a, b) = (before.mean().unwrap(), after.mean().unwrap());
         assert!((a / b - 1.0).abs() < 0.03, "{a} {b}");
-    }
-
-    #[test]
-    fn taps_spread_as_the_way_does() {
-        for length in [0.3, 1.0, 2.0, 2.83, 3.7, 9.1, 40.0, 120.0_f32] {
-            let (most, inner, last) = taps(length);
-            let each = |tap: i32| f64::from(if tap.abs() == most { last } else { inner });
-            let sum: f64 = (-most..=most).map(each).sum();
-            let square: f64 = (-most..=most).map(|tap| f64::from(tap * tap) * each(tap)).sum();
-            let want = f64::from(length * length) / 12.0;
-            assert!((sum - 1.0).abs() < 1e-5 && (square / want - 1.0).abs() < 1e-4, "{length}");
-        }
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! in quarters of a pixel. The sum goes over the layers in their order, pixel by pixel: bits don't depend
 //! on threads, windows or parts.
 
-use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2};
+use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis, s};
 
 use super::bent::APART;
 use super::sheet::Sheet;
@@ -19,9 +19,10 @@ const FARTHEST: f64 = 1e9;
 /// Beyond this optical depth nothing is left to see.
 const OPAQUE: f32 = 80.0;
 
-/// Pixels that are weighed by a depth together, and pixels whose sums stay in the first cache.
+/// Pixels that are weighed by a depth together, and those whose sums stay in the first cache: of a narrow picture
+/// several rows, since a layer that is read row after row is foreseen.
 const RUN: usize = 64;
-const BLOCK: usize = 16 * RUN;
+const BLOCK: usize = 64 * RUN;
 
 #[derive(Clone, Copy)]
 pub struct Layer<'a> {
@@ -82,8 +83,8 @@ impl Gains<'_> {
             let (low, high) = (node(col + 1), node(col + 2));
             let slope = (high - low) / APART as f32;
             let pixels = out[done..done + run].iter_mut().zip(&sums[done..]);
-            for (step, (out, sum)) in (from as u16..).zip(pixels) {
-                *out += sum * (low + slope * f32::from(step));
+            for (step, (out, sum)) in (from as i32..).zip(pixels) {
+                *out += sum * (low + slope * step as f32);
             }
             done += run;
         }
@@ -138,6 +139,22 @@ impl<'a> Sight<'a> {
             slope: 1.0 / (layer.far - layer.near),
         })
     }
+
+    /// The row of a torus that a row of the picture reads, and the column of it for one of the picture's.
+    #[inline(always)]
+    fn row(&self, (row, col): (usize, usize)) -> (&'a [u8], usize) {
+        let ((rows, cols), mut at) = (self.period, self.from.0 + row);
+        let mut col = (self.from.1 + col) as i64;
+        // Divisions would take longer than to read a short row.
+        if at >= rows {
+            col -= (at / rows * self.shear % cols) as i64;
+            at %= rows;
+        }
+        if !(0..cols as i64).contains(&col) {
+            col = col.rem_euclid(cols as i64);
+        }
+        (&self.bytes[at * cols..][..cols], col as usize)
+    }
 }
 
 /// Writes the sum of the layers' optical depths, or with `others` what all of it hides: 1 - exp(-sum) of
@@ -166,114 +183,141 @@ pub fn read(
         pushed(&mut sights, Sight::new(layer, origin, cancel)?)?;
     }
     pool::for_each(pool::rows(out, pool::threads()), |(rows, mut part)| {
-        for (row, mut out) in rows.zip(part.rows_mut()) {
-            cancel.check()?;
-            let out = out.as_slice_mut().ok_or_else(layout)?;
-            let mut lines = [None; 3];
-            for (own, plane) in lines.iter_mut().zip(planes) {
-                *own = plane.map(|plane| line(plane, row)).transpose()?;
-            }
-            for (index, out) in out.chunks_mut(BLOCK).enumerate() {
-                let own = index * BLOCK..index * BLOCK + out.len();
-                let lines = lines.map(|line| line.map(|line| &line[own.clone()]));
-                block(out, (row, own.start), &sights, lines, gains, beside);
+        let wide = part.ncols().clamp(1, BLOCK);
+        let tall = BLOCK / wide.max(RUN);
+        for (down, mut below) in part.axis_chunks_iter_mut(Axis(0), tall).enumerate() {
+            for (across, out) in below.axis_chunks_iter_mut(Axis(1), wide).enumerate() {
+                cancel.check()?;
+                let at = (rows.start + down * tall, across * wide);
+                let own = s![at.0..at.0 + out.nrows(), at.1..at.1 + out.ncols()];
+                let planes = planes.map(|plane| plane.map(|plane| plane.slice_move(own)));
+                block(out, at, &sights, planes, gains, beside).ok_or_else(layout)?;
             }
         }
         Ok(())
     })
 }
 
-/// The sum along some pixels of a row, and what it hides, which wants the factor of what is drawn and the light that an
-/// even veil leaves. `lines` are those of the depth, of what is drawn and of the veil.
+/// The sum in a block of pixels, and what it hides, which wants the factor of what is drawn and the light that an
+/// even veil leaves. `planes` are the depth, what is drawn and the veil.
 #[dispatch]
 fn block<const LEVEL: u8>(
-    out: &mut [f32],
+    out: ArrayViewMut2<'_, f32>,
     at: (usize, usize),
     sights: &[Sight<'_>],
-    lines: [Option<&[f32]>; 3],
+    planes: [Option<ArrayView2<'_, f32>>; 3],
     gains: Option<Gains<'_>>,
     beside: Option<(f32, f32)>,
-) {
-    let [depth, drawn, veil] = lines;
-    if let Some(gains) = gains {
-        out.fill(0.0);
-        let (mut sums, mut rest) = ([0.0; BLOCK], sights);
-        for (group, &count) in gains.counts.iter().enumerate() {
-            let (own, after) = rest.split_at(count);
-            let sums = &mut sums[..out.len()];
-            depths::<LEVEL>(sums, at, own, depth);
-            gains.add(group, at, out, sums);
-            rest = after;
+) -> Option<()> {
+    let (wide, mut out, mut sums) = (out.ncols(), out, [0.0; BLOCK]);
+    let sums = &mut sums[..out.len()];
+    let [depth, drawn, veil] = planes;
+    let mut rest = sights;
+    let counts = [sights.len()];
+    let counts = gains.map_or(&counts[..], |gains| gains.counts);
+    for (group, &count) in counts.iter().enumerate() {
+        let (own, after) = rest.split_at(count);
+        depths::<LEVEL>(sums, (wide, at), own, depth)?;
+        for (row, sums) in sums.chunks_exact(wide).enumerate() {
+            let out = out.row_mut(row).into_slice()?;
+            let Some(gains) = gains else {
+                out.copy_from_slice(sums);
+                continue;
+            };
+            if group == 0 {
+                out.fill(0.0);
+            }
+            gains.add(group, (at.0 + row, at.1), out, sums);
         }
-    } else {
-        depths::<LEVEL>(out, at, sights, depth);
+        rest = after;
     }
-    let Some((gain, clear)) = beside else { return };
-    if let Some(drawn) = drawn {
-        for (out, &drawn) in out.iter_mut().zip(drawn) {
-            *out -= gain * ln::<LEVEL>(1.0 - drawn);
-        }
-    }
-    match veil {
-        Some(veil) => {
-            for (out, &veil) in out.iter_mut().zip(veil) {
-                *out = 1.0 - clear * (1.0 - veil) * left::<LEVEL>(*out);
+    let Some((gain, clear)) = beside else { return Some(()) };
+    for (row, out) in out.rows_mut().into_iter().enumerate() {
+        let out = out.into_slice()?;
+        if let Some(drawn) = drawn {
+            for (out, &drawn) in out.iter_mut().zip(line(drawn, row).ok()?) {
+                *out -= gain * ln::<LEVEL>(1.0 - drawn);
             }
         }
-        None => {
-            for out in out {
-                *out = 1.0 - clear * left::<LEVEL>(*out);
-            }
-        }
-    }
-}
-
-/// The sum of layers' optical depths along some pixels of a row.
-#[inline(always)]
-fn depths<const LEVEL: u8>(
-    out: &mut [f32],
-    at: (usize, usize),
-    sights: &[Sight<'_>],
-    depth: Option<&[f32]>,
-) {
-    // Without walls all layers' bases are one number.
-    let bases = if depth.is_none() { sights.iter().map(|sight| sight.base).sum() } else { 0.0 };
-    out.fill(bases);
-    let mut bounds = [(f32::INFINITY, f32::INFINITY); BLOCK / RUN];
-    for (bound, depth) in bounds.iter_mut().zip(depth.unwrap_or(&[]).chunks(RUN)) {
-        *bound = nearest_and_farthest(depth);
-    }
-    for sight in sights {
-        let (row, rounds) =
-            ((sight.from.0 + at.0) % sight.period.0, (sight.from.0 + at.0) / sight.period.0);
-        let bytes = &sight.bytes[row * sight.period.1..][..sight.period.1];
-        let aside = rounds * sight.shear % sight.period.1;
-        let mut col = (sight.from.1 + at.1 + sight.period.1 - aside) % sight.period.1;
-        let mut done = 0;
-        while done < out.len() {
-            let mut run = (out.len() - done).min(bytes.len() - col);
-            if let Some(depth) = depth {
-                let (near, far) = bounds[done / RUN];
-                let open = bounds[done / RUN..].iter().take_while(|bound| bound.0 >= sight.far);
-                run = run.min(open.count().max(1) * RUN - done % RUN);
-                if near < sight.far {
-                    if far > sight.near {
-                        let depth = &depth[done..done + run];
-                        let (out, bytes) = (&mut out[done..done + run], &bytes[col..col + run]);
-                        weighed::<LEVEL>(out, bytes, depth, sight);
-                    }
-                    (done, col) = (done + run, (col + run) % sight.period.1);
-                    continue;
+        match veil {
+            Some(veil) => {
+                for (out, &veil) in out.iter_mut().zip(line(veil, row).ok()?) {
+                    *out = 1.0 - clear * (1.0 - veil) * left::<LEVEL>(*out);
                 }
             }
-            let (out, bytes) = (&mut out[done..done + run], &bytes[col..col + run]);
-            let rest = blocks::<64, LEVEL>((&mut *out, bytes), sight.gain);
-            blocks::<1, LEVEL>(blocks::<8, LEVEL>(rest, sight.gain), sight.gain);
-            if depth.is_some() && sight.base != 0.0 {
-                out.iter_mut().for_each(|out| *out += sight.base);
+            None => {
+                for out in out {
+                    *out = 1.0 - clear * left::<LEVEL>(*out);
+                }
             }
-            (done, col) = (done + run, (col + run) % sight.period.1);
         }
+    }
+    Some(())
+}
+
+/// The sums of layers' optical depths in a block that is so wide, and begins at a row and a column.
+#[inline(always)]
+fn depths<const LEVEL: u8>(
+    sums: &mut [f32],
+    (wide, at): (usize, (usize, usize)),
+    sights: &[Sight<'_>],
+    depth: Option<ArrayView2<'_, f32>>,
+) -> Option<()> {
+    // Without walls all layers' bases are one number.
+    sums.fill(if depth.is_none() { sights.iter().map(|sight| sight.base).sum() } else { 0.0 });
+    let each = wide.div_ceil(RUN);
+    let mut bounds = [(f32::INFINITY, f32::INFINITY); 2 * BLOCK / RUN];
+    for (row, bounds) in (0..depth.map_or(0, |depth| depth.nrows())).zip(bounds.chunks_mut(each)) {
+        let depth = line(depth?, row).ok()?;
+        for (bound, depth) in bounds.iter_mut().zip(depth.chunks(RUN)) {
+            *bound = nearest_and_farthest(depth);
+        }
+    }
+    for sight in sights {
+        let lines = sums.chunks_exact_mut(wide).zip(bounds.chunks(each));
+        for (down, (out, bounds)) in lines.enumerate() {
+            let from = sight.row((at.0 + down, at.1));
+            let depth = depth.map(|depth| line(depth, down)).transpose().ok()?;
+            added::<LEVEL>(out, from, sight, depth, bounds);
+        }
+    }
+    Some(())
+}
+
+/// Adds a layer's optical depth along a row: `bytes` are a row of its sheet, from a column on, and
+/// `bounds` the nearest and the farthest depth of each run.
+#[inline(always)]
+fn added<const LEVEL: u8>(
+    out: &mut [f32],
+    (bytes, mut col): (&[u8], usize),
+    sight: &Sight<'_>,
+    depth: Option<&[f32]>,
+    bounds: &[(f32, f32)],
+) {
+    let mut done = 0;
+    while done < out.len() {
+        let mut run = (out.len() - done).min(bytes.len() - col);
+        if let Some(depth) = depth {
+            let (near, far) = bounds[done / RUN];
+            let open = bounds[done / RUN..].iter().take_while(|bound| bound.0 >= sight.far);
+            run = run.min(open.count().max(1) * RUN - done % RUN);
+            if near < sight.far {
+                if far > sight.near {
+                    let depth = &depth[done..done + run];
+                    let (out, own) = (&mut out[done..done + run], &bytes[col..col + run]);
+                    weighed::<LEVEL>(out, own, depth, sight);
+                }
+                (done, col) = (done + run, (col + run) % bytes.len());
+                continue;
+            }
+        }
+        let (out, own) = (&mut out[done..done + run], &bytes[col..col + run]);
+        let rest = blocks::<64, LEVEL>((&mut *out, own), sight.gain);
+        blocks::<1, LEVEL>(blocks::<8, LEVEL>(rest, sight.gain), sight.gain);
+        if depth.is_some() && sight.base != 0.0 {
+            out.iter_mut().for_each(|out| *out += sight.base);
+        }
+        (done, col) = (done + run, (col + run) % bytes.len());
     }
 }
 

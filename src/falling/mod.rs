@@ -2,6 +2,7 @@
 
 pub mod air;
 pub mod bent;
+pub mod blur;
 pub mod cells;
 pub mod draw;
 pub mod law;

@@ -246,34 +246,14 @@ impl Profile {
     }
 }
 
-/// Whether sums of sums along a streak cost less than a direct sum: a step of them takes as long as seven of it.
-fn sweeps(law: &Law) -> bool {
-    let [x, y] = law.streak.map(f64::abs);
-    let (across, along) = (x.min(y), x.max(y));
-    let cost = |&diameter: &f32| {
-        let half = 0.5 * CELLS * f64::from(diameter);
-        let swept = 7.0 * (16.0 * along + 4.0 * (2.0 + across) * (4.0 + half));
-        half * (swept - 16.0 * half * (1.0 + along + across))
-    };
-    law.circle == 0.0 && along >= 1.0 && law.diameters.iter().map(cost).sum::<f64>() < 0.0
-}
-
 /// The optical depth that a flake adds to pixels, on the lattice of quarters: `n` of a pixel and a
 /// flake is 4 times the pixel's number less the flake's place in quarters.
 ///
 /// Of a flake of which a part `thin` is seen at a time the depth is that of so thin a flake, over the part: blurred
 /// along a way that shows a pixel this part, it covers what the flake does.
-fn depths(
-    law: &Law,
-    weights: Option<&[Rows; 2]>,
-    profile: &Profile,
-    diameter: f64,
-) -> Result<Rows, Error> {
+fn depths(law: &Law, weights: &[Rows; 2], profile: &Profile, diameter: f64) -> Result<Rows, Error> {
     let (cells, half) = profile.cells(diameter)?;
-    let (reach, mut dense) = match weights {
-        Some(weights) => summed(weights, &cells, half)?,
-        None => swept(law.streak, &cells, half)?,
-    };
+    let (reach, mut dense) = summed(weights, &cells, half)?;
     for value in dense.iter_mut().filter(|value| **value != 0.0) {
         let seen = (law.thin * f64::from(*value)).min(1.0 - 1e-9);
         *value = (-libm::log1p(-seen) / law.thin) as f32;
@@ -310,71 +290,6 @@ fn summed(weights: &[Rows; 2], cells: &[f32], half: usize) -> Result<(i64, Vec<f
     Ok((reach, dense))
 }
 
-/// The same of a sharp streak, whose weights along its longer axis are a difference of four ramps: sums of sums
-/// of cells along that axis are these ramps' at once.
-fn swept(streak: [f64; 2], cells: &[f32], half: usize) -> Result<(i64, Vec<f32>), Error> {
-    let steep = streak[1].abs() >= streak[0].abs();
-    let [across, along] = if steep { streak } else { [streak[1], streak[0]] };
-    let half = half as i64;
-    let tall = libm::ceil(0.5 * CELLS * (1.0 + along.abs())) as i64 + 2;
-    let wide = libm::ceil(0.5 * CELLS * (1.0 + across.abs())) as i64 + 2;
-    let (reach, wide) = ((tall + half) / 2 + 3, wide + (wide & 1));
-    let (side, rate) = (2 * reach as usize, CELLS / along.abs());
-    let mut dense = zeroed::<f32>(side * side)?;
-    let mut sums = zeroed::<f64>(2 * half as usize + 1)?;
-    for cx in -half..half {
-        // At place k: what all cells before k add up to as ramps, each from its own middle.
-        let (mut slope, mut total) = (0.0, 0.0);
-        for (k, cy) in (0..2 * half).enumerate() {
-            let at = if steep { cy * 2 * half + cx + half } else { (cx + half) * 2 * half + cy };
-            total += slope;
-            slope += f64::from(cells[at as usize]);
-            sums[k] = total;
-        }
-        if slope == 0.0 {
-            continue;
-        }
-        sums[2 * half as usize] = total + slope;
-        let ramp = |at: f64| {
-            let at = at + half as f64 - 0.5;
-            if at <= 0.0 {
-                return 0.0;
-            }
-            let index = at as usize;
-            if index >= 2 * half as usize {
-                return sums[2 * half as usize] + slope * (at - 2.0 * half as f64);
-            }
-            sums[index] + (at - index as f64) * (sums[index + 1] - sums[index])
-        };
-        let aside = reach.min((wide + half) / 2 + 3);
-        for n in -aside..aside {
-            // The time for which this column of the ball lies within the pixel's.
-            let away = ((2 * n + 2 - cx) as f64 + 0.5) / CELLS;
-            let (from, to) = within(away, across);
-            if to <= from {
-                continue;
-            }
-            let ends = [from * along, to * along];
-            let (first, last) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
-            let knots = [first - 0.5, first + 0.5, last - 0.5, last + 0.5].map(|knot| CELLS * knot);
-            let middle = |m: i64| (2 * m + 3) as f64;
-            let begin = libm::floor(0.5 * (knots[0] - half as f64 - 3.0)) as i64;
-            let end = libm::ceil(0.5 * (knots[3] + half as f64 - 3.0)) as i64;
-            for m in begin.max(-reach)..=end.min(reach - 1) {
-                let [a, b, c, d] = knots.map(|knot| ramp(middle(m) - knot));
-                let at = if steep {
-                    (m + reach) * side as i64 + n + reach
-                } else {
-                    (n + reach) * side as i64 + m + reach
-                };
-                dense[at as usize] +=
-                    (((a - b) - (c - d)) * rate / (CELLS * CELLS)).max(0.0) as f32;
-            }
-        }
-    }
-    Ok((reach, dense))
-}
-
 /// Steps in a row, from a row and a column on, counted from the flake's pixel.
 type Piece = (i32, i32, [u16; WIDTH]);
 
@@ -399,10 +314,10 @@ impl Stamps {
     pub fn new(law: &Law) -> Result<Self, Error> {
         let count = law.shown();
         let profile = Profile::new(law.tau0);
-        let weights = if sweeps(law) { None } else { Some(weights(law)?) };
+        let weights = weights(law)?;
         let mut images = Vec::new();
         for &diameter in &law.diameters {
-            pushed(&mut images, depths(law, weights.as_ref(), &profile, f64::from(diameter))?)?;
+            pushed(&mut images, depths(law, &weights, &profile, f64::from(diameter))?)?;
         }
         let (sizes, mut total, mut square, mut largest) = (images.len(), 0.0, 0.0, 0.0_f64);
         for (number, image) in images.iter().enumerate() {
@@ -468,36 +383,4 @@ fn stamp(image: &Rows, (y, x): (i64, i64), unit: f64) -> Result<Vec<Piece>, Erro
         }
     }
     Ok(pieces)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::sheet::tests::law;
-    use super::*;
-
-    #[test]
-    fn sums_of_sums_are_the_direct_sum() {
-        for (streak, diameter) in [
-            ([0.0, 9.5], 3.0),
-            ([7.0, -31.0], 12.3),
-            ([-20.0, 3.0], 0.6),
-            ([6.0, 6.0], 5.0),
-            ([5.0, 0.0], 2.0),
-        ] {
-            let law = law(1.0, &[1.0], streak, (64, 64));
-            let (cells, half) = Profile::new(1.5).cells(diameter).unwrap();
-            let (reach, want) = summed(&weights(&law).unwrap(), &cells, half).unwrap();
-            let (own, found) = swept(streak, &cells, half).unwrap();
-            let at = |plane: &[f32], reach: i64, y: i64, x: i64| {
-                let inside = |v: i64| (-reach..reach).contains(&v);
-                let index = (y + reach) * 2 * reach + x + reach;
-                if inside(y) && inside(x) { plane[index as usize] } else { 0.0 }
-            };
-            let (most, all) = (want.iter().copied().fold(0.0, f32::max), reach.max(own));
-            for (y, x) in (-all..all).flat_map(|y| (-all..all).map(move |x| (y, x))) {
-                let (a, b) = (at(&want, reach, y, x), at(&found, own, y, x));
-                assert!((a - b).abs() <= 2e-6 * most, "{streak:?} {y} {x}: {a} {b}");
-            }
-        }
-    }
 }

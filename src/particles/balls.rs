@@ -37,6 +37,10 @@ fn entries(radius: f64) -> usize {
     }
 }
 
+/// Entries of a table and distances across, at most: an index is cut to them without a look at bounds.
+const ENTRIES: usize = 1 << 15;
+const ACROSS: usize = 256;
+
 /// A way in px below which two places of the resting ball stand for it; below the second, one.
 const SHORT: f64 = 1.0;
 const NONE: f64 = 0.03;
@@ -64,13 +68,14 @@ struct Table {
     along: f64,
     across: f64,
     /// By distance across the way and along it: the resting image.
-    rest: Vec<f32>,
+    rest: Box<[f32; ENTRIES]>,
     /// Its integral along the way, from before the ball on, px.
-    swept: Vec<f32>,
-    /// Entries of a row; rows; one less than their number, which is a power of two.
+    swept: Box<[f32; ENTRIES]>,
+    /// All of it, by distance across.
+    passed: [f32; ACROSS],
+    /// Entries of a row, and rows.
     columns: usize,
     rows: usize,
-    mask: usize,
 }
 
 impl Balls {
@@ -153,8 +158,8 @@ impl Table {
         let (each, along) = (fine as f64, 0.5 * fine as f64);
         let columns = (2.0 * reach * along).ceil() as usize + 2;
         let rows = (reach * each).ceil() as usize + 1;
-        let length = (columns * rows).next_power_of_two();
-        let (mut rest, mut swept) = (vec![0.0_f32; length], vec![0.0_f32; length]);
+        let entries = || Box::<[f32; ENTRIES]>::try_from(vec![0.0; ENTRIES]).expect("as many");
+        let (mut rest, mut swept, mut passed) = (entries(), entries(), [0.0; ACROSS]);
         let pixel = fine as i64 / 2;
         let middle = (reach * along).round() as i64;
         for row in 0..rows {
@@ -171,9 +176,10 @@ impl Table {
                 rest[row * columns + column] = value as f32;
                 swept[row * columns + column] = total as f32;
             }
+            passed[row] = swept[(row + 1) * columns - 2] - swept[row * columns];
         }
         let reach = middle as f64 / along;
-        Self { radius, reach, along, across: each, rest, swept, columns, rows, mask: length - 1 }
+        Self { radius, reach, along, across: each, rest, swept, passed, columns, rows }
     }
 }
 
@@ -186,7 +192,7 @@ struct Row {
 /// Linear along the way, the nearest across it; outside the table as at its border, where `values` are 0 or,
 /// behind the ball, all of its integral.
 #[inline(always)]
-fn looked_up(table: &Table, values: &[f32], row: &Row, shift: f32) -> [f32; LANES] {
+fn looked_up(table: &Table, values: &[f32; ENTRIES], row: &Row, shift: f32) -> [f32; LANES] {
     let mut found = [0.0; LANES];
     let (most, last) = ((table.columns - 2) as f32, (table.rows - 1) as f32);
     let columns = table.columns as u32;
@@ -196,7 +202,7 @@ fn looked_up(table: &Table, values: &[f32], row: &Row, shift: f32) -> [f32; LANE
         let (column, line) = (along as u32, across as u32);
         let at = (line * columns + column) as usize;
         let part = along - column as f32;
-        let (a, b) = (values[at & table.mask], values[(at + 1) & table.mask]);
+        let (a, b) = (values[at & (ENTRIES - 1)], values[(at + 1) & (ENTRIES - 1)]);
         found[k] = a + part * (b - a);
     }
     found
@@ -261,7 +267,15 @@ pub fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
                 places.across[k] = side + k as f32 * aside;
             }
             let mut seen = [0.0_f32; LANES];
-            if !resting {
+            let (one, end) = (places.along[0], places.along[LANES - 1]);
+            let passed = one.min(end) >= (table.columns - 2) as f32;
+            if !resting && passed && one.max(end) - (length * step) as f32 <= 0.0 {
+                // Between the ends of a long way.
+                for k in 0..LANES {
+                    let line = (places.across[k].abs() + 0.5).min((table.rows - 1) as f32);
+                    seen[k] = table.passed[line as usize & (ACROSS - 1)];
+                }
+            } else if !resting {
                 let ahead = looked_up(table, &table.swept, &places, 0.0);
                 let behind = looked_up(table, &table.swept, &places, (-length * step) as f32);
                 for k in 0..LANES {

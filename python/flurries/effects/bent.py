@@ -113,21 +113,21 @@ def _groups(
     seen = _on_torus(both.mean(axis=1), frame.seed, planes, [areas[n] for n in numbers])
     moves = (both[:, 1] - both[:, 0]) / grown[:, None, None, None]
     # Classes that fall about as fast share their streaks: those of snow, not those of rain.
-    alone = film.falls.max() > 1.3 * film.falls.min()
-    groups: dict[tuple[float, float, float], list[int]] = {}
-    for place, number in enumerate(numbers):
-        ends = slabs[number].near, slabs[number].far, film.falls[number] if alone else 0.0
-        groups.setdefault(ends, []).append(place)
-
-    parts, every = [], []
-    for places in (groups[ends] for ends in sorted(groups)):
-        shares = np.array([planes[at].weight ** 2 * film.power[numbers[at]] for at in places])
-        ways: Float64 = np.einsum("p,prca->rca", shares / shares.sum(), moves[places])
-        length = float(np.hypot(*ways.reshape(-1, 2).T).mean())
-        reads = [(at, rung, part, _part_seen(film.wide[numbers[at]], length))
-                 for at in places for rung, part in rungs[numbers[at]]]  # fmt: skip
-        parts.append((len(reads), _within(ways, -LONGEST, LONGEST).astype(np.float32)))
-        every += reads
+    falls = film.falls * (film.falls.max() > 1.3 * film.falls.min())
+    ends = [(slabs[n].near, slabs[n].far, falls[n]) for n in numbers]
+    groups = sorted(set(ends))
+    which = [groups.index(one) for one in ends]
+    shares = np.zeros((len(groups), len(planes)))
+    shares[which, range(len(planes))] = [one.weight**2 * film.power[one.layer] for one in planes]
+    shares /= shares.sum(axis=1, keepdims=True)
+    ways = (shares @ moves.reshape(len(planes), -1)).reshape(-1, *moves.shape[1:])
+    lengths = np.hypot(ways[..., 0], ways[..., 1]).mean(axis=(1, 2)).tolist()
+    ways = _within(ways, -LONGEST, LONGEST).astype(np.float32)
+    every = [
+        (at, rung, part, _part_seen(film.wide[numbers[at]], lengths[which[at]]))
+        for at in sorted(range(len(planes)), key=which.__getitem__)
+        for rung, part in rungs[numbers[at]]
+    ]
     if not every:
         return []
     sheets = sheets_of([
@@ -139,21 +139,18 @@ def _groups(
         (planes[at].weight, film.many[numbers[at]], sheet.mean)
         for (at, *_), sheet in zip(every, sheets, strict=True)
     ]).T[..., None, None]  # fmt: skip
-    gains, part = weights * np.sqrt(many), np.empty((len(every), *seen.shape[1:3]))
-    for own, (_, _, share, _) in zip(part, every, strict=True):
-        own[...] = share
-    nodes = np.empty((*part.shape, 4), np.float32)
+    gains, part = weights * np.sqrt(many), np.array([np.atleast_2d(one[2]) for one in every])
+    nodes = np.empty((len(every), *seen.shape[1:3], 4), np.float32)
     nodes[..., :2], nodes[..., 2] = seen[[at for at, *_ in every]], gains * part
     # Planes that give way to each other have the deviation of one, and so have some flakes that
     # stand for many; the mean is made up for.
     nodes[..., 3] = (weights**2 * many - gains) * part * means
     if parts_of is not None:
         nodes[..., 2:] *= parts_of[[numbers[at] for at, *_ in every], None, None, None]
-    made = zip(sheets, nodes, strict=True)
-    return [
-        (list(itertools.islice(made, count)), move, *ends[:2])
-        for (count, move), ends in zip(parts, sorted(groups), strict=True)
-    ]
+    found: list[Any] = [([], way, *one[:2]) for way, one in zip(ways, groups, strict=True)]
+    for (at, *_), *made in zip(every, sheets, nodes, strict=True):
+        found[which[at]][0].append(tuple(made))
+    return found
 
 
 @kept(64)
@@ -255,8 +252,10 @@ def _planes_of(frame: Frame, film: Film, eyes: Eyes) -> Iterator[Plane]:
         focal = np.exp(_ZOOM * middles[-1]) if path.zooms else np.ones(len(layers))
         for at, own, numbers in _ahead(film, eyes, axes[:, 2], weight, phases[0]):
             table = np.stack([numbers, *which], axis=1).tolist() if film.comes else [[0]] * len(own)
-            for n in np.flatnonzero(own > (_LEAST_SEEN if film.comes else -1.0)).tolist():
-                yield Plane(n, float(own[n]), axes[n], float(at[n]), float(focal[n]), table[n])
+            each = zip(own.tolist(), axes, at.tolist(), focal.tolist(), table, strict=True)
+            for n, (seen, *rest) in enumerate(each):
+                if seen > _LEAST_SEEN or not film.comes:
+                    yield Plane(n, seen, *rest)
 
 
 def _ahead(

@@ -22,7 +22,7 @@ from flurries.effects.uneven import gains_of
 from flurries.effects.weather import Film, Weather
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
-from flurries.particles.population import Slab
+from flurries.particles.population import EVENLY, Slab
 
 # Rows and columns of a sheet over the focal length in pixels; a layer has up to a fifth more. At
 # most so many pixels: a larger picture shows a sheet more than once.
@@ -175,6 +175,6 @@ def hash_of(seed: int, number: int) -> int:
 def diameters_of(slab: Slab, count: int = 8) -> Float64:
     """Return the diameters of a sheet's sizes, which cover what their shares of flakes do, px."""
     upto = 1.0 - np.linspace(1.0, 0.0, count + 1) ** 2
-    squares = np.cumsum([0.0, *slab.diameters**2]) / len(slab.diameters)
-    covered = np.interp(upto, np.linspace(0.0, 1.0, len(squares)), squares)
+    squares = np.append(0.0, np.cumsum(slab.diameters**2)) / len(slab.diameters)
+    covered = np.interp(upto, EVENLY, squares)
     return np.asarray(np.sqrt(np.diff(covered) / np.diff(upto)))

@@ -194,6 +194,7 @@ def _waves(motion: Motion, seed: int) -> tuple[Float64, Float64, Float64]:
     return waves, draws[3], np.where(front, _FASTER, 0.0) * (waves @ wind)
 
 
+@kept(8)
 def rays_of(camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
     """Return the rays of the nodes, (R, C, 3), house axes, with a depth of 1; and the axes."""
     (x, y), (across, down), turn = camera.principal(shape), camera.focals, camera.matrix()
@@ -208,7 +209,7 @@ def denser(
     clumps: Clumps, camera: Camera, rays: Float64, turn: Float64, slabs: Sequence[Slab]
 ) -> Float64:
     """Return how many times as dense as the mean slabs are at the nodes of the frame, (S, R, C)."""
-    length, along = np.linalg.norm(clumps.waves, axis=1), clumps.waves @ turn[:, 2]
+    length, along = np.sqrt((clumps.waves**2).sum(axis=1)), clumps.waves @ turn[:, 2]
     # Of waves shorter than a slab is thick, or than nodes are apart, the mean is seen.
     depths, thick = np.array([(slab.depth, slab.far - slab.near) for slab in slabs]).T[..., None]
     seen = np.sinc(along * thick)
@@ -228,7 +229,6 @@ def gains_of(weather: Any, frame: Frame, slabs: Sequence[Slab]) -> Any:
     parts = np.array_split(np.arange(len(slabs)), most)
     middles = [slabs[part[len(part) // 2]] for part in parts]
     make = partial(denser, clumps, camera, *rays_of(camera, frame.shape), middles)
-    alone = frame.shared is None
-    found = make() if alone else frame.once(weather, "denser", make, eye=True)
+    found = make() if frame.shared is None else frame.once(weather, "denser", make, eye=True)
     counts = [len(part) for part in parts]
     return np.asarray(found, np.float32), counts, (frame.window[0], frame.window[2])

@@ -19,6 +19,7 @@ FADE = 0.08
 # Depths by which a slab's images are counted, and the even shares of images: many, since the few
 # largest flakes make most of the contrast.
 _DEPTHS, _SHARES = 12, 264
+EVENLY = np.linspace(0.0, 1.0, _SHARES + 1)
 
 # Weights by which layers have even parts of speed in the picture, of depth, and of the variance of
 # its pixels: a layer that has much of that is seen to move as one.
@@ -57,12 +58,11 @@ class Population:
 
     def classes(self, count: int, moment: int = 2) -> list[SizeClass]:
         """Return classes of even parts of a moment, of 2 the area; each falls as its mean does."""
-        weighed = self.weighed if moment == 2 else moment
-        sizes = self.sizes
+        weighed, sizes = self.weighed if moment == 2 else moment, self.sizes
         edges = np.array([sizes.smallest, sizes.largest])
         if sizes.largest > sizes.smallest:
             at = sizes.quantile(np.linspace(0.0, 1.0, 4097))
-            below = np.cumsum([0.0, *(0.5 * (at[1:] ** moment + at[:-1] ** moment))])
+            below = np.append(0.0, np.cumsum(0.5 * (at[1:] ** moment + at[:-1] ** moment)))
             edges = np.interp(np.linspace(0.0, below[-1], count + 1), below, at)
         found = []
         for low, high in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
@@ -117,7 +117,8 @@ def slabs_of(
         _core.smooth(left, (depths / edges[0] - 1.0) / FADE)
         volume = 0.5 * (end - near) * _WEIGHTS * depths**2 * left * (1.0 / focal) ** 2
         count = each.density * float(volume.sum())
-        depth = float(np.average(depths, weights=volume / depths**moment))
+        seen = volume / depths**moment
+        depth = float((depths * seen).sum() / seen.sum())
         images = (focal * diameters[None, :] / depths[:, None]).ravel()
         weight = (volume[:, None] * share[None, :]).ravel()
         area = float(weight @ images**2) / float(weight.sum())
@@ -143,7 +144,7 @@ def variance_at(each: SizeClass, focal: float, way: float, depths: Float64) -> F
 def _even_shares(images: Float64, weight: Float64) -> Float64:
     """Return the diameter of each even share of images, which covers what the share does."""
     order = np.argsort(images, kind="stable")
-    below = np.concatenate([[0.0], np.cumsum(weight[order])])
-    squares = np.concatenate([[0.0], np.cumsum(weight[order] * images[order] ** 2)])
-    upto = np.interp(np.linspace(0.0, 1.0, _SHARES + 1), below / below[-1], squares)
+    weight, images = (np.append(0.0, part[order]) for part in (weight, images))
+    below, squares = np.cumsum([weight, weight * images**2], axis=1)
+    upto = np.interp(EVENLY, below / below[-1], squares)
     return np.asarray(np.sqrt(np.diff(upto) * _SHARES / below[-1]))

@@ -62,17 +62,19 @@ pub fn along(way: &Way, light: impl Fn(f64) -> f64) -> Vec<Tap> {
 
 /// The rows and columns of a picture that hold anything: (top, bottom, left, right).
 fn used(picture: &[f32], columns: usize) -> Option<[usize; 4]> {
-    let (mut rows, mut left, mut right) = (None, columns, 0);
+    // Of each column what any of its bits are.
+    let (mut rows, mut any) = (None, vec![0; columns]);
     for (row, line) in picture.chunks_exact(columns).enumerate() {
-        if line.iter().fold(0, |any, v| any | v.to_bits()) == 0 {
-            continue;
+        let mut all = 0;
+        for (any, v) in any.iter_mut().zip(line) {
+            (*any, all) = (*any | v.to_bits(), all | v.to_bits());
         }
-        let Some(first) = line.iter().position(|&v| v != 0.0) else { continue };
-        let last = line.iter().rposition(|&v| v != 0.0).unwrap_or(first);
-        let top = rows.map_or(row, |(top, _)| top);
-        rows = Some((top, row + 1));
-        (left, right) = (left.min(first), right.max(last + 1));
+        if all != 0 {
+            rows = Some((rows.map_or(row, |(top, _)| top), row + 1));
+        }
     }
+    let left = any.iter().position(|&bits| bits != 0)?;
+    let right = any.iter().rposition(|&bits| bits != 0)? + 1;
     rows.map(|(top, bottom)| [top, bottom, left, right])
 }
 
@@ -165,7 +167,10 @@ fn sum<const LEVEL: u8>(
             let at = (column + skipped as isize) as usize;
             let end = line.len().min(at + LANES - skipped);
             let Some(to) = line.get_mut(at..end) else { break };
-            to.copy_from_slice(&even[skipped..][..to.len()]);
+            match <&mut [f32; LANES]>::try_from(&mut *to) {
+                Ok(whole) => *whole = even,
+                Err(_) => to.copy_from_slice(&even[skipped..][..to.len()]),
+            }
         }
     }
 }
