@@ -38,25 +38,3 @@ pub fn opacity_at(r: f64, tau0: f64) -> f64 {
     let inside = 1.0 - r * r;
     if inside <= 0.0 { 0.0 } else { -libm::expm1(-tau0 * libm::sqrt(inside)) }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn opacity_is_the_mean_over_the_disc() {
-        for opacity in [1e-6, 1e-3, 0.1, 0.5, 0.9, 0.99] {
-            let tau0 = middle_depth(opacity).unwrap();
-            let n = 200_000;
-            // Rings of equal area.
-            let mean = (0..n)
-                .map(|i| opacity_at(((f64::from(i) + 0.5) / f64::from(n)).sqrt(), tau0))
-                .sum::<f64>()
-                / f64::from(n);
-            assert!((mean / opacity - 1.0).abs() < 1e-6, "{opacity} {mean}");
-        }
-        assert!((middle_depth(0.9).unwrap() - 4.3).abs() < 0.05);
-        assert_eq!(middle_depth(0.0).unwrap(), 0.0);
-        assert!(middle_depth(0.995).unwrap_err().to_string().starts_with("opacity"));
-    }
-}

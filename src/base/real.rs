@@ -162,23 +162,3 @@ fn polynomial<const TERMS: usize, const LEVEL: u8>(c: &[f32; TERMS], x: f32) -> 
     }
     sum
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::base::simd::PORTABLE;
-
-    #[test]
-    fn turns_are_right_to_their_precision() {
-        for i in -20_000..=20_000 {
-            let phase = f64::from(i) / 40_000.0;
-            let (sin, cos) = (TAU * phase).sin_cos();
-            let error = |turn: Complex<f64>| (turn.re - cos).abs().max((turn.im - sin).abs());
-            // The judge's own angle is rounded at up to pi: 2.2e-16 of it.
-            assert!(error(f64::turn::<PORTABLE>(phase)) < 7e-16, "{phase}");
-            // Rounding the phase costs pi eps / 2 = 1.9e-7; the series and its arithmetic as much again.
-            let single = f32::turn::<PORTABLE>(phase as f32);
-            assert!(error(Complex::new(single.re.into(), single.im.into())) < 4e-7, "{phase}");
-        }
-    }
-}

@@ -106,7 +106,9 @@ fn pieces(
     let [now, open, close] = [NOW, OPEN, CLOSE].map(|time| flake.seen[time]);
     let bent: [f64; 2] = std::array::from_fn(|a| 0.5 * (open[a] + close[a]) - now[a]);
     let bend = bent[0].abs().max(bent[1].abs());
-    let nearer = libm::log(flake.depths[CLOSE] / flake.depths[OPEN]).abs();
+    let ratio = flake.depths[CLOSE] / flake.depths[OPEN];
+    // Below `NEARER` a logarithm makes no pieces.
+    let nearer = if (0.82..1.22).contains(&ratio) { 0.0 } else { libm::log(ratio).abs() };
     let count = (bend / BEND).sqrt().max(nearer / NEARER).ceil().clamp(1.0, MOST_PIECES);
     let amplitude = flake.share / (grown * grown);
     let place = |s: f64| -> [f64; 2] {

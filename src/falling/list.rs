@@ -13,7 +13,7 @@ use crate::air;
 use crate::base::error::{Cancel, Error, collected, pushed, reserve};
 use crate::base::pool;
 use crate::base::real::Real;
-use crate::base::simd::PORTABLE;
+use crate::base::simd::{PORTABLE, dispatch};
 
 /// An aggregate reaches so many diameters from its middle, and a little more for what lies between texels.
 const WIDEST: f64 = 1.8;
@@ -164,7 +164,8 @@ impl List {
         let Some(flake) = places.flake(born, blown, part) else { return Ok(()) };
         pushed(&mut self.flakes, flake)?;
         for time in CLOSE + 1..places.air.eyes.len() {
-            let (px, depth) = places.air.eyes[time].seen(places.point(time, born, blown));
+            let [swung, ..] = places.swung([time; 3], born);
+            let (px, depth) = places.air.eyes[time].seen(places.point(time, born, swung, blown));
             pushed(&mut self.others, if depth > 0.0 { px } else { [f64::NAN; 2] })?;
         }
         Ok(())
@@ -207,6 +208,16 @@ fn sums(
         )?;
     }
     Ok(out)
+}
+
+/// Sines of phases in cycles, a vector of them: the same bits at every level.
+#[dispatch]
+fn sines<const LEVEL: u8>(cycles: [f64; 8]) -> [f64; 8] {
+    let mut found = [0.0; 8];
+    for k in 0..8 {
+        found[k] = f64::turn::<PORTABLE>(cycles[k] - cycles[k].round_ties_even()).im;
+    }
+    found
 }
 
 #[derive(Clone, Copy)]
@@ -269,18 +280,28 @@ impl<'a> Places<'a> {
         place
     }
 
+    /// The sway at times, in its amplitude, along the house's x and z.
+    #[inline]
+    fn swung(&self, times: [usize; 3], born: &Born) -> [[f64; 2]; 3] {
+        let mut cycles = [0.0; 8];
+        if self.air.sway != 0.0 {
+            for (time, cycles) in times.iter().zip(cycles.as_chunks_mut::<2>().0) {
+                let angle = self.class.swung[*time];
+                *cycles = born.phases.map(|phase| angle - angle.floor() + phase);
+            }
+            cycles = sines(cycles);
+        }
+        let [a, b, c, d, e, f, ..] = cycles;
+        [[a, b], [c, d], [e, f]]
+    }
+
     /// In the camera's axes at a time, with the sway and what the waves of the wind have done.
     #[inline]
-    fn point(&self, time: usize, born: &Born, blown: Option<&[f64]>) -> Vector {
+    fn point(&self, time: usize, born: &Born, swung: [f64; 2], blown: Option<&[f64]>) -> Vector {
         let mut place = self.resting(time, born);
         if self.air.sway != 0.0 {
-            let angle = self.class.swung[time];
-            let angle = angle - angle.floor();
-            for (a, phase) in [(0, born.phases[0]), (2, born.phases[1])] {
-                let cycles = angle + phase;
-                let turned = f64::turn::<PORTABLE>(cycles - cycles.round_ties_even());
-                place[a] += self.air.sway * turned.im;
-            }
+            place[0] += self.air.sway * swung[0];
+            place[2] += self.air.sway * swung[1];
         }
         if let Some(blown) = blown {
             for a in 0..3 {
@@ -297,7 +318,8 @@ impl<'a> Places<'a> {
     #[inline]
     fn flake(&self, born: &Born, blown: Option<&[f64]>, part: f64) -> Option<Flake> {
         let (air, class) = (self.air, self.class);
-        let point = self.point(NOW, born, blown);
+        let swung = self.swung([NOW, OPEN, CLOSE], born);
+        let point = self.point(NOW, born, swung[NOW], blown);
         let eye = &air.eyes[NOW];
         let depth = point[2] - eye.offset[2];
         if depth < air.near {
@@ -326,7 +348,7 @@ impl<'a> Places<'a> {
         let mut seen = [eye.seen(point).0; 3];
         let mut depths = [depth; 3];
         for time in [OPEN, CLOSE] {
-            let there = self.point(time, born, blown);
+            let there = self.point(time, born, swung[time], blown);
             let other = &air.eyes[time];
             let z = there[2] - other.offset[2];
             if z < air.near {

@@ -5,10 +5,13 @@
 //! distance from a lamp of intensity I and radius R, p the phase function. Near a lamp the integrand
 //! is as steep as 1 / r^2; of t = tan(angle / 2), angle the one at which the lamp sees the ray, with
 //! R added to their distance, it is smooth.
+//!
+//! For a slice's own k and T that integral is smooth over the picture too: it is found on the coarse grid of the
+//! slices, and at every pixel only near a lamp, in the light of a spot and where the scene ends the slice.
 
-use ndarray::{ArrayViewMut3, Axis};
+use ndarray::{Array3, ArrayViewMut2, ArrayViewMut3, Axis, s};
 
-use super::slices::{COARSE, Slices, pixels};
+use super::slices::{COARSE, MARGIN, Slices, lines, pixels};
 use crate::base::error::{Cancel, Error, layout, zeroed};
 use crate::base::lamps::{Lamp, Lamps, left};
 use crate::base::normal::{least, most};
@@ -31,6 +34,15 @@ const RULE: [(f32, f32); 8] = [
     (0.980_144_9, 0.050_614_27),
 ];
 
+/// Rows of pixels of one task.
+const BAND: usize = 64;
+
+/// A lamp that is nearer than so many coarse samples wants every pixel: the grid is .1 % off there.
+const STEEP: f32 = 12.0;
+
+/// And so does gas whose optical depth in a slice changes by so much from one coarse sample to the next.
+const ROUGH: f32 = 0.1;
+
 type Lane = [f32; LANES];
 
 /// Some pixels of a row, and a slice on their rays.
@@ -48,44 +60,112 @@ struct Rays {
     through: Lane,
 }
 
-/// Adds the light that slices scatter to `out` (H, W, 3).
-pub fn add(
-    mut out: ArrayViewMut3<'_, f32>,
-    slices: &Slices<'_>,
+/// Writes the opacity of slices, (H, W), and the sum of `places`, each times the share that its slice takes, and adds
+/// the light of lamps that they scatter to `light`, (H, W, 3). `grid` are the slopes of coarse columns and rows.
+pub fn see(
+    (mut opacity, mut far): (ArrayViewMut2<'_, f32>, ArrayViewMut2<'_, f32>),
+    mut light: Option<ArrayViewMut3<'_, f32>>,
+    (slices, grid, places): (&Slices<'_>, (&[f32], &[f32]), &[f32]),
     lamps: &Lamps,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    let (height, width, _) = out.dim();
+    let (height, width) = opacity.dim();
     slices.check((height, width))?;
-    let (count, _, columns) = slices.density.dim();
+    let (count, rows, columns) = slices.density.dim();
+    let fits = (far.dim(), places.len()) == ((height, width), count)
+        && (grid.0.len(), grid.1.len()) == (columns, rows)
+        && light.as_ref().is_none_or(|light| light.dim() == (height, width, 3));
+    if !fits {
+        return Err(Error::Internal("slices of gas do not fit their planes".into()));
+    }
     let room = columns * COARSE + LANES;
-    let tasks: Vec<_> = out.axis_chunks_iter_mut(Axis(0), 16).enumerate().collect();
-    pool::for_each(tasks, |(number, mut band)| {
+    let planes = opacity.axis_chunks_iter_mut(Axis(0), BAND);
+    let planes = planes.zip(far.axis_chunks_iter_mut(Axis(0), BAND));
+    let mut light = light.as_mut().map(|light| light.axis_chunks_iter_mut(Axis(0), BAND));
+    let light = std::iter::from_fn(|| Some(light.as_mut().and_then(Iterator::next)));
+    let tasks: Vec<_> = planes.zip(light).enumerate().collect();
+    pool::for_each(tasks, |(number, ((mut opacity, mut far), mut light))| {
         cancel.check()?;
-        let (mut line, mut end) = (zeroed::<f32>(columns)?, zeroed::<f32>(room)?);
-        let mut dense = (0..count).map(|_| zeroed(room)).collect::<Result<Vec<_>, _>>()?;
-        let mut slopes = zeroed::<f32>(room)?;
+        let lines_of = |count| (0..count).map(|_| zeroed(room)).collect::<Result<Vec<_>, _>>();
+        let (mut line, mut end, mut slopes) = (zeroed(columns)?, zeroed(room)?, zeroed(room)?);
+        let (mut dense, mut glow) = (lines_of(count)?, lines_of(3 * count)?);
         slopes[..width].copy_from_slice(slices.slopes.0);
-        for (row, mut out) in band.outer_iter_mut().enumerate() {
-            let row = 16 * number + row;
+        let first = number * BAND / COARSE;
+        let last = (first + BAND / COARSE + 2 * MARGIN).min(rows);
+        let shape = (3 * count, last - first, columns);
+        let coarse = zeroed(shape.0 * shape.1 * shape.2)?;
+        let mut coarse = Array3::from_shape_vec(shape, coarse).map_err(|_| layout())?;
+        for row in if light.is_some() { first..last } else { 0..0 } {
+            let out = coarse.index_axis_mut(Axis(1), row - first);
+            samples(slices, grid, lamps, row, out);
+        }
+        for (within, mut opacity) in opacity.outer_iter_mut().enumerate() {
+            let row = BAND * number + within;
             slices.ends(row, &mut end)?;
-            let mut planes = dense.iter_mut();
-            slices.lines(row, &mut line, |line, _| {
-                if let Some(plane) = planes.next() {
-                    fill(plane, line);
-                }
-            })?;
-            let pixels = (&slopes[..], slices.slopes.1[row], &end[..]);
-            let (out, _) = out.as_slice_mut().ok_or_else(layout)?.as_chunks_mut::<3>();
-            for (number, out) in out.chunks_mut(LANES).enumerate() {
-                let light = block(lamps, &dense, slices.edges, pixels, number * LANES);
-                for (k, out) in out.iter_mut().enumerate() {
-                    (0..3).for_each(|c| out[c] += light[c][k]);
+            lines(&slices.density, row, &mut line, |line, plane| fill(&mut dense[plane], line))?;
+            let mut light = light.as_mut().map(|light| light.index_axis_mut(Axis(0), within));
+            if light.is_some() {
+                let planes = coarse.view();
+                lines(&planes, within, &mut line, |line, plane| fill(&mut glow[plane], line))?;
+            }
+            let mut far = far.row_mut(within);
+            let far = far.as_slice_mut().ok_or_else(layout)?.chunks_mut(LANES);
+            let opacity = opacity.as_slice_mut().ok_or_else(layout)?.chunks_mut(LANES);
+            let rays = (&slopes[..], slices.slopes.1[row], &end[..]);
+            for (number, (opacity, far)) in opacity.zip(far).enumerate() {
+                let (at, gas) = (number * LANES, (&dense[..], &glow[..], slices.edges, places));
+                let [red, green, blue, through, depth] = block(lamps, gas, rays, at);
+                opacity.iter_mut().zip(through).for_each(|(opacity, left)| *opacity = 1.0 - left);
+                far.copy_from_slice(&depth[..far.len()]);
+                for k in 0..far.len() {
+                    let Some(light) = &mut light else { break };
+                    light[[at + k, 0]] += red[k];
+                    light[[at + k, 1]] += green[k];
+                    light[[at + k, 2]] += blue[k];
                 }
             }
         }
         Ok(())
     })
+}
+
+/// Fills a row of coarse samples with the light of lamps in each slice over its extinction and what reaches the
+/// eye, red, green and blue of one after the other; NaN where the samples are too far apart.
+#[dispatch]
+fn samples<const LEVEL: u8>(
+    slices: &Slices<'_>,
+    grid: (&[f32], &[f32]),
+    lamps: &Lamps,
+    row: usize,
+    out: ArrayViewMut2<'_, f32>,
+) {
+    let (mut out, down) = (out, grid.1[row]);
+    let step = most(grid.0[1] - grid.0[0], grid.1[1] - grid.1[0]);
+    for (number, edges) in slices.edges.windows(2).enumerate() {
+        let dense = slices.density.slice(s![number, row, ..]);
+        let above = slices.density.slice(s![number, row.max(1) - 1, ..]);
+        for at in (0..dense.len()).step_by(LANES) {
+            let mut rays = Rays { down, ..Rays::default() };
+            for k in 0..LANES {
+                let column = (at + k).min(dense.len() - 1);
+                let x = grid.0[column];
+                rays.slope[k] = x;
+                rays.length[k] = (1.0 + x * x + down * down).sqrt();
+                rays.from[k] = edges[0] * rays.length[k];
+                rays.to[k] = edges[1] * rays.length[k];
+                rays.extinction[k] = dense[column];
+            }
+            let light = near::<LEVEL>(lamps, &rays, step);
+            for k in 0..LANES.min(dense.len() - at) {
+                let (here, beside) = (rays.extinction[k], dense[(at + k).max(1) - 1]);
+                let change = most((beside - here).abs(), (above[at + k] - here).abs());
+                let rough = change * (rays.to[k] - rays.from[k]) > ROUGH;
+                for c in 0..3 {
+                    out[[3 * number + c, at + k]] = if rough { f32::NAN } else { light[c][k] };
+                }
+            }
+        }
+    }
 }
 
 #[dispatch]
@@ -95,54 +175,55 @@ fn fill<const LEVEL: u8>(plane: &mut [f32], line: &[f32]) {
     }
 }
 
-/// The light of some pixels of a row from `at` on, by channels.
+#[inline(always)]
+fn lane(line: &[f32], at: usize) -> Lane {
+    *line[at..].first_chunk().expect("lines have room for whole lanes")
+}
+
+/// The light of some pixels of a row from `at` on, red, green and blue, what goes through and the depth; of lines
+/// of the slices' extinction and of the light that was found on the coarse grid, edges and places.
 #[dispatch]
 fn block<const LEVEL: u8>(
     lamps: &Lamps,
-    dense: &[Vec<f32>],
-    edges: &[f32],
+    gas: (&[Vec<f32>], &[Vec<f32>], &[f32], &[f32]),
     row: (&[f32], f32, &[f32]),
     at: usize,
-) -> [Lane; 3] {
-    let ((slopes, down, end), mut light) = (row, [[0.0; LANES]; 3]);
-    let mut rays = Rays { down, through: [1.0; LANES], ..Rays::default() };
+) -> [Lane; 5] {
+    let ((dense, glow, edges, places), (slopes, down, end)) = (gas, row);
+    let ([mut red, mut green, mut blue, mut far], one) = ([[0.0; LANES]; 4], [1.0; LANES]);
+    let mut rays = Rays { down, through: one, ..Rays::default() };
     for k in 0..LANES {
         let x = slopes[at + k];
         rays.slope[k] = x;
         rays.length[k] = (1.0 + x * x + down * down).sqrt();
     }
-    for (plane, edges) in dense.iter().zip(edges.windows(2)) {
+    let end = lane(end, at);
+    for (number, place) in places.iter().enumerate() {
+        let (from, to) = (edges[number], edges[number + 1]);
+        rays.extinction = lane(&dense[number], at);
+        let mut found = [0, 1, 2].map(|c| lane(&glow[3 * number + c], at));
+        let mut exact = 0;
         for k in 0..LANES {
-            let stop = most(least(end[at + k], edges[1]), edges[0]);
-            rays.from[k] = edges[0] * rays.length[k];
-            rays.to[k] = stop * rays.length[k];
-            rays.extinction[k] = plane[at + k];
+            rays.from[k] = from * rays.length[k];
+            rays.to[k] = most(least(end[k], to), from) * rays.length[k];
+            // Counted, since a reduction of floats or of booleans takes no vectors.
+            exact += u32::from(end[k] < to) + u32::from(found[0][k].is_nan());
         }
-        for lamp in &lamps.lamps {
-            let mut found = [0.0; LANES];
-            if let Some(place) = lamp.place {
-                found = near::<LEVEL>(lamps, lamp, place, &rays);
-            } else {
-                // A sun's way through the gas is not known.
-                let [x, y, z] = lamp.way.map(|part| part as f32);
-                for k in 0..LANES {
-                    let cosine = -(x * rays.slope[k] + y * down + z) / rays.length[k];
-                    let thick = rays.extinction[k] * (rays.to[k] - rays.from[k]);
-                    let taken = rays.through[k] * (1.0 - left::<f32, LEVEL>(thick));
-                    found[k] = taken * lamps.phase(cosine);
-                }
-            }
-            for (light, color) in light.iter_mut().zip(lamp.color) {
-                for k in 0..LANES {
-                    light[k] += found[k] * color as f32;
-                }
-            }
+        if exact > 0 && !lamps.lamps.is_empty() {
+            found = near::<LEVEL>(lamps, &rays, 0.0);
         }
         for k in 0..LANES {
-            rays.through[k] *= left::<f32, LEVEL>(rays.extinction[k] * (rays.to[k] - rays.from[k]));
+            let scale = rays.extinction[k] * rays.through[k];
+            red[k] += found[0][k] * scale;
+            green[k] += found[1][k] * scale;
+            blue[k] += found[2][k] * scale;
+            let thick = rays.extinction[k] * (rays.to[k] - rays.from[k]);
+            let after = rays.through[k] * left::<f32, LEVEL>(thick);
+            far[k] += place * (rays.through[k] - after);
+            rays.through[k] = after;
         }
     }
-    light
+    [red, green, blue, rays.through, far]
 }
 
 /// The part of a ray inside a spot's cone, metres, of the cosine of its rim: where
@@ -169,9 +250,47 @@ fn cone(along: f32, behind: f32, foot: f32, aside: f32, cosine: f32) -> [f32; 2]
     }
 }
 
-/// The light of a lamp in a slice.
+/// The light of all lamps in a slice, by channels, as [`one`] has it.
 #[inline(always)]
-fn near<const LEVEL: u8>(lamps: &Lamps, lamp: &Lamp, place: [f64; 3], rays: &Rays) -> Lane {
+fn near<const LEVEL: u8>(lamps: &Lamps, rays: &Rays, step: f32) -> [Lane; 3] {
+    let mut light = [[0.0; LANES]; 3];
+    for lamp in &lamps.lamps {
+        let found = match lamp.place {
+            Some(place) => one::<LEVEL>(lamps, lamp, place, rays, step),
+            None => sun::<LEVEL>(lamps, lamp.way, rays),
+        };
+        for (light, color) in light.iter_mut().zip(lamp.color) {
+            for k in 0..LANES {
+                light[k] += found[k] * color as f32;
+            }
+        }
+    }
+    light
+}
+
+/// The light of a sun, whose way through the gas is not known, in the same way.
+#[inline(always)]
+fn sun<const LEVEL: u8>(lamps: &Lamps, way: [f64; 3], rays: &Rays) -> Lane {
+    let ([x, y, z], mut light) = (way.map(|part| part as f32), [0.0; LANES]);
+    for k in 0..LANES {
+        let cosine = -(x * rays.slope[k] + y * rays.down + z) / rays.length[k];
+        let extinction = most(rays.extinction[k], 1e-12);
+        let taken = 1.0 - left::<f32, LEVEL>(extinction * (rays.to[k] - rays.from[k]));
+        light[k] = taken / extinction * lamps.phase(cosine);
+    }
+    light
+}
+
+/// The light of a lamp in a slice over its extinction and what reaches the eye; NaN where rays that are `step` apart
+/// for a depth of 1 are too far apart for it.
+#[inline(always)]
+fn one<const LEVEL: u8>(
+    lamps: &Lamps,
+    lamp: &Lamp,
+    place: [f64; 3],
+    rays: &Rays,
+    step: f32,
+) -> Lane {
     let [x, y, z] = [0, 1, 2].map(|axis| (place[axis] - lamps.eye[axis]) as f32);
     let way = lamp.way.map(|part| part as f32);
     let (radius, spot) = (lamp.radius as f32, lamp.cone.0 > -1.0);
@@ -190,7 +309,14 @@ fn near<const LEVEL: u8>(lamps: &Lamps, lamp: &Lamp, place: [f64; 3], rays: &Ray
         wide[k] = (aside[k] + radius * radius).sqrt();
         along[k] = (a * way[0] + b * way[1] + way[2]) / length;
     }
-    let (mut from, mut to) = (rays.from, rays.to);
+    let (mut from, mut to, mut light) = (rays.from, rays.to, [0.0; LANES]);
+    for k in 0..LANES {
+        // The nearest place of the slice to the lamp.
+        let s = least(most(foot[k], from[k]), to[k]);
+        let distance = (wide[k] * wide[k] + (s - foot[k]) * (s - foot[k])).sqrt();
+        let steep = distance < STEEP * step * s || (spot && step > 0.0);
+        light[k] = if steep { f32::NAN } else { 0.0 };
+    }
     if outer > 0.0 {
         for k in 0..LANES {
             let [first, last] = cone(along[k], behind, foot[k], aside[k], outer);
@@ -199,7 +325,6 @@ fn near<const LEVEL: u8>(lamps: &Lamps, lamp: &Lamp, place: [f64; 3], rays: &Ray
         }
     }
     let air = [lamp.air.0 as f32, lamp.air.1 as f32];
-    let mut light = [0.0; LANES];
     for sign in [-1.0_f32, 1.0] {
         // Of the half of the ray before the lamp's foot, or behind it: t at the ends of the slice.
         let (mut first, mut span, mut widest) = ([0.0; LANES], [0.0; LANES], 0.0_f32);
@@ -236,9 +361,6 @@ fn near<const LEVEL: u8>(lamps: &Lamps, lamp: &Lamp, place: [f64; 3], rays: &Ray
                 light[k] += part * left::<f32, LEVEL>(thick + air[0] * distance + air[1] * s);
             }
         }
-    }
-    for k in 0..LANES {
-        light[k] *= rays.extinction[k] * rays.through[k];
     }
     light
 }

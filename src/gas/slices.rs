@@ -57,23 +57,23 @@ impl Slices<'_> {
         }
         Ok(())
     }
+}
 
-    /// Calls `each` with the coarse line of every slice at a row, and where the slice begins and ends.
-    pub fn lines(
-        &self,
-        row: usize,
-        line: &mut [f32],
-        mut each: impl FnMut(&[f32], [f32; 2]),
-    ) -> Result<(), Error> {
-        let (columns, first) = (line.len(), row / COARSE + MARGIN - 1);
-        let weights = WEIGHTS.map(|pixels| pixels[row % COARSE]);
-        for (slice, ends) in self.density.outer_iter().zip(self.edges.windows(2)) {
-            let samples = slice.to_slice().ok_or_else(layout)?;
-            between(line, &samples[first * columns..(first + 3) * columns], weights);
-            each(line, [ends[0], ends[1]]);
-        }
-        Ok(())
+/// Calls `each` with the coarse line of every plane (n, rows, columns) at a row of pixels, and its number.
+pub fn lines(
+    planes: &ArrayView3<'_, f32>,
+    row: usize,
+    line: &mut [f32],
+    mut each: impl FnMut(&[f32], usize),
+) -> Result<(), Error> {
+    let (columns, first) = (line.len(), row / COARSE + MARGIN - 1);
+    let weights = WEIGHTS.map(|pixels| pixels[row % COARSE]);
+    for (number, plane) in planes.outer_iter().enumerate() {
+        let samples = plane.to_slice().ok_or_else(layout)?;
+        between(line, &samples[first * columns..(first + 3) * columns], weights);
+        each(line, number);
     }
+    Ok(())
 }
 
 /// Adds their optical depth to `out` (H, W).
@@ -101,7 +101,8 @@ pub fn add(
             slices.ends(row, &mut end)?;
             sum.fill(0.0);
             squares.fill(0.0);
-            slices.lines(row, &mut line, |line, ends| {
+            lines(&slices.density, row, &mut line, |line, number| {
+                let ends = [slices.edges[number], slices.edges[number + 1]];
                 spread(&mut sum, &mut squares, line, &end, ends);
             })?;
             let waves = match detail {

@@ -113,10 +113,11 @@ impl Balls {
     }
 
     fn table(&self, radius: f64) -> &Table {
-        let step = (STEPS * libm::log2(radius / LEAST)).round().max(0.0) as usize;
-        let step = step.min(self.tables.len() - 1);
-        let radius = LEAST * libm::exp2(step as f64 / STEPS);
-        let made = || Ok::<_, Infallible>(Table::new(radius, self.mean, &self.profile));
+        // Most balls are those of the first table.
+        let octaves = if radius < 1.02 * LEAST { 0.0 } else { libm::log2(radius / LEAST) };
+        let step = ((STEPS * octaves).round() as usize).min(self.tables.len() - 1);
+        let radius = || LEAST * libm::exp2(step as f64 / STEPS);
+        let made = || Ok::<_, Infallible>(Table::new(radius(), self.mean, &self.profile));
         let Ok(table) = kept(&self.tables[step], made);
         table
     }

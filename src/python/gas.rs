@@ -11,7 +11,7 @@ use crate::base::error::{Error, named};
 use crate::base::lamps::Lamps;
 use crate::gas::draw::Drawing;
 use crate::gas::footprint::Edge;
-use crate::gas::glow;
+use crate::gas::glow::see;
 use crate::gas::light;
 use crate::gas::picture::{Picture, Touched};
 use crate::gas::slices::{self, Slices};
@@ -255,18 +255,24 @@ pub fn gas_slices(
     gate::run(py, work, |cancel| slices::add(out, &slices, detail, cancel))
 }
 
-/// Adds the light of lamps that slices scatter to `out` (H, W, 3).
+/// Writes the opacity of slices and the sum of `places`, each times the share that its slice takes, (H, W), and
+/// adds the light of lamps that they scatter to `light` (H, W, 3).
 #[pyfunction]
 pub fn gas_glow(
     py: Python<'_>,
-    mut out: PyReadwriteArray3<'_, f32>,
+    mut planes: (PyReadwriteArray2<'_, f32>, PyReadwriteArray2<'_, f32>),
+    mut light: Option<PyReadwriteArray3<'_, f32>>,
     bank: Bank<'_>,
+    grid: (PyReadonlyArray1<'_, f32>, PyReadonlyArray1<'_, f32>),
+    places: Vec<f32>,
     lamps: PyReadonlyArray2<'_, f64>,
     optics: (f64, f64),
     eye: [f64; 3],
 ) -> PyResult<()> {
     let lamps = Lamps::of(lamps.as_slice()?, optics.0, optics.1, eye)?;
-    let (out, slices) = (out.as_array_mut(), bank.slices()?);
-    let work = (20 * out.len() * lamps.lamps.len() * slices.density.dim().0) as f64;
-    gate::run(py, work, |cancel| glow::add(out, &slices, &lamps, cancel))
+    let planes = (planes.0.as_array_mut(), planes.1.as_array_mut());
+    let (light, slices) = (light.as_mut().map(|light| light.as_array_mut()), bank.slices()?);
+    let work = (60 * planes.0.len() * (1 + lamps.lamps.len()) * places.len()) as f64;
+    let gas = (&slices, (grid.0.as_slice()?, grid.1.as_slice()?), &places[..]);
+    gate::run(py, work, |cancel| see(planes, light, gas, &lamps, cancel))
 }

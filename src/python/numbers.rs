@@ -8,7 +8,7 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
-use super::gate::{self, arrays};
+use super::gate::{self, arrays, either};
 use crate::air;
 use crate::base::lamps::{Lamps, light};
 use crate::base::pixel::smoothstep;
@@ -159,19 +159,11 @@ arrays! {
 /// Whether all numbers are from `low` to `high`.
 #[pyfunction]
 pub fn all_within(py: Python<'_>, values: Flat<'_>, low: f64, high: f64) -> PyResult<bool> {
-    match values {
-        Flat::Single(values) => inside(py, &values, low as f32, high as f32),
-        Flat::Double(values) => inside(py, &values, low, high),
-    }
-}
-
-fn inside<T: Real + numpy::Element>(
-    py: Python<'_>,
-    values: &PyReadonlyArray1<'_, T>,
-    low: T,
-    high: T,
-) -> PyResult<bool> {
-    let values = values.as_slice()?;
     // About a nanosecond for a few numbers.
-    gate::run(py, 0.2 * values.len() as f64, move |_| scan::all_within(values, low, high))
+    either!(Flat values = values => {
+        let values = values.as_slice()?;
+        gate::run(py, 0.2 * values.len() as f64, move |_| {
+            Ok(scan::all_within(values, Real::of(low), Real::of(high)))
+        })
+    })
 }

@@ -198,25 +198,3 @@ impl Opacity {
         ((m * m + s * s) * inside + s * edges + above(b)).max(0.0)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const PAPER: Opacity = Opacity { mean: 0.5, spread: 3.0, power: 2.0, amount: 1.0 };
-
-    #[test]
-    fn the_closed_form_is_the_integral() {
-        for mean in [-0.3, 0.05, 0.5, 1.2] {
-            for spread in [1.0, 2.0, 3.0, 30.0] {
-                for variance in [0.01, 0.5, 1.0] {
-                    let square = Opacity { mean, spread, ..PAPER };
-                    // A power next to 2 takes the quadrature.
-                    let near = Opacity { power: 2.0 + 1e-12, ..square };
-                    let difference = square.mean_of(variance) - near.mean_of(variance);
-                    assert!(difference.abs() < 2e-7, "{square:?} {variance}: {difference:e}");
-                }
-            }
-        }
-    }
-}

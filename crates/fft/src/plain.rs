@@ -82,32 +82,3 @@ impl<T: FftNum> ComplexToReal<T> for ToReal<T> {
         vec![Complex::zero(); self.get_scratch_len()]
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::Transform;
-
-    #[test]
-    fn it_is_the_transform_of_the_planner() {
-        for n in [1, 2, 3, 8, 15, 64, 97] {
-            let half: Vec<Complex<f64>> = (0..=n / 2)
-                .map(|k| {
-                    let edge = k == 0 || 2 * k == n;
-                    let im = if edge { 0.0 } else { (k * k % 7) as f64 - 3.0 };
-                    Complex::new((k * 5 % 11) as f64 - 4.0, im)
-                })
-                .collect();
-            let run = |plan: &dyn ComplexToReal<f64>| {
-                let mut out = plan.make_output_vec();
-                plan.process(&mut half.clone(), &mut out).unwrap();
-                out
-            };
-            let plain = run(&ToReal::new(n));
-            let planned = run(&*<f64 as Transform>::to_real(n, false));
-            for (a, b) in plain.iter().zip(&planned) {
-                assert!((a - b).abs() < 1e-11 * n as f64, "{n}: {a} {b}");
-            }
-        }
-    }
-}

@@ -74,7 +74,6 @@ class Bank:
         # Under the plate's sky gas with a top is dimmer below its own.
         lit = lit_by_sun(mist, frame) or (local and self._topped)
         step = "lit gas" if lit_by_sun(mist, frame) or frame.lights else "gas"
-
         make = partial(self._drawn, frame, base, lit=lit)
         made = frame.run(self, step, frame.once, self, "bank", make, eye=True, depth=True)
         if made is None:
@@ -93,44 +92,53 @@ class Bank:
     def _drawn(self, frame: Frame, base: Base, *, lit: bool) -> Drawn:
         mist, slopes, extinction = self.mist, Rays(frame).slopes, self.extinction(frame.t)
 
-        def dense() -> tuple[Density, list[Slices]]:
+        def make() -> tuple[Density, list[Slices]]:
             density = Density(mist, frame, extinction, gas.visibility(mist.farthest))
             return density, list(density.slices())
 
-        density, parts = frame.once(self, "density", dense, eye=True)
-        alpha = np.zeros(frame.shape, np.float32)
+        density, parts = frame.once(self, "density", make, eye=True)
+        alpha, plain = np.zeros(frame.shape, np.float32), not (lit or frame.lights or frame.whole)
+        # Opacity alone is found where the window is, in whole coarse rows.
+        top, bottom = frame.window[:2] if plain else (0, frame.shape[0])
+        first, last = top // COARSE, -(-bottom // COARSE)
+        rows = slice(first * COARSE, last * COARSE)
+        ground = None if frame.depth is None else frame.depth[rows]
         for part in parts:
-            _core.gas_slices(alpha, (part.dense, part.edges, frame.depth, slopes), part.detail)
-        _opacity(alpha)
-        if not (lit or frame.lights or frame.whole):
+            near = np.ascontiguousarray(part.dense[:, first : last + 2 * MARGIN])
+            bank = near, part.edges, ground, (slopes[0], slopes[1][rows])
+            detail = part.detail and (part.detail[0][rows], part.detail[1])
+            _core.gas_slices(alpha[rows], bank, detail)
+        _opacity(alpha[rows])
+        if plain:
             return alpha, None, None
         light = np.zeros((*frame.shape, 3), np.float32) if lit or frame.lights else None
         far, total = np.zeros(frame.shape, np.float32), np.zeros(frame.shape, np.float32)
-        for part in parts:
-            for number, place in enumerate(part.places):
-                one = (part.dense[number][None], part.edges[number : number + 2])
+        if parts:
+            dense = np.concatenate([part.dense for part in parts])
+            edges = [*parts[0].edges, *(edge for part in parts[1:] for edge in part.edges[1:])]
+            places = [place for part in parts for place in part.places]
+            lamps, eye = frame.lamps(without=self.air(frame.t)), frame.camera.offset
+            glow = light if frame.lights else None
+            whole, grid = (dense, edges, frame.depth, slopes), density.rays.slopes
+            _core.gas_glow((total, far), glow, whole, grid, places, lamps, optics_of(mist), eye)
+        if lit and light is not None and parts:
+            total, lumps = np.zeros_like(total), [one for part in parts for one in part.lumps]
+            for number, place in enumerate(places):
+                one = dense[number][None], edges[number : number + 2], frame.depth, slopes
                 taken = np.zeros(frame.shape, np.float32)
-                _core.gas_slices(taken, (*one, frame.depth, slopes), None)
+                _core.gas_slices(taken, one, None)
                 _opacity(taken)
                 taken *= 1.0 - total
                 total += taken
-                far += np.float32(place) * taken
-                if lit and light is not None:
-                    shade = skylit(density, part.dense[number], base)
-                    if lit_by_sun(mist, frame):
-                        shade = sunny(density, place, part.lumps[number], base)
-                    _core.shade_add(light, taken, shade.given())
-        if light is not None and frame.lights and parts:
-            edges = [*parts[0].edges, *(edge for part in parts[1:] for edge in part.edges[1:])]
-            bank = (np.concatenate([part.dense for part in parts]), edges, frame.depth, slopes)
-            (x, y, z), lamps = frame.camera.offset, frame.lamps(without=self.air(frame.t))
-            _core.gas_glow(light, bank, lamps, optics_of(mist), (float(x), float(y), float(z)))
-        # Slices are lit without their short waves, which the opacity has.
-        np.maximum(total, np.float32(1e-12), out=total)
+                shade = skylit(density, dense[number], base)
+                if lit_by_sun(mist, frame):
+                    shade = sunny(density, place, lumps[number], base)
+                _core.shade_add(light, taken, shade.given())
         if light is not None:
-            light *= (alpha / total)[..., None]
-        depth = np.where(alpha > 0.0, far / total, np.float32(np.inf))
-        return alpha, light, depth if frame.whole else None
+            # Slices are lit without their short waves, which the opacity has.
+            light *= (alpha / np.maximum(total, np.float32(1e-6)))[..., None]
+        depth, there = np.full_like(far, np.inf), np.minimum(alpha, np.minimum(far, total)) > 0.0
+        return alpha, light, np.divide(far, total, out=depth, where=there) if frame.whole else None
 
 
 def skylit(gas: Density, dense: Array, base: Base) -> Shade:

@@ -97,9 +97,7 @@ class Density:
             reach = 0.75 * float(np.linalg.norm(mist.box)) / math.sqrt(3.0) * 1.2
             edges = np.linspace(max(middle - reach, 0.0), max(middle + reach, 0.0), SLICES + 1)
             return edges, (0.5 * (edges[:-1] + edges[1:])).tolist()
-        far, count = float(mist.box[2]), SLICES
-        if self._waves is None and mist.top is None:
-            count = 1
+        far, count = float(mist.box[2]), 1 if self._waves is None and mist.top is None else SLICES
         share = np.arange(2 * count) / (2 * count) * -np.expm1(-self.reference * far)
         at = -np.log1p(-share) / self.reference
         return np.append(at[::2], far), at[1::2].tolist()

@@ -133,9 +133,8 @@ class Field:
     ) -> tuple[Float64, Float64]:
         """Return drift and velocity (rows, cols, rings, 2) px beyond those of the mean wind."""
         camera, longest = frame.camera, self.band(frame.shape)[1]
-        depth = wave_depth(
-            np.sqrt(edges[1:] * edges[:-1]), near_depth=self.near_depth, longest=longest
-        )
+        waves = np.sqrt(edges[1:] * edges[:-1])
+        depth = wave_depth(waves, near_depth=self.near_depth, longest=longest)
         rows, cols, z = np.meshgrid(y, x, depth, indexing="ij")
         fx, fy = camera.focals
         ahead = np.stack([cols * z / fx, rows * z / fy, z], axis=-1)

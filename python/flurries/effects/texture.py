@@ -53,8 +53,9 @@ class Texture:
         visible, out = frame.visible, []
         if visible is not None:
             hidden = int((~visible.tiles(*self.field.layout(frame).tiling)).sum())
-            why = "they are behind what stands in front"
-            out = [LeftOut(f"{hidden} tiles", why)] if hidden else []
+            out = [LeftOut(f"{hidden} tiles", "they are behind what stands in front")] * bool(
+                hidden
+            )
         return Needs((Step("texture", once=still),), tuple(out), most=opacity)
 
     def map(self, frame: Frame, amount: float, way: Way) -> Map:
@@ -112,7 +113,8 @@ def before_scene(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool, 
     waves, remap = (_by_tile if mode == "tile" else _by_pixel)(field, frame, way, mapped)
     layout = field.layout(frame)
     # The values that the map of a depth is made of, besides the depth.
-    key = mapped, _cycles(field, frame, way), way.shutter, layout.tiling, layout.band
+    # Rounding of a frame's time makes no other map.
+    key = mapped, round(field.cycles(frame, way), 9), way.shutter, layout.tiling, layout.band
     scale, base, lost = frame.standing(field, key, remap)
     waves *= scale
     waves += base
@@ -193,11 +195,6 @@ def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map) -> tuple[Array,
     return total, partial(_remap, field, frame, way, mapped, there, (), left)
 
 
-def _cycles(field: Field, frame: Frame, way: Way) -> float:
-    """Return the rate of the longest wave; rounding of a frame's time makes no other map."""
-    return round(field.cycles(frame, way), 9)
-
-
 def _remap(
     field: Field, frame: Frame, way: Way, mapped: Map,
     there: Callable[[slice], tuple[Float64, Float64]], exact: tuple[float, ...],
@@ -209,7 +206,7 @@ def _remap(
     (_, tall), (_, wide) = field.shares(frame)
     seams = field.blend != "power"
     least = float(tall.min() * wide.min()) if seams else 1.0
-    kept = kept_power(_cycles(field, frame, way), field.alias, shutter=way.shutter)
+    kept = kept_power(round(field.cycles(frame, way), 9), field.alias, shutter=way.shutter)
     deviation = max(0.5 / spread * math.sqrt(kept), 1e-6)
     maps = wall_maps((mean, deviation, exponent), least, exact, left)
     full, blurred = (

@@ -76,8 +76,7 @@ def moved_with(layer: Layer, depth: Array, frame: Frame, wind: Vector) -> Layer:
     if frame.depth is not None:
         depth = np.where(np.isfinite(depth), np.minimum(depth, frame.crop(frame.depth)), depth)
     motions = air_motions(depth, frame, [frame.later(step) for step in STEPS], wind=wind)
-    depth = np.ascontiguousarray(depth)
-    return replace(layer, motion=motions[0], backward=motions[1], depth=depth)
+    return replace(layer, motion=motions[0], backward=motions[1], depth=np.ascontiguousarray(depth))
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,8 +166,8 @@ class Vapor:
     def _sorted(
         self, frame: Frame, points: Float64, shown: Float64, colors: Any
     ) -> _core.SortedGas:
-        grains = gas_of(points, self.mist.radius, shown)
-        how = {"footprint": self.mist.footprint, "near": self.mist.near}
+        mist, grains = self.mist, gas_of(points, self.mist.radius, shown)
+        how = {"footprint": mist.footprint, "near": mist.near}
         return sorted_gas(frame.shape, grains, colors, frame.camera, **how)
 
     def _depth(self, frame: Frame, density: float) -> Array:
@@ -180,6 +179,4 @@ class Vapor:
             found = self._sorted(frame, points, shown, far)
             _core.gas_draw(layer, found, frame.window, frame.depth)
         mean, cover = layer[..., 0], layer[..., 3]
-        depth = np.full_like(mean, np.inf)
-        np.divide(mean, cover, out=depth, where=cover > 0.0)
-        return depth
+        return np.divide(mean, cover, out=np.full_like(mean, np.inf), where=cover > 0.0)
