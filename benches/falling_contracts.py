@@ -130,10 +130,10 @@ print(time.process_time() - begun)
 """
 
 
-def identities(flakes: Callable[[fl.Scene, float], np.ndarray]) -> Iterator[str]:
+def identities(flakes: Callable[[fl.Scene, float], np.ndarray], **air: Any) -> Iterator[str]:
     """Compare the flakes of larger pictures, of parts, of another eye and of half the size."""
     t, lens = 40.0, 576.0
-    snow = fl.Snow("heavy", shape="round")
+    snow = fl.Snow("heavy", shape="round", **air)
 
     def seen(size: tuple[int, int], focal: float = lens, **camera: Any) -> np.ndarray:
         view = fl.Camera(focal, **camera)

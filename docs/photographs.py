@@ -1,6 +1,7 @@
 """Ten photographs in snow: how grey, bright and visible flakes are, and contact sheets at 1:1.
 
-python docs/photographs.py [--sheets FOLDER] [--costs]
+python docs/photographs.py [--sheets FOLDER]
+OPENBLAS_NUM_THREADS=1 python docs/photographs.py --costs
 
 The photographs are made here or are scikit-image's. Limits are those of real photographs of falling
 snow: flakes grey within 17 of 255, the brightest of them (98th percentile of peaks) .75 to 1.0 of

@@ -54,6 +54,8 @@ def test_flakes_stay_behind_what_is_nearer():
 
     far, near, nothing, half = (fallen(depth, "natural") for depth in (200.0, 4.0, 0.3, wall))
     assert far.mean() > 3.0 * near.mean() > 0.0 and nothing.max() == 0.0
+    walls = [np.full((128, 128), depth) for depth in (0.5, 2.0, 4.0, 30.0, 1e3, 1e10, np.inf)]
+    assert (np.diff([fallen(depth, "natural").mean() for depth in walls]) >= 0.0).all()
     assert np.abs(half - np.where(wall > 100.0, far, near)).max() < 1e-6
     # Of hard weather there is as much more as makes up for near things, four times at most.
     lost = fl.augment.contrast_loss(1.0, profile="hard")

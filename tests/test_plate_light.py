@@ -45,7 +45,6 @@ def test_an_even_plate_makes_flakes_of_albedo_times_its_radiance(level: float):
     snow = fl.Snow("moderate", color="local")
     layer = scene(plate, snow).layers(3).layers["snow"].rgba
     shown = layer[..., 3] > 0.01
-    assert shown.any()
     radiance = layer[shown, :3] / layer[shown, 3:]
     assert np.abs(radiance / (0.9 * level) - 1.0).max() < 1e-4
 
@@ -53,12 +52,11 @@ def test_an_even_plate_makes_flakes_of_albedo_times_its_radiance(level: float):
 def test_display_word_and_float_plates_get_the_same_picture():
     display = picture()
     byte = np.rint(255.0 * display).astype(np.uint8)
-    word = byte.astype(np.uint16) * 257
     single = srgb_to_linear(byte / 255.0).astype(np.float32)
     snow = fl.Snow("heavy", color="local", haze=0.2)
     shown = [
         scene(byte, snow).render(7) / 255.0,
-        scene(word, snow).render(7) / 65535.0,
+        scene(byte.astype(np.uint16) * 257, snow).render(7) / 65535.0,
         linear_to_srgb(scene(single, snow).render(7)),
     ]
     for other in shown[1:]:
@@ -85,8 +83,7 @@ def test_fog_is_never_darker_than_what_is_behind_it():
     for level in (0.3, 0.9):
         snow = fl.Snow(density=0.0, color="local", haze=level)
         seen = scene(plate, snow).render(0)
-        sky = seen[10:50, :, 1] / plate[10:50, :, 1]
-        assert sky.min() > 1.0 - 1e-3
+        assert (seen[10:50, :, 1] > (1.0 - 1e-3) * plate[10:50, :, 1]).all()
 
 
 def test_the_light_of_cells_is_the_mean_of_their_pixels():

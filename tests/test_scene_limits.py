@@ -175,7 +175,8 @@ def test_all_that_is_beyond_far_is_alike():
     walls = [np.full((60, 80), depth, np.float32) for depth in ladder]
     for effect in (
         fl.Snow("heavy", haze=0.2), fl.Rain("downpour", haze=0.2), fl.Snow(method="simulated"),
-        fl.effects.ConeSnow(radius=8.0), fl.Mist(visibility=40.0),
+        fl.effects.ConeSnow(radius=8.0), fl.effects.ConeRain(radius=8.0), fl.Mist(visibility=40.0),
+        fl.effects.TentSnow("light", near_depth=4.0), fl.effects.TentRain("rain"),
     ):  # fmt: skip
         scene = Scene("#000000", size=(80, 60), effects=[effect], fps=24)
         planes = [scene.replace(depth=d).layers(3).alpha.mean(dtype=np.float64) for d in walls]

@@ -95,7 +95,7 @@ def layer_finish(
     forward: _Array, backward: _Array, depth: _Array, alpha: _Array, scene: _Array | None = None,
     flakes: tuple[tuple[_Array, _Array, _Array | None], _Array, _Array] | None = None,
 ) -> None: ...  # fmt: skip
-def plate_cells(out: _Array, picture: _Array, table: _Array, cell: int) -> None: ...
+def plate_cells(out: _Array, picture: _Array, table: _Array, cell: int, step: int) -> None: ...
 def shade_over(
     out: _Array, background: _Array, alpha: _Array, colors: _Colors, glow: _Array | None = None,
     light: _Array | None = None, edges: _Array | None = None,

@@ -53,7 +53,7 @@ impl List {
         let sights: Vec<Sight> = air.classes.iter().map(|class| Sight::of(air, class)).collect();
         let mut lines = Vec::new();
         for (number, sight) in sights.iter().enumerate() {
-            sight.lines(air, number, &mut lines)?;
+            sight.lines(air, number, &mut lines, cancel)?;
         }
         let runs = runs(&lines)?;
         let mut parts = collected(runs.iter().map(|_| Self::default()))?;
@@ -98,10 +98,9 @@ impl List {
                 let mut failed = Ok(());
                 let places = Places::new(air, class, line.level, cell, line.part);
                 cells.each(line.level, cell, sight.below, |born| {
-                    if failed.is_err()
-                        || !places.holds(&born)
-                        || !sight.sees(places.resting(NOW, &born), 0.0)
-                    {
+                    let seen = || sight.sees(places.resting(NOW, &born), 0.0);
+                    let out = !places.holds(&born) || (class.waves.is_empty() && !seen());
+                    if failed.is_err() || out {
                         return;
                     }
                     failed = if class.waves.is_empty() && air.clumps.is_none() {
@@ -188,7 +187,7 @@ fn runs(lines: &[Line]) -> Result<Vec<&[Line]>, Error> {
 }
 
 /// Sums of waves at points: so many numbers for each, all times' displacements by the wind or one of clumps.
-fn sums(
+pub fn sums(
     points: &[f64],
     waves: &[f64],
     weights: &[f64],

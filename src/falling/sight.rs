@@ -2,13 +2,15 @@
 //!
 //! The view is the pyramid of the window at the frame's time, up to the depth at which the class ends. It is
 //! widened by all that may carry a flake into it meanwhile: the camera's way through the air, its turning and
-//! zoom, the sway, the wind's waves, a flake's size and blur.
+//! zoom, the sway, a flake's size and blur. Where the waves of the wind have carried a flake is known but for how far
+//! they carry the middle of its cell apart from it: long waves, which carry far, carry a cell as a whole.
 
 use super::air::{Air, CLOSE, Class, Eye, NOW, OPEN, Vector};
 use super::cells::{levels, side};
 use super::law::last_rank;
+use super::list::sums;
 use super::notes::Notes;
-use crate::base::error::{Error, pushed};
+use crate::base::error::{Cancel, Error, pushed, reserve};
 
 /// Pixels that the smallest image reaches beyond its middle, and a little more.
 const LEAST_REACH: f64 = 4.0;
@@ -50,6 +52,8 @@ pub struct Sight {
     far: f64,
     /// The density from which on none shows.
     pub below: f64,
+    /// Displacements by the waves of the wind now, real parts (x, y, z) and imaginary ones, metres.
+    waves: Vec<[f64; 6]>,
 }
 
 impl Sight {
@@ -60,15 +64,25 @@ impl Sight {
         let last = [right + LEAST_REACH, bottom + LEAST_REACH];
         let mut aside = 0.0_f64;
         let mut room = air.room + air.sway.abs() + 2.0 * class.sizes.range.1;
+        let times = air.eyes.len();
+        let waves = class.waves.chunks_exact(6 * times);
+        let blown = |wave: &[f64], time: usize| -> [f64; 6] {
+            std::array::from_fn(|n| wave[3 * (n / 3 * times + time) + n % 3])
+        };
         for time in [OPEN, CLOSE] {
             let other = &air.eyes[time];
             for corner in [[first[0], first[1]], [last[0], first[1]], [first[0], last[1]], last] {
                 aside = aside.max(shift(&eye, other, corner));
             }
             let moved: Vector = std::array::from_fn(|a| class.at[time][a] - class.at[NOW][a]);
-            room += norm(moved) + norm(std::array::from_fn(|a| other.offset[a] - eye.offset[a]));
+            let beside: Vector = std::array::from_fn(|a| other.offset[a] - eye.offset[a]);
+            let carried = waves.clone().map(|wave| {
+                let (now, then) = (blown(wave, NOW), blown(wave, time));
+                norm(&std::array::from_fn::<_, 6, _>(|n| then[n] - now[n]))
+            });
+            room += norm(&moved) + norm(&beside) + carried.sum::<f64>();
         }
-        room += waves_reach(air, class) + air.notes.as_ref().map_or(0.0, Notes::reach);
+        room += air.notes.as_ref().map_or(0.0, Notes::reach);
         let slope = |axis: usize, px: f64| (px - eye.center[axis]) / eye.focal[axis];
         let low: [f64; 2] = std::array::from_fn(|axis| slope(axis, first[axis] - aside));
         let high: [f64; 2] = std::array::from_fn(|axis| slope(axis, last[axis] + aside));
@@ -83,6 +97,7 @@ impl Sight {
             near: if class.by_size { 0.0 } else { class.shown[0] },
             far: class.shown[3],
             below: class.density * last_rank(most).min(1.0),
+            waves: waves.map(|wave| blown(wave, NOW)).collect(),
         }
     }
 
@@ -100,31 +115,39 @@ impl Sight {
         (z >= self.near - room) & (z <= self.far + room) & holds(0, x) & holds(1, y)
     }
 
-    /// The eye and the far corners of the view, relative to the camera, house axes.
-    fn corners(&self) -> [Vector; 5] {
-        let back = |[x, y, z]: Vector| -> Vector {
-            std::array::from_fn(|a| {
-                let rows = &self.eye.turn;
-                rows[0][a] * x + rows[1][a] * y + rows[2][a] * z
-            })
+    /// The box around the view, relative to the camera, house axes.
+    fn around(&self) -> [Vector; 2] {
+        let mut found = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        let rows = &self.eye.turn;
+        let slopes = [0, 1].map(|axis| [self.low[axis], self.high[axis]]);
+        for corner in 0..8 {
+            let z = if corner < 4 { 0.0 } else { self.far };
+            let sides = [z * slopes[0][corner % 2], z * slopes[1][corner / 2 % 2], z];
+            for a in 0..3 {
+                let at = (0..3).map(|b| rows[b][a] * (sides[b] + self.eye.offset[b])).sum::<f64>();
+                found[0][a] = found[0][a].min(at);
+                found[1][a] = found[1][a].max(at);
+            }
+        }
+        found
+    }
+
+    /// How far waves carry places apart at most that are up to so many metres apart.
+    fn apart(&self, air: &Air, reach: f64) -> f64 {
+        let part = |(wave, k): (&[f64; 6], &[f64])| {
+            2.0 * norm(wave) * libm::sin(std::f64::consts::PI * (norm(k) * reach).min(0.5))
         };
-        let far = self.far;
-        let at = |sx: f64, sy: f64, z: f64| {
-            let o = self.eye.offset;
-            back([sx * z + o[0], sy * z + o[1], z + o[2]])
-        };
-        let (low, high) = (self.low, self.high);
-        [
-            at(0.0, 0.0, 0.0),
-            at(low[0], low[1], far),
-            at(high[0], low[1], far),
-            at(high[0], high[1], far),
-            at(low[0], high[1], far),
-        ]
+        self.waves.iter().zip(air.waves.chunks_exact(3)).map(part).sum()
     }
 
     /// The lines of cells of all levels that may be seen, in a fixed order.
-    pub fn lines(&self, air: &Air, number: usize, lines: &mut Vec<Line>) -> Result<(), Error> {
+    pub fn lines(
+        &self,
+        air: &Air,
+        number: usize,
+        lines: &mut Vec<Line>,
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
         let class = &air.classes[number];
         if self.below <= 0.0 || self.far <= 0.0 || class.placed.is_some() {
             return Ok(());
@@ -138,21 +161,28 @@ impl Sight {
             2
         };
         let (across, down) = ([1, 0, 0][deep], [2, 2, 1][deep]);
-        let corners = self.corners();
-        let mut flakes = 0.0;
+        let [low, high] = self.around();
+        let most: f64 = self.waves.iter().map(|wave| norm(wave)).sum();
+        let channels = if self.waves.is_empty() { 0 } else { 3 };
+        let (mut points, mut flakes) = (Vec::new(), 0.0);
+        // The cells of the level before that are seen are among these: what is in no other is seen in none.
+        let mut within = [(i64::MIN / 4, i64::MAX / 4); 3];
         for level in levels(self.below) {
             let side = side(level);
             let parts = parts(class, side);
             let thick = side / f64::from(parts);
-            let room = self.room + 1e-9 * side;
+            let room = self.room + most + 1e-9 * side;
+            let reach = 0.5 * (2.0 * side * side + thick * thick).sqrt();
+            let reach = reach + self.apart(air, reach);
+            let mut seen = [(i64::MAX, i64::MIN); 3];
             let base = class.at[NOW].map(|v| (v / side).floor());
             let rest: Vector = std::array::from_fn(|a| class.at[NOW][a] - base[a] * side);
             // Cells from one relative place to another, along an axis.
             let cells = |a: usize, low: f64, high: f64| {
-                ((low + rest[a]) / side).floor() as i64
-                    ..((high + rest[a]) / side).floor() as i64 + 1
+                let [low, high] = [low, high].map(|v| ((v + rest[a]) / side).floor() as i64);
+                let (first, end) = within[a];
+                low.max(2 * first - base[a] as i64)..(high + 1).min(2 * end - base[a] as i64)
             };
-            let [low, high] = bounds(&corners, deep, None);
             let layers = cells(deep, low[deep] - room, high[deep] + room);
             if (layers.end - layers.start) as f64 > MOST {
                 return Err(too_many());
@@ -160,47 +190,53 @@ impl Sight {
             for (layer, part) in layers.flat_map(|layer| (0..parts).map(move |part| (layer, part)))
             {
                 let from = layer as f64 * side + f64::from(part) * thick - rest[deep];
-                let [low, high] = bounds(&corners, deep, Some((from - room, from + thick + room)));
-                if low[across] > high[across] {
-                    continue;
-                }
                 let middle = from + 0.5 * thick;
                 // How far a wind of depth has carried the layer.
                 let profile = class.profile.first();
                 let carried: Vector =
                     profile.map_or([0.0; 3], |[x, y]| [x.at(middle), y.at(middle), 0.0]);
-                let rows = cells(
-                    down,
-                    low[down] - room - carried[down],
-                    high[down] + room - carried[down],
-                );
-                let columns = cells(
-                    across,
-                    low[across] - room - carried[across],
-                    high[across] + room - carried[across],
-                );
+                let [rows, columns] = [down, across]
+                    .map(|a| cells(a, low[a] - room - carried[a], high[a] + room - carried[a]));
+                if rows.is_empty() || columns.is_empty() {
+                    continue;
+                }
                 // A layer has at most 8 flakes a cell.
                 flakes += (rows.end - rows.start) as f64 * (columns.end - columns.start) as f64;
                 if flakes > MOST {
                     return Err(too_many());
                 }
-                let reach = 0.5 * (2.0 * side * side + thick * thick).sqrt();
-                for row in rows {
-                    let mut line: Option<(i64, i64)> = None;
-                    for column in columns.clone() {
-                        let mut place = [0.0; 3];
-                        for (a, cell) in [(down, row), (across, column)] {
-                            place[a] = (cell as f64 + 0.5) * side - rest[a] + carried[a];
-                        }
-                        place[deep] = middle;
-                        if self.sees(place, reach) {
-                            line = Some((line.map_or(column, |(first, _)| first), column + 1));
-                        }
+                let place = |row: i64, column: i64| {
+                    let mut place = [middle; 3];
+                    for (a, cell) in [(down, row), (across, column)] {
+                        place[a] = (cell as f64 + 0.5) * side - rest[a];
                     }
-                    let Some((first, end)) = line else { continue };
+                    place
+                };
+                points.clear();
+                for row in rows.clone().filter(|_| channels > 0) {
+                    reserve(&mut points, 3 * columns.clone().count())?;
+                    points.extend(columns.clone().flat_map(|column| place(row, column)));
+                }
+                let blown = sums(&points, &air.waves, self.waves.as_flattened(), channels, cancel)?;
+                let blown = blown.as_chunks::<3>().0;
+                let wide = columns.end - columns.start;
+                let sees = |row: i64, column: i64| {
+                    let at = (row - rows.start) * wide + column - columns.start;
+                    let (place, moved) = (place(row, column), blown.get(at as usize));
+                    let moved = moved.unwrap_or(&[0.0; 3]);
+                    self.sees(std::array::from_fn(|a| place[a] + carried[a] + moved[a]), reach)
+                };
+                for row in rows.clone() {
+                    let mut inside = columns.clone().filter(|&column| sees(row, column));
+                    let Some(first) = inside.next() else { continue };
+                    let end = inside.next_back().unwrap_or(first) + 1;
                     let mut cell = [0; 3];
-                    for (a, own) in [(deep, layer), (down, row), (across, first)] {
+                    for (a, own, end) in
+                        [(deep, layer, layer + 1), (down, row, row + 1), (across, first, end)]
+                    {
                         cell[a] = base[a] as i64 + own;
+                        seen[a].0 = seen[a].0.min(cell[a]);
+                        seen[a].1 = seen[a].1.max(base[a] as i64 + end);
                     }
                     let count = (end - first) as u32;
                     let line =
@@ -208,22 +244,15 @@ impl Sight {
                     pushed(lines, line)?;
                 }
             }
+            if class.profile.is_empty() {
+                if seen[deep].0 > seen[deep].1 {
+                    break;
+                }
+                within = seen;
+            }
         }
         Ok(())
     }
-}
-
-/// How far the waves of the wind carry a flake of a class at most, metres.
-fn waves_reach(air: &Air, class: &Class) -> f64 {
-    let times = air.eyes.len();
-    let all = |time: usize| -> f64 {
-        let far = |wave: &[f64]| {
-            let parts = (0..3).flat_map(|a| [wave[3 * time + a], wave[3 * (times + time) + a]]);
-            parts.map(|v| v * v).sum::<f64>().sqrt()
-        };
-        class.waves.chunks_exact(6 * times).map(far).sum()
-    };
-    [NOW, OPEN, CLOSE].map(all).into_iter().fold(0.0, f64::max)
 }
 
 fn too_many() -> Error {
@@ -232,7 +261,7 @@ fn too_many() -> Error {
     Error::invalid("density", message)
 }
 
-fn norm(v: Vector) -> f64 {
+fn norm(v: &[f64]) -> f64 {
     v.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
@@ -247,39 +276,5 @@ fn shift(now: &Eye, other: &Eye, px: [f64; 2]) -> f64 {
         return 10.0 * now.focal[0];
     }
     let there = [x, y].map(|v| v / z);
-    (0..2)
-        .map(|a| (other.center[a] + other.focal[a] * there[a] - px[a]).powi(2))
-        .sum::<f64>()
-        .sqrt()
-}
-
-/// The box around the part of the view between two places along an axis.
-fn bounds(corners: &[Vector; 5], axis: usize, between: Option<(f64, f64)>) -> [Vector; 2] {
-    let (from, to) = between.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
-    let mut found = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-    let edges = [(0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (2, 3), (3, 4), (4, 1)];
-    for (p, q) in edges.map(|(p, q)| (corners[p], corners[q])) {
-        let way = q[axis] - p[axis];
-        let (mut first, mut last) = (0.0_f64, 1.0_f64);
-        if way == 0.0 {
-            if p[axis] < from || p[axis] > to {
-                continue;
-            }
-        } else {
-            let (a, b) = ((from - p[axis]) / way, (to - p[axis]) / way);
-            first = first.max(a.min(b));
-            last = last.min(a.max(b));
-        }
-        if first > last {
-            continue;
-        }
-        for share in [first, last] {
-            for a in 0..3 {
-                let at = p[a] + share * (q[a] - p[a]);
-                found[0][a] = found[0][a].min(at);
-                found[1][a] = found[1][a].max(at);
-            }
-        }
-    }
-    found
+    norm(&[0, 1].map(|a| other.center[a] + other.focal[a] * there[a] - px[a]))
 }

@@ -7,6 +7,8 @@ use crate::base::pool;
 
 /// What a cell of a plate sums up.
 pub trait Light: Copy + Sync + Send {
+    /// Whether all its values are finite.
+    const FINITE: bool;
     /// Linear light times `cover`, by the table of integers; `straight` where that is still to be done.
     fn light(self, table: &[f32], cover: f32) -> f32;
     /// An opacity, 0 to 1.
@@ -16,6 +18,7 @@ pub trait Light: Copy + Sync + Send {
 macro_rules! integer_light {
     ($integer:ty) => {
         impl Light for $integer {
+            const FINITE: bool = true;
             #[inline(always)]
             fn light(self, table: &[f32], cover: f32) -> f32 {
                 table[usize::from(self)] * cover
@@ -31,6 +34,7 @@ integer_light!(u8);
 integer_light!(u16);
 
 impl Light for f32 {
+    const FINITE: bool = false;
     #[inline(always)]
     fn light(self, _: &[f32], _: f32) -> f32 {
         self
@@ -42,12 +46,12 @@ impl Light for f32 {
 }
 
 /// Fills `out` (rows, columns, 4) with the sums of linear light over cells of `cell` pixels, and of
-/// what covers them. Pixels that are not finite do not count.
+/// what covers them, in each `step`-th of their rows. Pixels that are not finite do not count.
 pub fn cells<S: Light>(
     mut out: ArrayViewMut3<'_, f32>,
     picture: ArrayView3<'_, S>,
     table: &[f32],
-    cell: usize,
+    (cell, step): (usize, usize),
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let (height, width, channels) = picture.dim();
@@ -59,7 +63,7 @@ pub fn cells<S: Light>(
     pool::for_each(tasks, |(row, mut sums)| {
         cancel.check()?;
         sums.fill(0.0);
-        for y in row * cell..((row + 1) * cell).min(height) {
+        for y in (row * cell..((row + 1) * cell).min(height)).step_by(step.max(1)) {
             let line = picture.index_axis(Axis(0), y);
             let line = line.to_slice().ok_or_else(layout)?;
             let sums = sums.as_slice_mut().ok_or_else(layout)?.as_chunks_mut::<4>().0;
@@ -68,7 +72,7 @@ pub fn cells<S: Light>(
                 for pixel in pixels.chunks_exact(channels) {
                     let cover = pixel.get(3).map_or(1.0, |&cover| cover.cover());
                     let rgb = [pixel[0], pixel[1], pixel[2]].map(|own| own.light(table, cover));
-                    if rgb.iter().all(|v| v.is_finite()) {
+                    if S::FINITE || rgb.iter().all(|v| v.is_finite()) {
                         (0..3).for_each(|channel| found[channel] += rgb[channel]);
                         found[3] += cover;
                     }

@@ -138,7 +138,7 @@ pub fn lit<'a>(
     Lit { alpha: alpha.as_array(), grid, glow: glow.map(|glow| glow.as_array()) }
 }
 
-/// Sums the linear light of cells of a plate into `out` (rows, columns, 4).
+/// Sums the linear light of cells of a plate into `out` (rows, columns, 4), of each `step`-th of their rows.
 #[pyfunction]
 pub fn plate_cells(
     py: Python<'_>,
@@ -146,6 +146,7 @@ pub fn plate_cells(
     picture: Picture<'_>,
     table: PyReadonlyArray1<'_, f32>,
     cell: usize,
+    step: usize,
 ) -> PyResult<()> {
     let out = out.as_array_mut();
     let table = table.as_array();
@@ -155,11 +156,12 @@ pub fn plate_cells(
         out: ArrayViewMut3<'_, f32>,
         picture: ArrayView3<'_, S>,
         table: &[f32],
-        cell: usize,
+        cell: (usize, usize),
     ) -> PyResult<()> {
         let work = 2.0 * picture.len() as f64;
         gate::run(py, work, move |cancel| plate::cells(out, picture, table, cell, cancel))
     }
+    let cell = (cell, step);
     match picture {
         Picture::Byte(plate) if table.len() == 256 => run(py, out, plate.as_array(), table, cell),
         Picture::Word(plate) if table.len() == 65536 => run(py, out, plate.as_array(), table, cell),

@@ -43,72 +43,77 @@ _REST = 1e-3
 class Levels:
     """The light of a plate on each level: that of what is no farther, or less than twice as far."""
 
-    sums: dict[int, Float64]  # By level, (rows, columns, 4): light and cover of large cells.
-    places: Float64  # (rows, columns): between which levels small cells lie.
+    used: Array  # (n,): the levels of any cell.
+    sums: Array  # (n, rows, 4, columns): light and cover of large cells.
+    places: Array  # (rows, columns): between which levels small cells lie.
 
     @staticmethod
     def of(sums: Array, cell: int, depth: Array) -> Levels:
         """Return the levels of sums of small cells, before a depth in metres, (H, W)."""
         # Of a cell with an edge in it the light is that of the farther, and so none of the nearer;
         # its place, and that of a cell beside it, is the nearer's.
-        near, source = (_level(_pooled(depth, cell, of)) for of in (np.minimum, np.maximum))
-        places = near
+        ends = np.array([_pooled(depth, cell, of) for of in (np.minimum, np.maximum)])
+        places, source = np.log2(np.clip(ends, 1.0, 2.0**LEVELS))
         for _ in range(2):
             around = np.pad(places, ((1, 1), (0, 0)), mode="edge")
             places = np.minimum(np.minimum(around[:-2], around[1:-1]), around[2:]).T
-        ends = np.concatenate([np.floor(places), np.ceil(places)], axis=None).astype(int)
-        used = np.flatnonzero(np.bincount(ends))
-        light = np.maximum(sums, 0.0) / float(cell * cell)
-        found = {}
-        for level in used.tolist():
-            counted = light * np.clip(level + 1.0 - source, 0.0, 1.0)[..., None]
-            found[level] = _pooled(counted, COARSE, np.add) / COARSE**2
-        return Levels(found, places)
+        both = np.array([places, np.ceil(places)], np.int8)
+        used = np.flatnonzero(np.bincount(both.ravel())).astype(np.float32)
+        # Cells by the large one that they lie in, (rows, columns, of one, channels).
+        light, far = (_parted(plane) for plane in (np.maximum(sums, 0.0), source[..., None]))
+        counted = np.clip(used[:, None] + 1.0 - far[:, :, None, :, 0], 0.0, 1.0)
+        found = counted @ light * np.float32(1.0 / (cell * COARSE) ** 2)
+        return Levels(used, np.ascontiguousarray(found.transpose(2, 0, 3, 1)), places)
 
-    def blurred(self, blurs: Sequence[Any], outside: Float64) -> Float64:
-        """Return the light of small cells: of blurs, weights and matrices of the large ones."""
-        result = np.zeros((*self.places.shape, 3))
-        for level, sums in self.sums.items():
-            light: Float64 = np.zeros(())
-            for weight, down, across in blurs:
-                parts = across @ (down @ sums.reshape(len(sums), -1)).reshape(sums.shape)
-                own = (parts[..., :3] + _REST * outside) / (parts[..., 3:] + _REST)
-                light = light + weight * own
-            for count in self.places.shape:
-                light = np.swapaxes(_between(light, count), 0, 1)
-            result += np.clip(1.0 - np.abs(self.places - level), 0.0, 1.0)[..., None] * light
-        return result
-
-
-def _level(depth: Array) -> Float64:
-    return np.clip(np.log2(np.maximum(depth, 1.0, dtype=np.float64)), 0.0, LEVELS)
+    def blurred(self, px: float, blurs: Sequence[tuple[float, float]], outside: Float64) -> Array:
+        """Return the light of small cells: of blurs, weights and deviations in parts of `px`."""
+        levels, rows, _, columns = self.sums.shape
+        light: Any = np.float32(0.0)
+        rest = np.asarray(_REST * outside[:, None], np.float32)
+        for weight, sigma in blurs:
+            down, across = (_gaussian(n, px * sigma).astype(np.float32) for n in (rows, columns))
+            parts = (down @ self.sums.reshape(levels, rows, -1)).reshape(-1, columns) @ across.T
+            parts = parts.reshape(self.sums.shape)
+            own = (parts[:, :, :3] + rest) / (parts[:, :, 3:] + np.float32(_REST))
+            light = light + np.float32(weight) * own
+        down, across = (_between(count) for count in self.places.shape)
+        result = np.zeros((self.places.shape[0], 3, self.places.shape[1]), np.float32)
+        for level, own in zip(self.used, light, strict=True):
+            share = np.maximum(1.0 - np.abs(self.places - level), 0.0)
+            fine = (down @ own.reshape(rows, -1)).reshape(-1, columns) @ across.T
+            result += share[:, None] * fine.reshape(result.shape)
+        return np.asarray(result.swapaxes(1, 2))
 
 
 def _pooled(plane: Array, cell: int, of: np.ufunc) -> Array:
-    """Return what a function makes of cells of a plane, (rows, columns, ...)."""
-    for _ in range(2):
-        first = plane[::cell].copy()
-        for start in range(1, min(cell, len(plane))):
-            part = plane[start::cell]
-            of(first[: len(part)], part, out=first[: len(part)])
-        plane = np.swapaxes(first, 0, 1)
-    return plane
+    """Return what a function makes of cells of a plane, (rows, columns)."""
+    more = [(0, -count % cell) for count in plane.shape]
+    plane = np.pad(plane, more, mode="edge") if np.any(more) else plane
+    rows = of.reduce(plane.reshape(-1, cell, plane.shape[1]), axis=1)
+    return np.asarray(of.reduce([rows[:, k::cell] for k in range(cell)]))
 
 
-def _between(light: Float64, count: int) -> Float64:
-    """Return the light at the middles of `count` small cells, along the first axis."""
-    at = np.clip((np.arange(count) + 0.5) / COARSE - 0.5, 0.0, len(light) - 1.0)
-    first = at.astype(int)
-    low, part = light[first], (at - first)[:, None, None]
-    return np.asarray(low + part * (light[np.minimum(first + 1, len(light) - 1)] - low))
+def _parted(plane: Array) -> Array:
+    """Return the small cells of each large one, (rows, columns, small ones, channels)."""
+    down, across = (-(-count // COARSE) for count in plane.shape[:2])
+    whole = np.zeros((down * COARSE, across * COARSE, plane.shape[2]), np.float32)
+    whole[: plane.shape[0], : plane.shape[1]] = plane
+    parts = whole.reshape(down, COARSE, across, COARSE, -1).swapaxes(1, 2)
+    return np.asarray(parts.reshape(down, across, COARSE * COARSE, -1))
+
+
+def _between(count: int) -> Array:
+    """Return the shares of large cells in what is at the middles of `count` small ones."""
+    large = np.arange(-(-count // COARSE))
+    at = np.clip((np.arange(count) + 0.5) / COARSE - 0.5, 0.0, large[-1])
+    return np.asarray(np.maximum(1.0 - np.abs(at[:, None] - large), 0.0), np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class PlateLight:
     """The light of a plate, linear."""
 
-    # (rows, columns, 3) means of squares of the picture, where it has no depth.
-    cells: Float64 | None
+    cells: Float64  # (rows, columns, 3) means of squares of the picture; none where it has a depth.
     cell: int  # Their side, px.
     sky: Float64  # (3,) from above, outside the picture.
     ground: Float64  # (3,) from below, outside.
@@ -120,9 +125,9 @@ class PlateLight:
         # behind a flake, around it, and outside the picture, half of it sky, half ground.
         behind = within(asymmetry, _NARROW)
         around = within(asymmetry, _WIDE) - behind
-        rest = 1.0 - behind - around
         seen = self.blurred(focal, (behind, _NARROW_SIGMA), (around, _WIDE_SIGMA))
-        return np.asarray(albedo * (seen + rest * 0.5 * (self.sky + self.ground)))
+        rest = 0.5 * (1.0 - behind - around) * (self.sky + self.ground)
+        return np.asarray(albedo * (seen + rest.astype(seen.dtype)))
 
     def veil(self, focal: float) -> Float64:
         """Return the light of fog before each cell, (rows, columns, 3) linear light."""
@@ -130,21 +135,16 @@ class PlateLight:
         even = 0.5 * (self.blurred(focal, (1.0, _WIDE_SIGMA)) + self.sky)
         return np.maximum(even, self.blurred(focal, (1.0, _NARROW_SIGMA)))
 
-    def blurred(self, focal: float, *blurs: tuple[float, float]) -> Float64:
+    def blurred(self, focal: float, *blurs: tuple[float, float]) -> Array:
         """Return the sum of blurs by Gaussians, of weights and deviations in radians."""
-        levels, px = self.levels, focal / self.cell
-        if levels is not None:
-            rows, columns = (-(-count // COARSE) for count in levels.places.shape)
-            sides = [(part, px * sigma / COARSE) for part, sigma in blurs]
-            made = [(part, _gaussian(rows, s), _gaussian(columns, s)) for part, s in sides]
-            return levels.blurred(made, 0.5 * (self.sky + self.ground))
-        cells = self.cells
-        assert cells is not None
-        rows, columns, _ = cells.shape
-        result = np.zeros(cells.shape)
+        px = focal / self.cell
+        if self.levels is not None:
+            return self.levels.blurred(px / COARSE, blurs, 0.5 * (self.sky + self.ground))
+        rows, columns, _ = self.cells.shape
+        result = np.zeros(self.cells.shape)
         for weight, sigma in blurs:
             down, across = _gaussian(rows, px * sigma), _gaussian(columns, px * sigma)
-            vertical = (down @ cells.reshape(rows, -1)).reshape(cells.shape)
+            vertical = (down @ self.cells.reshape(rows, -1)).reshape(result.shape)
             result += weight * (across @ vertical)
         return result
 
@@ -156,9 +156,11 @@ def _gaussian(count: int, sigma: float) -> Float64:
     return np.asarray(matrix / matrix.sum(axis=1, keepdims=True))
 
 
-def cell_sums(picture: Array, encoding: str, cells: int = CELLS) -> tuple[Array, int]:
+def cell_sums(
+    picture: Array, encoding: str, cells: int = CELLS, step: int = 1
+) -> tuple[Array, int]:
     """Return sums of light and cover over squares, (rows, columns, 4), and their side, px."""
-    # What is not finite does not count.
+    # What is not finite does not count, and of rows each `step`-th does.
     height, width = picture.shape[:2]
     cell = max(math.ceil(max(height, width) / cells), 1)
     sums = np.empty((-(-height // cell), -(-width // cell), 4), np.float32)
@@ -169,7 +171,7 @@ def cell_sums(picture: Array, encoding: str, cells: int = CELLS) -> tuple[Array,
         alpha = [to_unit(picture[..., 3:])] if picture.shape[2] == 4 else []
         picture = np.concatenate([to_linear(picture[..., :3], encoding), *alpha], axis=2)
         picture = np.ascontiguousarray(picture, np.float32)
-    _core.plate_cells(sums, np.ascontiguousarray(picture), table, cell)
+    _core.plate_cells(sums, np.ascontiguousarray(picture), table, cell, step)
     return sums, cell
 
 
@@ -177,7 +179,10 @@ def plate_light(
     picture: Array, encoding: str, sky: Float64, ground: Float64, depth: Array | None = None
 ) -> PlateLight:
     """Return the light of a picture by places, and by its depth if it has one."""
-    sums, cell = cell_sums(picture, encoding, CELLS if depth is None else FINE)
     if depth is None:
+        sums, cell = cell_sums(picture, encoding)
         return PlateLight(cells_of(sums), cell, sky, ground)
-    return PlateLight(None, cell, sky, ground, Levels.of(sums, cell, depth))
+    # Cells are small, and blurred: half of their rows say as much.
+    sums, cell = cell_sums(picture, encoding, FINE, step=2)
+    more = np.float32(cell / math.ceil(cell / 2))
+    return PlateLight(np.empty((0, 0, 3)), cell, sky, ground, Levels.of(more * sums, cell, depth))

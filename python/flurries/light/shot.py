@@ -10,7 +10,7 @@ import numpy as np
 
 from flurries._contract import Array, Float64, suggesting
 from flurries.light.lamp import as_light
-from flurries.motion.keys import Keys
+from flurries.motion.keys import Keys, value_at
 
 # What pictures reflect on average, the grey of exposure meters; and fresh snow.
 _GREY, _SNOW = 0.18, 0.9
@@ -68,14 +68,12 @@ class Light:
 
     def at(self, t: float) -> tuple[Float64, Float64, Float64]:
         """Return the light of snow, sky and ground at `t`, each (3,) and linear."""
-        parts = (self.snow, self.sky, self.ground)
-        now = [part.value(t) if isinstance(part, Keys) else part for part in parts]
-        snow, sky, ground = (
-            None if one is None else np.resize(one, 3).astype(float) for one in now
-        )
-        assert snow is not None
-        sky = snow / _SNOW if sky is None else sky
-        return snow, sky, _GREY * sky if ground is None else ground
+
+        def now(part: Any) -> Float64:
+            return np.resize(value_at(part, t), 3).astype(float)
+
+        sky = now(self.snow) / _SNOW if self.sky is None else now(self.sky)
+        return now(self.snow), sky, _GREY * sky if self.ground is None else now(self.ground)
 
 
 def light_of(frames: Mapping[int, Array], *, keyed: bool = False) -> Light:

@@ -224,21 +224,18 @@ def sum_of(courses: Sequence[Course]) -> Course:
     return Course(knots, values, np.sum([slope for _, slope in lines], axis=0), inside)
 
 
-Pieces: TypeAlias = Callable[[Float64, Float64, Float64], Float64]
-
-
 @dataclass(frozen=True, eq=False)
 class Integral:
     """The integral from frame 0 of a vector that is elementary between knots."""
 
     # pieces(start, end, inside): the integrals (m, width) over intervals (m,) that hold no knot;
     # `inside` is a time that lies in the piece meant.
-    pieces: Pieces
+    pieces: Callable[[Float64, Float64, Float64], Float64]
     knots: Float64  # (n,) increasing; 0 is one of them.
     sums: Float64  # (n, width), from 0 to them.
 
     @staticmethod
-    def of(pieces: Pieces, knots: Float64) -> Integral:
+    def of(pieces: Callable[[Float64, Float64, Float64], Float64], knots: Float64) -> Integral:
         """Return the integral with its sums at all knots."""
         knots = np.unique(np.concatenate([knots, [0.0]]))
         areas = pieces(knots[:-1], knots[1:], 0.5 * (knots[:-1] + knots[1:]))
