@@ -10,7 +10,7 @@ import numpy as np
 
 from flurries._contract import Array, Float64, suggesting
 from flurries.light.lamp import as_light
-from flurries.motion.keys import Keys, value_at
+from flurries.motion.keys import Keys
 
 # What pictures reflect on average, the grey of exposure meters; and fresh snow.
 _GREY, _SNOW = 0.18, 0.9
@@ -70,7 +70,7 @@ class Light:
         """Return the light of snow, sky and ground at `t`, each (3,) and linear."""
 
         def now(part: Any) -> Float64:
-            return np.resize(value_at(part, t), 3).astype(float)
+            return np.resize(part.value(t) if isinstance(part, Keys) else part, 3).astype(float)
 
         sky = now(self.snow) / _SNOW if self.sky is None else now(self.sky)
         return now(self.snow), sky, _GREY * sky if self.ground is None else now(self.ground)
