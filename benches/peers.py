@@ -246,9 +246,9 @@ def page(times: Times, failures: list[str], runs: int) -> str:
         " and is listed, but does not count. Mixed sizes are seven of 128 to 1024 px, in turn.\n",
         f"Ours keeps sheets of far flakes: warm is after {WARM} pictures, which fill them, and"
         f" cold are the first {FIRST} pictures of a process that is forked, two such. A DataLoader"
-        " here has between both: its workers begin with what this process keeps. A sheet takes 5 to"
-        " 10 ms to make; natural weather has other ones for every 6 % of focal length, so that over"
-        " pictures of many sizes it needs more than it keeps.\n",
+        " here has between both: its workers begin with what this process keeps. Pictures of all"
+        " sizes and severities share sheets by what their flakes look like in pixels; one takes .1"
+        " to .6 ms to make.\n",
         "## Verdict\n",
         *(f"- {line}" for line in verdict(times)),
     ]

@@ -167,14 +167,14 @@ def test_sheets_before_two_eyes_have_their_disparity():
     """By correlation: what one eye sees, moved by a layer's disparity, is what the other sees."""
     eyes = seen_by_eyes(Snowfall(severity=5, seed=3, profile="hard"), (256, 256), 0.1)
     assert len(eyes[0].layers) > 3
-    for number, layer in enumerate(eyes[0].sheets.layers):
+    for number, layer in enumerate(eyes[0].sheets[1]):
         planes = []
         for eye in eyes:
             plane = np.empty((256, 256), np.float32)
             _core.sheet_read(plane, (0, 0), [eye.layers[number]], None, False)
             planes.append(plane - plane.mean())
         left, right = planes
-        wanted = eyes[0].view.focal * 0.1 / (eyes[0].near * layer.depth)
+        wanted = eyes[0].view.focal * 0.1 / (eyes[0].near * math.sqrt(layer[1] * layer[2]))
         best = max(range(40), key=lambda d: float((left[:, d:] * right[:, : 256 - d]).mean()))
         assert abs(best - wanted) <= 1.0, (number, wanted, best)
 

@@ -35,14 +35,14 @@ def test_each_layer_hides_its_share(kind: str, profile: str, amount: float):
     (here,) = airs_of(weather, (200, 220))
     assert here.request() is None
     total = 0.0
-    for layer, own in zip(here.layers, here.sheets.layers, strict=True):
-        columns, rows = own.period
+    for layer, own in zip(here.layers, here.sheets[1], strict=True):
+        columns, rows = own[0].period
         plane = np.empty((rows, columns), np.float32)
         _core.sheet_read(plane, (0, 0), [layer], None, True)
         taken = -math.log(1.0 - plane.mean(dtype=np.float64))
         total += taken
-        if own.near > 1.1:
-            wanted = here.thickness * (layer[4] - layer[3])
+        if own[1] > 1.1:
+            wanted = here.thickness * (layer[5] - layer[4]) / here.sheets[1].count(own)
             assert taken == pytest.approx(wanted, rel=0.02)
     assert total == pytest.approx(here.thickness * (here.far - here.near), rel=0.01)
 
@@ -147,8 +147,8 @@ def test_slices_carried_by_their_own_motions_are_the_next_frame(
     found = []
     for share in (1.0, 0.0):
         left = np.ones((512, 512))
-        for opacity, motion, _ in slices(here, fps):
-            way = np.broadcast_to(share * np.asarray(motion), (512, 512, 2))
+        for opacity, motion, depth in slices(here, fps):
+            way = share / (depth or 1.0) * np.moveaxis(motion[:2], 0, -1) + np.zeros((512, 512, 2))
             carried, _ = moved(opacity.astype(np.float64), way)
             left *= 1.0 - carried
         # What is carried between pixels is smoother, which thin streaks show: so are both made.
@@ -163,7 +163,7 @@ def test_vectors_are_focal_over_depth(kind: str):
     weather = getattr(fl.augment, kind)(severity=5, seed=5, exposure=1e-3, profile="hard")
     times = (1.0 - 0.5 / 30.0, 1.0, 1.0 + 0.5 / 30.0)
     airs = airs_of(weather, (512, 512), times=times, fps=30.0)
-    _, (_, motion, where) = falling_of(airs[1], 30.0)
+    _, most = falling_of(airs[1], slices(airs[1], 30.0), 30.0, slice(None))
     found = [drawn_of(here) for here in airs]
     focal, errors = airs[0].view.focal, []
     for number, (_, _, z, u, v, depth, diameter, share) in found[1].items():
@@ -172,8 +172,8 @@ def test_vectors_are_focal_over_depth(kind: str):
         way = found[2][number][3:5] - found[0][number][3:5]
         inside = 2 < u < 510 and 2 < v < 510 and np.abs(way).max() < 200
         if inside and share == 1.0 and focal * diameter / z > 1.5:
-            at = int(v), int(u)
-            errors.append((np.abs(motion[at] - way).max(), abs(where[at] / depth - 1.0)))
+            own = most[:, int(v), int(u)]
+            errors.append((np.abs(own[:2] - way).max(), abs(own[2] * depth - 1.0)))
     # Flakes behind larger ones see those.
     assert len(errors) > 20 and np.median(errors, axis=0)[0] < 1e-3
     assert np.median(errors, axis=0)[1] < 1e-6

@@ -15,7 +15,7 @@ __all__ = [
     "BallImages", "FlakeSheet", "InternalError", "SortedFlakes", "SortedGas", "advance_phase",
     "all_within", "band_amplitude", "blend_tiles", "cone_chart", "cone_footprints",
     "cone_layer", "cone_needed", "cone_rays", "cone_shown", "cone_stack", "cone_table",
-    "cone_tile", "denser", "encode_bytes", "fall", "field", "flake_choices", "flake_frame",
+    "cone_tile", "encode_bytes", "fall", "field", "flake_choices", "flake_frame",
     "flake_patterns", "flake_rows", "gas_alpha", "gas_draw", "gas_glow", "gas_light",
     "gas_slices", "gas_sort", "gas_splat", "inverse_transform", "join", "lamp_light",
     "layer_finish", "layer_rgba", "layer_seen", "opacity", "over", "particle_draw",
@@ -127,7 +127,7 @@ class FlakeSheet:
     def bytes(self) -> int: ...
     @property
     def mean(self) -> float: ...
-    def left(self, gains: list[float]) -> list[float]: ...
+    def factor(self, wanted: float, strong: _Pair, leans: bool) -> float: ...
 
 def sheet_bent(
     out: _Array, corner: tuple[int, int],
@@ -136,7 +136,7 @@ def sheet_bent(
 ) -> None: ...  # fmt: skip
 def sheet_read(
     out: _Array, origin: tuple[int, int],
-    sheets: Sequence[tuple[FlakeSheet, _Pair, _Pair, float, float]], depth: _Array | None,
+    sheets: Sequence[tuple[FlakeSheet, _Pair, float, _Pair, float, float]], depth: _Array | None,
     opacity: bool, drawn: tuple[_Array, float] | None = None, veil: _Array | None = None,
     haze: float = 0.0, gains: tuple[_Array, Sequence[int], tuple[int, int]] | None = None,
 ) -> None: ...  # fmt: skip
@@ -161,9 +161,6 @@ def particle_draw(
 ) -> None: ...  # fmt: skip
 def particle_sway_offsets(out: _Float64, seed: int, time: float, sway: _Pair) -> None: ...
 def smooth(out: _Float64, t: _Float64) -> None: ...
-def denser(
-    out: _Float64, points: _Float64, k: _Float64, weights: _Float64, strength: float
-) -> None: ...
 def particle_edge_fade(
     out: _Float64, points: _Float64, sides: _Vector, center: _Vector
 ) -> None: ...

@@ -29,6 +29,8 @@ pub struct Layer<'a> {
     pub sheet: &'a Sheet,
     /// Pixels, x and y, by which they have moved.
     pub shift: [f64; 2],
+    /// Pixels to the right by which they lean for each row down.
+    pub lean: f64,
     /// Factor of the optical depth, and what is added to it.
     pub gain: f32,
     pub base: f32,
@@ -93,11 +95,13 @@ impl Gains<'_> {
 
 /// A layer at the place that a picture reads.
 struct Sight<'a> {
-    bytes: &'a [u8],
+    /// At the place, and half a pixel further right.
+    bytes: [&'a [u8]; 2],
     /// Of the torus; and the pixel of it that the picture's first one reads.
     period: (usize, usize),
     shear: usize,
     from: (usize, usize),
+    lean: f64,
     /// Optical depth of a step, and of none.
     gain: f32,
     base: f32,
@@ -127,11 +131,13 @@ impl<'a> Sight<'a> {
         let (shear, cols) = (sheet.law.shear, period.1 as i64);
         let aside = (rounds.rem_euclid(cols) * shear as i64).rem_euclid(cols);
         let col = (col as i64 - aside).rem_euclid(cols) as usize;
+        let half = if layer.lean == 0.0 { right } else { right | 2 };
         Ok(Self {
-            bytes: sheet.place(4 * down + right, cancel)?,
+            bytes: [sheet.place(4 * down + right, cancel)?, sheet.place(4 * down + half, cancel)?],
             period,
             shear,
             from: (row, col),
+            lean: 2.0 * layer.lean,
             gain: layer.gain * sheet.stamps.unit,
             base: layer.base,
             near: layer.near,
@@ -144,7 +150,8 @@ impl<'a> Sight<'a> {
     #[inline(always)]
     fn row(&self, (row, col): (usize, usize)) -> (&'a [u8], usize) {
         let ((rows, cols), mut at) = (self.period, self.from.0 + row);
-        let mut col = (self.from.1 + col) as i64;
+        let halves = libm::floor(self.lean * row as f64 + 0.5) as i64;
+        let mut col = (self.from.1 + col) as i64 - (halves >> 1);
         // Divisions would take longer than to read a short row.
         if at >= rows {
             col -= (at / rows * self.shear % cols) as i64;
@@ -153,7 +160,7 @@ impl<'a> Sight<'a> {
         if !(0..cols as i64).contains(&col) {
             col = col.rem_euclid(cols as i64);
         }
-        (&self.bytes[at * cols..][..cols], col as usize)
+        (&self.bytes[(halves & 1) as usize][at * cols..][..cols], col as usize)
     }
 }
 

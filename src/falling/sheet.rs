@@ -101,6 +101,8 @@ pub struct Sheet {
     pub stamps: Stamps,
     /// Row by row of places.
     places: [OnceLock<Vec<u8>>; 16],
+    /// Of the pixels of the first place by their bytes, up to the last there is.
+    shares: OnceLock<Vec<f64>>,
 }
 
 impl Sheet {
@@ -108,7 +110,8 @@ impl Sheet {
     pub fn new(law: Law) -> Result<Self, Error> {
         law.check()?;
         let (cells, stamps) = (Cells::new(&law)?, Stamps::new(&law)?);
-        Ok(Self { law, cells, stamps, places: [const { OnceLock::new() }; 16] })
+        let (places, shares) = ([const { OnceLock::new() }; 16], OnceLock::new());
+        Ok(Self { law, cells, stamps, places, shares })
     }
 
     pub fn bytes(&self) -> usize {
@@ -120,18 +123,42 @@ impl Sheet {
         self.law.shown() * self.stamps.total
     }
 
-    /// The mean light that the sheet leaves, for factors of its optical depth.
-    pub fn left(&self, gains: &[f64], cancel: &Cancel) -> Result<Vec<f64>, Error> {
-        let (bytes, unit) = (self.place(0, cancel)?, f64::from(self.stamps.unit));
-        let mut counts = [0_u32; 256];
-        bytes.iter().for_each(|&byte| counts[usize::from(byte)] += 1);
-        let mean = |gain: &f64| {
-            let light = |(byte, &count): (usize, &u32)| {
-                f64::from(count) * libm::exp(-gain * unit * byte as f64)
+    /// The factor with which the sheet takes a mean optical depth, where `even` goes with it and flakes are `spread` times
+    /// stronger; 0 of one without flakes. Of one that leans half of the rows are half a pixel further right.
+    pub fn factor(
+        &self,
+        wanted: f64,
+        [spread, even]: [f64; 2],
+        leans: bool,
+        cancel: &Cancel,
+    ) -> Result<f64, Error> {
+        let places = [self.place(0, cancel)?, self.place(2 * usize::from(leans), cancel)?];
+        let shares = pool::kept(&self.shares, || shares(places))?;
+        let unit = spread * f64::from(self.stamps.unit);
+        // Polynomials of what a step leaves.
+        let taken = |factor: f64| {
+            let step = libm::exp(-factor * unit);
+            let horner = |(sum, slope): (f64, f64), (byte, share): (usize, &f64)| {
+                (sum * step + share, slope * step + share * byte as f64)
             };
-            counts.iter().enumerate().map(light).sum::<f64>() / bytes.len() as f64
+            let (left, slope) = shares.iter().enumerate().rev().fold((0.0, 0.0), horner);
+            (factor * even - libm::log(left), even + unit * slope / left)
         };
-        collected(gains.iter().map(mean))
+        let rise = taken(0.0).1;
+        if rise == 0.0 {
+            return Ok(0.0);
+        }
+        // It rises ever less, so that Newton's steps come from below; three are usual.
+        let (mut factor, most) = (wanted / rise, 8.0 * wanted / rise);
+        for _ in 0..30 {
+            let (sum, slope) = taken(factor);
+            let step = (wanted - sum) / slope;
+            factor = (factor + step).min(most);
+            if step.abs() <= 1e-4 * factor {
+                break;
+            }
+        }
+        Ok(factor)
     }
 
     /// The bytes of place `4 i + j`, where flakes lie i/4 px lower and j/4 px further right.
@@ -195,6 +222,21 @@ impl Sheet {
         }
         Ok(out)
     }
+}
+
+/// The shares of bytes, up to the last that is there.
+fn shares(places: [&[u8]; 2]) -> Result<Vec<f64>, Error> {
+    // In turns: a count that follows the same one would wait for it.
+    let mut counts = [[0_u32; 256]; 4];
+    for four in places.iter().flat_map(|bytes| bytes.chunks(4)) {
+        four.iter().zip(&mut counts).for_each(|(&byte, own)| own[usize::from(byte)] += 1);
+    }
+    let share = |byte| counts.iter().map(|own| f64::from(own[byte])).sum::<f64>();
+    let mut shares = collected((0..256).map(share))?;
+    shares.truncate(1 + shares.iter().rposition(|&share| share > 0.0).unwrap_or(0));
+    let all = shares.iter().sum::<f64>();
+    shares.iter_mut().for_each(|share| *share /= all);
+    Ok(shares)
 }
 
 #[dispatch]
@@ -293,7 +335,7 @@ pub mod tests {
     }
 
     fn plain<'a>(sheet: &'a Sheet, shift: [f64; 2]) -> Layer<'a> {
-        Layer { sheet, shift, gain: 1.0, base: 0.0, near: 0.0, far: 1.0 }
+        Layer { sheet, shift, lean: 0.0, gain: 1.0, base: 0.0, near: 0.0, far: 1.0 }
     }
 
     fn picture(shape: (usize, usize), origin: [i64; 2], layers: &[Layer<'_>]) -> Array2<f32> {
@@ -355,51 +397,42 @@ pub mod tests {
 
     #[test]
     fn pictures_are_read_anywhere() {
-        let sheet = Sheet::new(law(0.02, &[0.8, 1.6], [1.0, -2.0], (37, 53))).unwrap();
-        let shifts =
-            [[0.0, 0.0], [0.25, 0.5], [-0.75, 100.1], [1e12 + 0.25, -1e12], [-9e15, 3e300]];
-        for (shift, origin) in shifts.into_iter().zip([[0, 0], [-5, 1000], [7, -3], [0, 0], [1, 1]])
-        {
-            let quarters = |shift: f64, period: usize| {
-                ((4.0 * shift).round() % (4 * period) as f64 + (4 * period) as f64) as usize
-            };
-            let want = direct(&sheet, (quarters(shift[1], 37), quarters(shift[0], 53)));
-            let got = picture((75, 1100), origin, &[plain(&sheet, shift)]);
-            for ((row, col), &got) in got.indexed_iter() {
-                let row = (row as i64 + origin[0]).rem_euclid(37) as usize;
-                let col = (col as i64 + origin[1]).rem_euclid(53) as usize;
-                let off = (f64::from(got) - want[(row, col)]).abs();
-                assert!(off < 0.04, "{shift:?} {row} {col}: {off}");
+        let cases = [
+            (0, 0.0, [0.0, 0.0], [0, 0]),
+            (0, 0.0, [0.25, 0.5], [-5, 1000]),
+            (0, 0.0, [1e12 + 0.25, -1e12], [0, 0]),
+            (0, 0.0, [-9e15, 3e300], [1, 1]),
+            (0, 0.3, [4.0, -7.0], [0, 0]),
+            (20, 0.0, [-0.75, 100.1], [7, -3]),
+            (20, 0.0, [20.0 * 1_000_003.0 + 0.5, 37.0 * 1_000_003.0], [-4, 3]),
+        ];
+        for (shear, lean, shift, origin) in cases {
+            let own = Law { shear, ..law(0.02, &[0.8, 1.6], [1.0, -2.0], (37, 53)) };
+            let sheet = Sheet::new(own).unwrap();
+            let quarters = |at: f64, period| (4.0 * (at % (1e9 * period))).round() as i64;
+            let (down, right) = (quarters(shift[1], 37.0), quarters(shift[0], 53.0));
+            let place = |right: i64| (down.rem_euclid(4) as usize, right.rem_euclid(4) as usize);
+            let want = [0, 2].map(|half| direct(&sheet, place(right + half)));
+            let got = picture((75, 1100), origin, &[Layer { lean, ..plain(&sheet, shift) }]);
+            for ((y, x), &got) in got.indexed_iter() {
+                let halves = (2.0 * lean * y as f64).round() as i64;
+                let row = y as i64 + origin[0] - down.div_euclid(4);
+                let moved = right.div_euclid(4) + halves.div_euclid(2);
+                let col = x as i64 + origin[1] - moved - row.div_euclid(37) * shear as i64;
+                let at = (row.rem_euclid(37) as usize, col.rem_euclid(53) as usize);
+                let off = (f64::from(got) - want[halves.rem_euclid(2) as usize][at]).abs();
+                assert!(off < 0.04, "{shear} {lean} {shift:?} {y} {x}: {off}");
             }
         }
-        assert_eq!(sheet.bytes() % (37 * 53), 0);
+        let sheet = Sheet::new(law(0.02, &[0.8], [0.0; 2], (37, 53))).unwrap();
         for shift in [f64::NAN, f64::INFINITY, 1e308] {
-            let layers = [plain(&sheet, [shift, 0.0])];
-            let out = &mut Array2::zeros((4, 4));
-            let error =
-                read(out.view_mut(), [0, 0], &layers, None, None, None, &CANCEL).unwrap_err();
-            assert!(error.to_string().starts_with("shift"));
+            let (layers, out) = ([plain(&sheet, [shift, 0.0])], &mut Array2::zeros((4, 4)));
+            let read = read(out.view_mut(), [0, 0], &layers, None, None, None, &CANCEL);
+            assert!(read.unwrap_err().to_string().starts_with("shift"));
         }
-    }
-
-    #[test]
-    fn what_leaves_below_comes_in_above_and_aside() {
-        let law = Law { shear: 20, ..law(0.02, &[0.8, 1.6], [1.0, -2.0], (37, 53)) };
-        let sheet = Sheet::new(law).unwrap();
-        let want = direct(&sheet, (0, 0));
-        for ((row, col), &got) in
-            picture((80, 60), [-4, 3], &[plain(&sheet, [0.0; 2])]).indexed_iter()
-        {
-            let (row, col) =
-                (row as i64 - 4, col as i64 + 3 - (row as i64 - 4).div_euclid(37) * 20);
-            let at = (row.rem_euclid(37) as usize, col.rem_euclid(53) as usize);
-            assert!((f64::from(got) - want[at]).abs() < 0.04, "{row} {col}");
-        }
-        for rounds in [1, -3, 1_000_003] {
-            let moved = plain(&sheet, [20.0 * rounds as f64 + 0.5, 37.0 * rounds as f64]);
-            let again = picture((80, 60), [-4, 3], &[moved]);
-            assert_eq!(again, picture((80, 60), [-4, 3], &[plain(&sheet, [0.5, 0.0])]), "{rounds}");
-        }
+        let cancel = Cancel::new();
+        cancel.raise();
+        assert_eq!(sheet.place(6, &cancel), Err(Error::Cancelled));
     }
 
     #[test]
@@ -423,24 +456,5 @@ pub mod tests {
         list.sort_unstable();
         both.sort_unstable();
         assert_eq!(list, both);
-        let read = |layers: &[Layer<'_>]| picture((200, 200), [0, 0], layers).mapv(f64::from);
-        let whole = read(&[plain(&whole, [0.5, 0.5])]);
-        let parts = read(&parts.each_ref().map(|part| plain(part, [0.5, 0.5])));
-        assert!((whole.mean().unwrap() / parts.mean().unwrap() - 1.0).abs() < 2e-3);
-    }
-
-    #[test]
-    fn threads_that_come_together_get_one_place() {
-        let sheet = Sheet::new(law(0.2, &[1.0], [0.0; 2], (300, 300))).unwrap();
-        let place = || sheet.place(5, &CANCEL).unwrap().as_ptr() as usize;
-        let all = std::thread::scope(|scope| {
-            let all: Vec<_> = (0..4).map(|_| scope.spawn(place)).collect();
-            all.into_iter().map(|one| one.join().unwrap()).collect::<Vec<_>>()
-        });
-        assert!(all.iter().all(|&one| one == all[0]));
-        assert_eq!(sheet.bytes(), 300 * 300);
-        let cancel = Cancel::new();
-        cancel.raise();
-        assert_eq!(sheet.place(6, &cancel), Err(Error::Cancelled));
     }
 }

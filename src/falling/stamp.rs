@@ -39,9 +39,7 @@ pub struct Law {
 impl Law {
     pub fn check(&self) -> Result<(), Error> {
         let ((rows, cols), (low, high)) = (self.period, self.ranks);
-        let near = |length: usize| (1..=1 << 20).contains(&length);
-        let sound = near(rows)
-            && near(cols)
+        let sound = [rows, cols].iter().all(|side| (1..=1 << 20).contains(side))
             && self.shear < cols
             && (1..=MOST_SIZES).contains(&self.diameters.len())
             && self.diameters.iter().all(|diameter| (1e-6..=32.0).contains(diameter))
@@ -111,10 +109,8 @@ impl Rows {
     }
 
     fn row(&self, row: i64) -> (i64, &[f32]) {
-        match usize::try_from(row - self.top).ok().and_then(|row| self.spans.get(row)) {
-            Some((first, span)) => (*first, &self.values[span.clone()]),
-            None => (0, &[]),
-        }
+        let span = usize::try_from(row - self.top).ok().and_then(|row| self.spans.get(row));
+        span.map_or((0, &[]), |(first, span)| (*first, &self.values[span.clone()]))
     }
 }
 

@@ -169,15 +169,15 @@ impl FlakeSheet {
         self.0.mean()
     }
 
-    /// The mean light that it leaves, for factors of its optical depth.
-    fn left(&self, py: Python<'_>, gains: Vec<f64>) -> PyResult<Vec<f64>> {
-        gate::run(py, UNKNOWN, |cancel| self.0.left(&gains, cancel))
+    /// The factor with which it takes a mean optical depth of light.
+    fn factor(&self, py: Python<'_>, wanted: f64, strong: [f64; 2], leans: bool) -> PyResult<f64> {
+        gate::run(py, 1e6, |cancel| self.0.factor(wanted, strong, leans, cancel))
     }
 }
 
-/// A sheet, the displacement (x, y) px of its flakes, a gain and what is added, and the depths between which it
-/// lies.
-type LayerValues<'py> = (PyRef<'py, FlakeSheet>, [f64; 2], (f32, f32), f32, f32);
+/// A sheet, the displacement (x, y) px of its flakes, px that they lean by, a gain and what is added, and the depths
+/// between which it lies.
+type LayerValues<'py> = (PyRef<'py, FlakeSheet>, [f64; 2], f64, (f32, f32), f32, f32);
 
 /// Factors (groups, rows, columns) of optical depths, how many layers each group has, and the picture's row and column
 /// of the first pixel.
@@ -200,9 +200,10 @@ pub fn sheet_read(
     haze: f32,
     gains: Option<GainValues<'_>>,
 ) -> PyResult<()> {
-    let layers = sheets.iter().map(|&(ref sheet, shift, (gain, base), near, far)| Layer {
+    let layers = sheets.iter().map(|&(ref sheet, shift, lean, (gain, base), near, far)| Layer {
         sheet: &sheet.0,
         shift,
+        lean,
         gain,
         base,
         near,

@@ -47,8 +47,8 @@ mod core {
     };
     #[pymodule_export]
     use super::numbers::{
-        all_within, denser, lamp_light, particle_edge_fade, particle_positions,
-        particle_sway_offsets, smooth, to_half, uniform, wind_waves,
+        all_within, lamp_light, particle_edge_fade, particle_positions, particle_sway_offsets,
+        smooth, to_half, uniform, wind_waves,
     };
     #[pymodule_export]
     use super::particles::{

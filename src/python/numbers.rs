@@ -1,11 +1,7 @@
 //! Numbers and points, one after the other: laws of flakes, light of lamps, wind, random numbers, checks of
 //! whole arrays, half floats.
 
-use ndarray::Axis;
-use numpy::{
-    PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1,
-    PyReadwriteArray2,
-};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::prelude::*;
 
 use super::gate::{self, arrays, either};
@@ -93,29 +89,6 @@ pub fn lamp_light(
 #[pyfunction]
 pub fn smooth(mut out: PyReadwriteArray1<'_, f64>, t: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
     gate::each(&mut out, &t, smoothstep)
-}
-
-/// Fills `out` (s, n) with the density over its mean at points (s, n, 3), of clumps with weights (s, m, 2).
-#[pyfunction]
-pub fn denser(
-    py: Python<'_>,
-    mut out: PyReadwriteArray2<'_, f64>,
-    points: PyReadonlyArray3<'_, f64>,
-    k: PyReadonlyArray2<'_, f64>,
-    weights: PyReadonlyArray3<'_, f64>,
-    strength: f64,
-) -> PyResult<()> {
-    let (mut out, points) = (out.as_array_mut(), points.as_array());
-    let (k, weights) = (k.as_array(), weights.as_array());
-    let work = 5.0 * out.len() as f64 * k.nrows() as f64;
-    gate::run(py, work, move |cancel| {
-        let parts = points.outer_iter().zip(weights.outer_iter());
-        for (mut out, (points, weights)) in out.outer_iter_mut().zip(parts) {
-            air::sum(out.view_mut().insert_axis(Axis(1)), points, k, weights, cancel)?;
-            out.mapv_inplace(|s| crate::falling::air::denser(strength, s));
-        }
-        Ok(())
-    })
 }
 
 /// Fills `out` (n, c) with sums of plane waves at points (n, 3).

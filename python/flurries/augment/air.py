@@ -14,7 +14,7 @@ from flurries._contract import Array, Float64
 from flurries.augment import calibration
 from flurries.augment.calibration import GAINS, Kind
 from flurries.augment.distance import Distances
-from flurries.augment.sheets import Falling, Sheets, sheets_of
+from flurries.augment.sheets import Falling, Layer, sheets_of
 from flurries.effects.air import NEAREST, Air, Class, Eye, images_of
 from flurries.effects.strength import OPACITY, reach
 from flurries.gas.optics import visibility
@@ -180,24 +180,25 @@ class Here:
         )  # fmt: skip
 
     @cached_property
-    def sheets(self) -> Sheets:
+    def sheets(self) -> tuple[float, list[Layer]]:
+        """The depth up to which flakes are drawn, of the nearest, and layers of the others."""
         return sheets_of(self.falling, max(self.view.shape), self.moving)
 
     @cached_property
     def layers(self) -> list[Any]:
         """The sheets where this picture reads them, for `_core.sheet_read`."""
-        layers = self.sheets.layers if self.thickness > 0.0 else ()
+        layers, near = self.sheets[1] if self.thickness > 0.0 else [], self.near
         if not layers:
             return []
         places = uniforms(self.seed, _STREAM, 2 * len(layers)).reshape(-1, 2)
-        shifts = np.floor(places * [layer.period for layer in layers])
+        shifts = np.floor(places * [layer[0].period for layer in layers])
         if self.moving:
-            depths = np.array([[layer.depth] for layer in layers])
+            depths = near * np.sqrt([[layer[1] * layer[2]] for layer in layers])
             moved = np.array(self.velocity) * self.time - (self.view.aside, 0.0)
-            shifts += self.view.focal / (self.near * depths) * moved
+            shifts += self.view.focal / depths * moved
         return [
-            layer.at(self.falling, self.near, (x, y))
-            for layer, (x, y) in zip(layers, shifts.tolist(), strict=True)
+            (sheet.made, shift, lean, gain, near * first, near * last)
+            for (sheet, first, last, lean, gain), shift in zip(layers, shifts.tolist(), strict=True)
         ]
 
     def write(self, out: Array, haze: float = 0.0, veil: Array | None = None) -> None:
@@ -211,16 +212,16 @@ class Here:
 
     def request(self, steps: tuple[float, ...] = ()) -> Air | None:
         """Return the flakes that are drawn, with places at steps of seconds; None without any."""
-        if self.thickness == 0.0 or self.sheets.reach <= 1.0:
+        if self.thickness == 0.0 or self.sheets[0] <= 1.0:
             return None
         near, law, (x, y), half = self.near, self.falling.law, self.velocity, 0.5 * self.exposure
-        reached = near * self.sheets.reach
+        reached = near * self.sheets[0]
         times = [self.time + s for s in (0.0, -half, half, *steps)]
         end = reached if reached > 0.9 * self.far else reached * (1.0 + FADE)
         fade = near * (1.0 - _NEAR_FADE), near * (1.0 + _NEAR_FADE)
         sway, swing = _SWAY[self.kind]
         one = Class(
-            number=0, density=self.falling.density / (near * self.sheets.cover),
+            number=0, density=self.falling.density / near,
             sizes=(law.smallest, law.largest), slope=law.slope, shown=(*fade, reached, end),
             by_size=False, heights=(-end, end), amounts=[1.0], ranks=(0.0, 1.0),
             at=[(-x * t, -y * t, 0.0) for t in times],

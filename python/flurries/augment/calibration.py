@@ -44,7 +44,7 @@ _ENDS = {"snow": (0.003, 0.02), "rain": (0.002, 0.006)}
 GAINS = {"snow": 1.0, "rain": 14.0}
 
 # What bright drops cover over the sum of what each would: .77 to .9, by the exposure.
-_APART = {"snow": 1.0, "rain": 0.84}
+APART = {"snow": 1.0, "rain": 0.84}
 
 # The contrast that the hard profile takes at the amounts 0, 0.2, ..., 1.
 _HARD = {
@@ -95,7 +95,7 @@ def strength(amount: float, profile: Profile, kind: Kind, focal: float) -> Stren
         area = area_of(MATTERS[kind].sizes(max(rate, LOWEST)))
         return Strength(seen, loss, rate, extinction / area)
     sizes = sizes_of(kind, 0)
-    density = extinction / (GAINS[kind] * _APART[kind] * area_of(sizes))
+    density = extinction / (GAINS[kind] * APART[kind] * area_of(sizes))
     return Strength(seen, loss, density * MATTERS[kind].flux(sizes), density)
 
 

@@ -100,8 +100,8 @@ class Ground:
         upper = plane[: height // 4]
         upper = upper[np.isfinite(upper)]
         far = float(np.median(upper)) if upper.size else BACKDROP
-        rows = np.flatnonzero(np.isfinite(plane).mean(axis=1) > 0.5)
-        rows = rows[rows >= height // 2]
+        lower = np.isfinite(plane[height // 2 :]).mean(axis=1) > 0.5
+        rows = height // 2 + np.flatnonzero(lower)
         if len(rows) < 4:
             raise ValueError("depth must be known in the lower rows of the picture")
         near = np.array([np.nanmedian(1.0 / plane[row]) for row in rows]) - 1.0 / far

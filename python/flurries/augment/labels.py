@@ -15,17 +15,19 @@ from flurries import _core
 from flurries._contract import Array, Float64, pixels, rectangular, shares, table
 from flurries.augment.air import Here
 from flurries.augment.pictures import layer_of
-from flurries.effects.air import Air
 
 # From this opacity on a flake, not what is behind it, is what is seen at a pixel.
 SEEN = 0.5
 
-# Depths that drawn flakes are sorted into.
-_SLABS = 8
+# Boxes are summed by one product of matrices, up to so many boxes times pixels: else one by one.
+_TOGETHER = 400_000
 
-# Flakes at about one depth: how opaque, (H, W); their motion, (H, W, 2) or (1, 1, 2), pixels (x, y)
-# per frame; and their depth, (H, W) or (1, 1), metres.
-Slice: TypeAlias = tuple[Array, Array, Array]
+# Pixels whose labels are made at once, so that sums stay in a cache.
+_BLOCK = 1 << 15
+
+# How opaque some flakes are, (H, W); their motion, pixels (x, y) per frame, and one over their
+# depth, 1/m, (3, H, W); or what those are at one metre, (3, 1, 1), and their depth.
+Slice: TypeAlias = tuple[Array, Array, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,13 +118,14 @@ def hidden(alpha: Array, veil: Any, corners: Float64 | None, masks: Any) -> dict
     """Return what weather hides of boxes and of instances, as fields of `Weathered`."""
     found: dict[str, Any] = {}
     if corners is not None:
-        found["occlusion"], found["visibility"] = _means(alpha, corners, lambda part: part < SEEN)
-        if isinstance(veil, float):
+        laws = [lambda at: alpha[at], lambda at: alpha[at] < SEEN]
+        if isinstance(veil, np.ndarray):
+            laws.append(lambda at: 1.0 - (1.0 - alpha[at]) / (1.0 - veil[at]))
+        found["occlusion"], found["visibility"], *own = _means(alpha.shape, corners, *laws)
+        if not own:
             # What falls leaves all that the veil does not take.
-            clear = max(1.0 - veil, 1e-9)
-            found["coverage"] = np.clip(1.0 - (1.0 - found["occlusion"]) / clear, 0.0, 1.0)
-        else:
-            (found["coverage"],) = _means(1.0 - (1.0 - alpha) / (1.0 - veil), corners)
+            own = [1.0 - (1.0 - found["occlusion"]) / max(1.0 - veil, 1e-9)]
+        found["coverage"] = np.clip(own[0], 0.0, 1.0)
     if not isinstance(masks, np.ndarray) or masks.shape[-2:] != alpha.shape:
         return found
     if (masks.ndim, masks.dtype.kind) in ((2, "i"), (2, "u"), (3, "b")):
@@ -154,32 +157,34 @@ def occlusion(alpha: npt.ArrayLike, boxes: npt.ArrayLike) -> Float64:
     """
     plane, _ = pixels("alpha", alpha, ndim=2)
     shares("alpha", plane)
-    return _means(plane, boxes_of(boxes))[0]
+    return _means(plane.shape, boxes_of(boxes), lambda at: plane[at])[0]
 
 
-def _means(plane: Array, corners: Float64, *laws: Callable[[Array], Array]) -> tuple[Float64, ...]:
-    """Return the mean of a plane, and of what laws make of it, over each box."""
-    found = np.full((1 + len(laws), len(corners)), np.nan)
-    for number, (x0, y0, x1, y1) in enumerate(corners.tolist()):
-        rows, down, tall = _covered(y0, y1, plane.shape[0])
-        columns, across, wide = _covered(x0, x1, plane.shape[1])
-        area = tall * wide
-        if area > 0.0:
-            part = plane[rows, columns]
-            for row, one in enumerate((part, *(law(part) for law in laws))):
-                found[row, number] = float(down @ (one @ across)) / area
-    return tuple(np.clip(found, 0.0, 1.0))
+def _means(
+    shape: tuple[int, ...], corners: Float64, *laws: Callable[[Any], Array]
+) -> list[Float64]:
+    """Return the means over each box of planes, which laws give within slices."""
+    height, width = shape
+    down, across = _covered(corners[:, 1::2], height), _covered(corners[:, ::2], width)
+    sums = np.empty((len(laws), len(corners)))
+    if down.size * width <= _TOGETHER:
+        for row, law in zip(sums, laws, strict=True):
+            np.einsum("nj,nj->n", down @ law(slice(None)), across, out=row)
+    else:
+        ends = np.clip(np.array([np.floor(corners), np.ceil(corners)]), 0, (width, height) * 2)
+        for number, ((x0, y0, *_), (*_, x1, y1)) in enumerate(ends.astype(int).swapaxes(0, 1)):
+            for row, law in zip(sums, laws, strict=True):
+                part = law((slice(y0, y1), slice(x0, x1)))
+                row[number] = down[number, y0:y1] @ (part @ across[number, x0:x1])
+    area = down.sum(axis=1) * across.sum(axis=1)
+    return list(np.clip(sums / np.where(area > 0.0, area, np.nan), 0.0, 1.0))
 
 
-def _covered(first: float, last: float, length: int) -> tuple[slice, Float64, float]:
-    """Return the pixels of an interval, how much it covers of each, and of all of them."""
-    low, high = min(max(first, 0.0), length), min(max(last, 0.0), length)
-    start, end = int(low), math.ceil(high)
-    covered = np.ones(max(end - start, 0))
-    if len(covered):
-        covered[0] -= low - start
-        covered[-1] -= end - high
-    return slice(start, end), covered, max(high - low, 0.0)
+def _covered(ends: Float64, length: int) -> Float64:
+    """Return how much intervals (n, 2) cover of each pixel, (n, length)."""
+    places = np.arange(length)
+    covered = np.minimum(ends[:, 1:], places + 1.0) - np.maximum(ends[:, :1], places)
+    return np.asarray(np.clip(covered, 0.0, 1.0))
 
 
 def boxes_of(boxes: npt.ArrayLike) -> Float64:
@@ -213,96 +218,93 @@ def mixture_of(
     here: Here, alpha: Array, flow: Array | None, motion: bool, fps: float
 ) -> dict[str, Any]:
     """Return the labels of what is seen of picture and weather; holes stay holes."""
-    planes, (most, way, where) = falling_of(here, fps)
-    depth, came, found = here.distances.given, here.distances.came, dict[str, Any]()
-    # A layer of the texture alone may be denser than all of them, which are smoother.
-    seen = (most > SEEN) & (alpha > SEEN)
-    left = 1.0 - planes[3]
-    if flow is not None:
-        soft = left[..., None] * flow + np.moveaxis(planes[:2], 0, -1)
-        found["flow"] = np.where(seen[..., None], way, flow).astype(np.float32)
-        found["soft_flow"] = soft.astype(np.float32)
-    if depth is not None:
-        nearer = np.where(seen, np.minimum(where, depth), depth)
-        nearness = left / depth + planes[2]
-        soft = np.divide(1.0, nearness, out=np.full_like(nearness, np.inf), where=nearness > 0.0)
-        if came is not None:
-            holes = np.isnan(came) | (came == 0.0)
-            np.copyto(nearer, came, where=holes & ~seen)
-            soft[holes] = came[holes]
-        found["depth"] = nearer.astype(np.float32)
-        found["soft_depth"] = soft.astype(np.float32)
-    if here.view.eyes:
-        parallax = here.view.focal * 2.0 * here.view.eyes
-        found["weather_disparity"] = np.asarray(parallax / where, np.float32)
+    depth, came, (height, width) = here.distances.given, here.distances.came, here.view.shape
+    parts, parallax = slices(here, fps), here.view.focal * 2.0 * here.view.eyes
+
+    def block(rows: slice) -> dict[str, Array]:
+        found: dict[str, Array] = {}
+        planes, most = falling_of(here, parts, fps, rows)
+        # A layer of the texture alone may be denser than all of them, which are smoother.
+        seen, left = (most[3] > SEEN) & (alpha[rows] > SEEN), 1.0 - planes[3]
+        way = np.moveaxis(most[:2], 0, -1)
+        if flow is not None:
+            soft = left[..., None] * flow[rows] + np.moveaxis(planes[:2], 0, -1)
+            found["flow"] = np.where(seen[..., None], way, flow[rows]).astype(np.float32)
+            found["soft_flow"] = soft.astype(np.float32)
         if depth is not None:
-            known = np.where(nearer == 0.0, np.nan, nearer)
-            found["disparity"] = np.asarray(parallax / known, np.float32)
-    if motion:
-        found["motion"] = way
-        found["falling"] = np.ascontiguousarray(np.moveaxis(planes, 0, -1))
-    return found
+            with np.errstate(divide="ignore"):
+                own, where = _rows(depth, rows), 1.0 / most[2]
+                nearer = np.where(seen & (where < own), where, own)
+                soft = 1.0 / (left / own + planes[2])
+            if came is not None:
+                holes = np.isnan(came[rows]) | (came[rows] == 0.0)
+                np.copyto(nearer, came[rows], where=holes & ~seen)
+                np.copyto(soft, came[rows], where=holes)
+            found["depth"], found["soft_depth"] = nearer, soft
+            if parallax:
+                found["disparity"] = np.float32(parallax) / np.where(nearer == 0.0, np.nan, nearer)
+        if parallax:
+            found["weather_disparity"] = np.float32(parallax) * most[2]
+        if motion:
+            found["motion"], found["falling"] = way, np.moveaxis(planes, 0, -1)
+        return found
+
+    step = max(_BLOCK // width, 1)
+    blocks = [block(slice(start, start + step)) for start in range(0, height, step)]
+    return {name: np.concatenate([one[name] for one in blocks]) for name in blocks[0]}
 
 
-def falling_of(here: Here, fps: float) -> tuple[Array, Slice]:
-    """Return the planes of `Weathered.falling`, and at each pixel the slice that is densest."""
-    shape = here.view.shape
-    left, densest = np.ones(shape, np.float32), np.zeros(shape, np.float32)
-    planes, most = np.zeros((4, *shape), np.float32), np.zeros((3, *shape), np.float32)
-    most[2] = np.inf
+def falling_of(here: Here, parts: list[Slice], fps: float, rows: slice) -> tuple[Array, Array]:
+    """Return some rows of `Weathered.falling`, and the same of the densest slice of a pixel."""
+    # (4, h, w) both; of the densest motion and nearness are not premultiplied.
+    height, width = here.view.shape
+    planes, most = np.zeros((2, 4, len(range(height)[rows]), width), np.float32)
+    left, (near, chosen) = 1.0 - planes[3], np.zeros((2, *planes.shape[1:]), np.float32)
     if here.kind == "fog" and here.extinction > 0.0:
         # Fog moves as the mean of its patches and is nowhere in particular.
         most[0], most[1] = here.drift(fps)
-    for opacity, motion, depth in slices(here, fps):
-        weight = left * opacity
+    for whole, values, depth in parts:
+        opacity, own = whole[rows], _rows(values, rows)
+        weight, denser = left * opacity, opacity > most[3]
         left -= weight
-        across, down = motion[..., 0], motion[..., 1]
-        planes[0] += weight * across
-        planes[1] += weight * down
-        planes[2] += weight / depth
-        seen = opacity > densest
-        np.copyto(densest, opacity, where=seen)
-        for known, value in zip(most, (across, down, depth), strict=True):
-            np.copyto(known, value, where=seen)
+        np.maximum(most[3], opacity, out=most[3])
+        if depth is None:
+            planes[:3] += weight * own
+            np.copyto(most[:3], own, where=denser)
+        else:
+            # Before a wall inside the layer its flakes are nearer than the wall.
+            nearness = 1.0 / np.minimum(depth, _rows(here.distances.plane, rows))
+            near += weight * nearness
+            np.copyto(chosen, nearness, where=denser)
+    if parts and depth is not None:
+        planes[:3] += values * near
+        np.copyto(most[:3], values * chosen, where=chosen > 0.0)
     planes[3] = 1.0 - left
-    return planes, (densest, np.ascontiguousarray(np.moveaxis(most[:2], 0, -1)), most[2])
+    return planes, most
+
+
+def _rows(plane: Array, rows: slice) -> Array:
+    """Return rows of planes, which may have one for all."""
+    return plane if plane.shape[-2] == 1 else plane[..., rows, :]
 
 
 def slices(here: Here, fps: float) -> list[Slice]:
-    """Return all that falls, near slices first."""
-    found = []
-    request = here.request(steps=(-0.5 / fps, 0.5 / fps))
+    """Return all that falls, near slices first: drawn flakes, then layers of sheets."""
+    found, shape, request = [], here.view.shape, here.request(steps=(-0.5 / fps, 0.5 / fps))
     if request is not None:
-        (one,) = request.classes
-        first, full, last, end = one.shown
-        inner = np.geomspace(full, last, _SLABS + 1)[1:-1].tolist()
-        bounds = [(first, full), *((edge, edge) for edge in inner), (last, end)]
-        for near, far in itertools.pairwise(bounds):
-            part = _drawn(here, request._replace(classes=[one._replace(shown=(*near, *far))]))
-            found += [] if part is None else [part]
-    focal, speed = here.view.focal, np.asarray(here.velocity)
-    for layer, own in zip(here.layers, here.sheets.layers if here.layers else (), strict=True):
-        plane = np.empty(here.view.shape, np.float32)
-        _core.sheet_read(plane, (0, 0), [layer], here.depth, True)
-        depth = here.near * own.depth
-        step = (speed * (focal / depth / fps)).astype(np.float32)
-        # Before a wall inside the layer its flakes are nearer than the wall.
-        near = np.minimum(np.float32(depth), here.distances.plane)
-        found.append((plane, step.reshape(1, 1, 2), near))
+        flakes = _core.fall(request)
+        _, rows, others = _core.flake_rows(flakes)
+        plane, number = np.empty(shape, np.float32), np.zeros(shape, np.int32)
+        _core.particle_draw(plane, flakes, request.window, here.depth, number)
+        _core.sheet_read(plane, (0, 0), [], None, True, (plane.copy(), here.falling.gain))
+        # At each pixel the one that it shows most; one without any has no opacity either.
+        own = np.column_stack([others[:, 2:] - others[:, :2], 1.0 / rows[:, 5]]).astype(np.float32)
+        if len(rows):
+            found.append((plane, np.moveaxis(own[number], -1, 0), None))
+    pace = here.view.focal / fps
+    speed = np.array([*here.velocity, 1.0 / pace], np.float32).reshape(3, 1, 1) * pace
+    for (near, far), layers in itertools.groupby(here.layers, lambda layer: layer[4:]):
+        plane, depth = np.empty(shape, np.float32), np.float32(math.sqrt(near * far))
+        _core.sheet_read(plane, (0, 0), list(layers), here.depth, True)
+        found.append((plane, speed, depth))
     return found
-
-
-def _drawn(here: Here, request: Air) -> Slice | None:
-    """Return some of the drawn flakes: at each pixel the one that it shows most says how fast."""
-    flakes = _core.fall(request)
-    _, rows, others = _core.flake_rows(flakes)
-    if len(rows) == 0:
-        return None
-    shape = here.view.shape
-    plane, number = np.empty(shape, np.float32), np.empty(shape, np.int32)
-    _core.particle_draw(plane, flakes, request.window, here.depth, number)
-    opacity = np.empty(shape, np.float32)
-    _core.sheet_read(opacity, (0, 0), [], None, True, (plane, here.falling.gain))
-    motion = (others[:, 2:] - others[:, :2]).astype(np.float32)
-    # A pixel without any has no opacity either.
-    return opacity, motion[number], rows[:, 5].astype(np.float32)[number]

@@ -24,7 +24,11 @@ _SKY = 0.3
 _WATER, _MIRRORED = 1.77, 0.02
 
 # Radii of drops on the lens, and how far around themselves they show, lengths of the longer side.
-_RADII, _AROUND = (0.008, 0.035), 0.35
+_RADII, _AROUND = (0.009, 0.045), 0.35
+
+# How odd their outlines are, by 2, 3 and 4 waves around; the part of a radius over which edges are
+# soft, and of light that the rim takes; and numbers that each is drawn from.
+_ODD, _SOFT, _RIM, _EACH = (0.2, 0.12, 0.07), 0.3, 0.3, 9
 
 _STREAM = 7006
 
@@ -98,7 +102,6 @@ def in_weather(
     color, white, shade = record["color"], record["white"], record["shade"]
     if wet is None and shade == record["drops"] == 0.0:
         return _mixed(given, alpha, color, white)
-    drops = round(record["drops"])
     whole = np.iinfo(given.dtype).max if given.dtype.kind == "u" else white
     planes = given.reshape(*given.shape[:2], -1)
     display = planes.astype(np.float32) / np.float32(whole)
@@ -111,9 +114,9 @@ def in_weather(
         display = linear_to_srgb(light)
     tint = np.array(color if planes.shape[2] == 3 else [_LUMA @ color], np.float32)
     display += alpha[..., None] * (tint - display)
-    if drops:
+    if drops := round(record["drops"]):
         eye = int(here.view.aside > 0.0)
-        _drop(display, uniforms(record["weather_seed"] ^ eye, _STREAM, 3 * drops))
+        _drop(display, uniforms(record["weather_seed"] ^ eye, _STREAM, _EACH * drops))
     result = display.reshape(given.shape) * whole
     rounded = np.rint(result) if given.dtype.kind == "u" else result
     return np.asarray(rounded, given.dtype.newbyteorder("="))
@@ -149,23 +152,38 @@ def _wetted(light: Array, wet: Any, horizon: float, focal: float) -> Array:
 
 
 def _drop(display: Array, numbers: Array) -> None:
-    """Put discs before a picture that show what is around them upside down and blurred."""
-    size = np.array(display.shape[:2])
-    longer = float(size.max())
-    means = _means(display, 48)
-    scale = np.array(means.shape[:2]) / size
-    for *place, large in numbers.reshape(-1, 3):
-        radius = longer * (_RADII[0] + (_RADII[1] - _RADII[0]) * large**3)
-        middle = np.array(place) * size
-        first, last = (np.clip(np.ceil(middle + s * radius), 0, size).astype(int) for s in (-1, 1))
-        part = tuple(map(slice, first, last))
-        away = np.moveaxis(np.mgrid[part], 0, -1) + 0.5 - middle
-        far = np.linalg.norm(away, axis=-1, keepdims=True) / radius
-        shown = _at(means, (middle - away * (_AROUND * longer / radius)) * scale)
-        # Its rim turns light away; its edge is soft over a pixel and a half.
-        shown *= 1.0 - 0.6 * np.minimum(far, 1.0) ** 6
-        cover = np.clip((1.0 - far) * radius / 1.5, 0.0, 1.0)
-        display[part] += cover * (shown - display[part])
+    """Put drops before a picture that show what is around them upside down and blurred."""
+    (height, width), longer = display.shape[:2], float(max(display.shape[:2]))
+    size, means = np.array((height, width)), _means(display, 24)
+    each = numbers.reshape(-1, _EACH)
+    middles, radii = each[:, :2] * size, longer * (_RADII[0] + np.ptp(_RADII) * each[:, 2] ** 3)
+    # All pixels that may show a drop, one drop after the other.
+    reach = (radii * (1.0 + 1.5 * sum(_ODD)))[:, None]
+    first, last = (np.clip(np.ceil(middles + s * reach), 0, size).astype(int) for s in (-1, 1))
+    sides = last - first
+    counts = sides.prod(axis=1)
+    drop = np.repeat(np.arange(len(each)), counts)
+    number = np.arange(len(drop)) - np.repeat(np.cumsum(counts) - counts, counts)
+    at = first[drop] + np.stack(np.divmod(number, sides[drop, 1]), axis=1)
+    away = at + 0.5 - middles[drop]
+    angle = np.arctan2(away[:, 1], away[:, 0])[:, None] * (2.0, 3.0, 4.0)
+    along, aside = 2.0 * each[:, 3:].reshape(-1, 2, 3).swapaxes(0, 1) - 1.0
+    odd = (along[drop] * np.cos(angle) + aside[drop] * np.sin(angle)) @ _ODD
+    far = np.linalg.norm(away, axis=1) / (radii[drop] * (1.0 + odd))
+    # Of drops that touch a pixel shows the one that it is deepest in: the last that is written.
+    order, shown = np.argsort(-far), np.full(height * width, -1)
+    order = order[far[order] < 1.0]
+    shown[at[order, 0] * width + at[order, 1]] = order
+    (pixels,) = np.nonzero(shown >= 0)
+    own = shown[pixels]
+    far, away, drop = far[own, None], away[own], drop[own]
+    around = middles[drop] - away * (_AROUND * longer / radii[drop, None])
+    seen = _at(means, around * (np.array(means.shape[:2]) / size))
+    # Its rim turns light away; its edge is far out of focus.
+    seen *= 1.0 - _RIM * far**4
+    soft = np.clip((1.0 - far) / np.maximum(_SOFT, 1.5 / radii[drop, None]), 0.0, 1.0)
+    below = display.reshape(-1, display.shape[2])
+    below[pixels] += soft**2 * (3.0 - 2.0 * soft) * (seen - below[pixels])
 
 
 def _means(plane: Array, cells: int) -> Array:

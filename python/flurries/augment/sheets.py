@@ -1,60 +1,64 @@
-"""Far flakes of pictures: the sheets of scenes, kept for rungs and read from places of their own.
+"""Far flakes of pictures: sheets by what they look like in pixels, kept, and read anywhere.
 
-Pictures of about one weather share sheets: each reads every layer from a random place on, so that
-what two pictures see has nothing in common. What a picture's weather differs by from its rungs the
-layers' gains make up for. Depths are in units of the nearest one: what is twice as far away before
-a lens twice as long looks the same.
+A layer of depth looks for the sheet whose flakes and streaks have about its pixels: pictures of all
+sizes, severities and lenses share a few. It reads it from random places on, more often where it has
+more flakes, and drops lean with the wind as they are read; factors of the optical depth make up for
+what a sheet differs by. Depths are in units of the nearest one.
 """
 
+import itertools
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from flurries import _core
+from flurries._contract import Float64
 from flurries._kept import ALL, Kept, kept
 from flurries._threads import reproducible
-from flurries.augment.calibration import Kind, area_of, sizes_of
-from flurries.effects.sheets import diameters_of, hash_of
+from flurries.augment.calibration import APART, Kind, area_of, sizes_of
+from flurries.effects.sheets import hash_of
 from flurries.effects.strength import OPACITY
-from flurries.particles.population import FADE, Population, SizeClass, layer_edges, slabs_of
+from flurries.particles.population import FADE, layer_edges
 from flurries.particles.sizes import Sizes
 
 # Bytes of all sheets of a process, at most: the oldest go.
 MOST_BYTES = 128 << 20
 
-_LAYERS = 6
+# Layers of depth, and sizes of flakes in each.
+_LAYERS, _SIZES = 5, 4
 
-# Rungs of the focal length, of the way and of the density, as ratios.
-_FOCAL, _WAY, _MANY = 1.06, 1.6, 2.0**0.5
-
-# A shorter way over a flake's width leaves no streak in sheets.
-_REST = 0.35
+# Rungs of flakes' widths, as a ratio, and their least in pixels: of narrower ones none is seen.
+_WIDTHS, _NARROW = (1.36, 1.05), 0.3
 
 # Between two directions of streaks, radians: the ends, and times a flake's width over its way.
-_TURN, _TURNS = (0.16, 0.7), 1.5
+_TURN, _TURNS = (0.16, 0.8), 1.5
+
+# Drops lean as they are read, up to this tangent; a flake would be seen to be no ball.
+_LEAN = 0.6
 
 # Flakes that are drawn for each pixel of a picture, by itself and of a film or pair; pictures by
-# themselves that are no larger than sheets have all their flakes from them.
+# themselves that are no larger than this have all their flakes from sheets.
 _DRAWN, _DRAWN_MOVING, _SHEETS_ALONE = 0.0001, 0.0015, 600
 
 # A picture by itself has none where so many would reach less far, of the nearest depth.
 _NONE = 0.75
 
-# Diameter in px that a tenth of the flakes of sheets are above, and their longest streak.
+# Diameter in px of the largest flakes of sheets, and their longest streak.
 _LARGEST, _LONGEST = 30.0, 192.0
 
-# Pixels of a sheet's sides, before a layer's own factor, and the flakes that it has at least.
-_SIDE, _FLAKES = (240.0, 512.0), 60.0
+# Large pictures, and those up to so many pixels, have sheets of their own. Those of small ones are
+# fewer, sooner made, and read oftener: ends of a side, pixels; ratios of two rungs of streaks and
+# of the number of flakes, and how many times those of a sheet there are at least.
+_SMALL, _SIDES = 160, ((240.0, 512.0), (144.0, 200.0))
+_STREAKS, _COUNTS, _READS = (1.7, 2.0), (1.15, 3.5), (0.93, 1.25)
 
-# Sizes of flakes in a sheet, and flakes for each pixel of it at most.
-_SIZES, _MOST = 4, 2.0
+# Where hard weather has more flakes for each pixel than the first, they are fewer and denser.
+_FEWER = 0.01, 0.66
 
-# A sheet that has so much more or less than it should is made once more.
-_CLOSE = 0.1
-
-SEED = 7004
+# Flakes that a sheet has at least if it can; and for each pixel at most, narrow and wide ones: more
+# are as many that are stronger.
+_FLAKES, _MOST = 60.0, (0.5, 2.0)
 
 _SHEETS = ALL[__name__] = Kept(most_bytes=MOST_BYTES)
 
@@ -78,163 +82,135 @@ class Falling(NamedTuple):
     @property
     def density(self) -> float:
         """Flakes per square metre and unit of depth."""
-        return self.thickness / (self.gain * _laws(self.kind, self.tenths)[1])
+        one = self.gain * _laws(self.kind, self.tenths)[1]
+        return self.thickness / (one if self.tenths else one * APART[self.kind])
 
 
-class Rungs(NamedTuple):
-    """What decides sheets: of what falls the nearest rungs."""
+class Look(NamedTuple):
+    """What decides a sheet."""
 
     kind: Kind
-    tenths: int
-    deep: float
-    gain: float
-    density: float
-    lens: float
-    way: float  # Of a flake while the shutter is open, metres at the nearest depth.
-    angle: float  # Of its streak, radians.
-    moving: bool  # Whether the picture is of a film or pair.
-    alone: bool  # Whether sheets are larger than the picture, which then has no drawn flakes.
+    hard: bool
+    width: int  # Rung of it.
+    streak: int  # Rung of it over the width; -1 for none.
+    turn: float  # Of the streak, radians.
+    flakes: int  # Rung of their number for each pixel.
+    small: bool  # Whether it is for small pictures.
+    leans: bool  # Whether it is read so.
+
+    def make(self) -> "Sheet":
+        """Return the sheet."""
+        width, longer = _WIDTHS[self.hard] ** self.width, _STREAKS[self.small] ** self.streak
+        length = max(width, 1.0) * longer if self.streak >= 0 else 0.0
+        count = _COUNTS[self.small] ** self.flakes
+        least, most = _SIDES[self.small]
+        side = min(max(math.sqrt(_FLAKES / count), least), most)
+        number = 1 + self.width + 5 * self.streak - 3 * self.flakes
+        rows, columns = (
+            round(side * (1.0 + part * ((step * number) % 1.0)))
+            for part, step in ((0.2, 0.618_034), (0.3, 0.414_214))
+        )
+        made = _core.FlakeSheet(
+            hash_of(7019, number % 256), (rows, columns), 0, count,
+            (width * _shape(self.kind, self.hard)).tolist(),
+            (length * math.sin(self.turn), length * math.cos(self.turn)), 0.0, OPACITY, (0.0, 1.0),
+        )  # fmt: skip
+        _SHEETS.trim()
+        return Sheet(made, (columns, rows), count)
 
 
-class Layer(NamedTuple):
-    """A sheet, and how it stands for the flakes of a slab."""
-
-    sheet: _core.FlakeSheet
-    near: float
-    far: float
-    depth: float  # That it moves as.
+class Sheet(NamedTuple):
+    made: _core.FlakeSheet
     period: tuple[int, int]  # (across, down): pixels.
-    units: float  # Of depth through which the slab's flakes are all there.
-    # Optical depth that it has with a factor of the sheet's and an even part, and the power of the
-    # factor that it goes with.
-    own: float
-    gain: float
-    base: float
-    power: float
-
-    def at(
-        self, falling: Falling, near: float, shift: tuple[float, float]
-    ) -> tuple[_core.FlakeSheet, tuple[float, float], tuple[float, float], float, float]:
-        """Return it for what falls, moved by pixels, for `_core.sheet_read`."""
-        ratio = falling.thickness * self.units / self.own
-        gain = self.gain * ratio ** (1.0 / self.power), self.base * ratio
-        return self.sheet, shift, gain, near * self.near, near * self.far
-
-
-@dataclass(frozen=True, eq=False)
-class Sheets:
-    """The sheets of all layers of one rung; none where all flakes are drawn."""
-
-    reach: float  # Depth up to which flakes are drawn.
-    cover: float = 1.0  # What they cover over what as many opacities would.
-    layers: tuple[Layer, ...] = ()
+    flakes: float  # For each pixel.
 
     @property
     def bytes(self) -> int:
-        """What is kept of them now."""
-        return sum(layer.sheet.bytes for layer in self.layers)
+        return self.made.bytes
 
 
-def sheets_of(falling: Falling, longer: int, moving: bool) -> Sheets:
-    """Return the sheets of what falls before a picture of a longer side in pixels."""
-    way, angle, velocity, law = 0.0, 0.0, falling.velocity, falling.law
-    lens = _rung(falling.lens, _FOCAL)
-    ratio = math.hypot(*velocity) * falling.exposure / _width(law, falling.lens)
-    if ratio > _REST:
-        longer_by = _WAY ** round(math.log(ratio / _REST) / math.log(_WAY))
-        way = _width(law, lens) * _REST * longer_by
-        turn = min(max(_TURNS / (_REST * longer_by), _TURN[0]), _TURN[1])
-        angle = round(math.atan2(*velocity) / turn) * turn
-    rungs = Rungs(
-        *falling[:4], _rung(falling.density, _MANY), lens, way, angle, moving,
-        longer <= _SHEETS_ALONE and not moving,
-    )  # fmt: skip
-    made: list[Sheets] = []
-
-    def make() -> Sheets:
-        made.append(_made(rungs))
-        return made[0]
-
-    found = _SHEETS.once((rungs, reproducible()), make)
-    if made or moving:
-        # Places of sheets are made as they are visited.
-        _SHEETS.trim()
-    return found
+# A sheet, the depths of the slab whose flakes it stands for, pixels to the right that it leans by
+# for each row down, a factor of its optical depth, and an even part.
+Layer: TypeAlias = tuple[Sheet, float, float, float, tuple[float, float]]
 
 
-def _rung(value: float, ratio: float) -> float:
-    return ratio ** round(math.log(value) / math.log(ratio))
+def sheets_of(falling: Falling, longer: int, moving: bool) -> tuple[float, list[Layer]]:
+    """Return the depth up to which flakes are drawn, and the layers of all others.
 
-
-def _width(law: Sizes, lens: float) -> float:
-    """Return the width of a mean flake's image, a pixel at least, metres at the nearest depth."""
-    return max(law.mean, 1.0 / lens)
+    For a picture of a longer side in pixels, by itself or of a film or pair.
+    """
+    kind, tenths, deep, _, thickness, lens, (across, down), exposure = falling
+    small, hard = longer <= _SMALL and not moving, tenths == 0
+    wide, lean, way = _laws(kind, tenths)[2], 0.0, math.hypot(across, down) * exposure
+    reach = _reach_of(falling, way, longer, moving)
+    if reach >= deep:
+        return deep, []
+    angle = math.atan2(across, down)
+    if kind == "rain" and not moving and abs(across) <= _LEAN * down:
+        lean, angle, way = across / down, 0.0, down * exposure
+    found, density = list[Layer](), falling.density
+    for near, far in _edges(reach, deep):
+        pixels = lens / math.sqrt(near * far)
+        # Those of one depth that have the slab's coverage and variance.
+        count, width, ratio = density * (far - near) / pixels**2, pixels * wide, _WIDTHS[hard]
+        rung = round(math.log(max(width, _NARROW)) / math.log(ratio))
+        if hard and count > _FEWER[0]:
+            count *= _FEWER[1]
+        if width > _NARROW:
+            # Flakes of another size are as many others.
+            count *= (width / ratio**rung) ** 2
+        length, turn = max(pixels * way / max(ratio**rung, 1.0), 1e-9), 0.0
+        streak = max(round(math.log(length) / math.log(_STREAKS[small])), -1)
+        if streak >= 0 and angle:
+            turn = min(max(_TURNS / _STREAKS[small] ** streak, _TURN[0]), _TURN[1])
+            turn *= round(angle / turn)
+        most = _MOST[width > 2.0 * _NARROW]
+        few = max(min(count, most), 1e-12)
+        number = math.floor(math.log(few / _READS[small]) / math.log(_COUNTS[small]))
+        leans = lean != 0.0 and streak >= 0
+        look = Look(kind, hard, rung, streak, turn, min(number, 0), small, leans)
+        sheet: Sheet = _SHEETS.once((look, reproducible()), look.make)
+        reads, many = max(round(few / sheet.flakes), 1), max(count / most, 1.0)
+        # Fewer flakes that vary as much as all, and an even part that the others make.
+        each, even = many**0.5, (many - many**0.5) * sheet.made.mean
+        factor = sheet.made.factor(thickness * (far - near) / reads, (each, even), leans)
+        found += [(sheet, near, far, lean * leans, (factor * each, factor * even))] * reads
+    return reach, found
 
 
 @kept(64)
-def _laws(kind: Kind, tenths: int) -> tuple[Sizes, float]:
-    """Return the sizes of flakes, and what one covers, square metres."""
+def _laws(kind: Kind, tenths: int) -> tuple[Sizes, float, float]:
+    """Return the sizes of flakes, what one covers, square metres, and how wide such a one is."""
     sizes = sizes_of(kind, tenths)
-    return sizes, area_of(sizes)
+    return sizes, area_of(sizes), math.sqrt(sizes.moment(2.0))
 
 
-def _made(rungs: Rungs) -> Sheets:
-    kind, tenths, deep, gain, density, lens, way, angle, *_ = rungs
-    law, area = _laws(kind, tenths)
-    reach = _reach_of(law, rungs)
-    if reach >= deep:
-        return Sheets(deep)
-    ends = law.smallest, law.largest
-    one = SizeClass(density, *ends, 0.0, law.nodes(*ends))
-    slabs = slabs_of(
-        Population(density, law, OPACITY, np.ones_like), one, lens,
-        layer_edges(reach, deep, _LAYERS),
-    )  # fmt: skip
-    alone, layers = 0.0, []
-    for number, slab in enumerate(slabs):
-        side = min(max(math.sqrt(_FLAKES / max(slab.count, 1e-9)), _SIDE[0]), _SIDE[1])
-        rows, columns = (
-            round(side * (1.0 + part * ((step * (number + 1)) % 1.0)))
-            for part, step in ((0.2, 0.618_034), (0.3, 0.414_214))
-        )
-        length, wanted, count = way * lens / slab.depth, gain * slab.coverage, slab.count
-        streak = length * math.sin(angle), length * math.cos(angle)
-        # A sheet of few flakes has some more or less than the mean of all such sheets, and bright
-        # drops that hide one another are as many more.
-        for last in (False, True):
-            used, many = count, max(count / _MOST, 1.0)
-            sheet = _core.FlakeSheet(
-                hash_of(SEED, number), (rows, columns), 0, count / many,
-                diameters_of(slab, _SIZES).tolist(), streak, 0.0, OPACITY, (0.0, 1.0),
-            )  # fmt: skip
-            # Fewer flakes that vary as much as all, and an even part that the others make.
-            each, even = gain * many**0.5, gain * (many - many**0.5) * sheet.mean
-            light = sheet.left([0.9 * each, each, 1.1 * each])
-            less, own, more = (-math.log(left) for left in light)
-            if own == 0.0:
-                break  # It has no flakes.
-            ratio = wanted / (even + own)
-            if last or abs(ratio - 1.0) < _CLOSE:
-                power = math.log(more / less) / math.log(1.1 / 0.9)
-                units = slab.coverage / (density * area)
-                layers.append(Layer(sheet, slab.near, slab.far, slab.depth, (columns, rows),
-                                    units, even + own, each, even, power))  # fmt: skip
-                break
-            count *= ratio
-        alone += wanted * slab.count / used
-    whole = gain * sum(slab.coverage for slab in slabs)
-    return Sheets(reach, alone / whole if gain > 1.0 else 1.0, tuple(layers))
+@kept(8)
+def _shape(kind: Kind, hard: bool) -> Float64:
+    """Return the diameters that cover what their shares of flakes do, over the quadratic mean."""
+    law = sizes_of(kind, 0 if hard else 6)
+    squares = law.quantile(np.arange(0.5, 4096.0) / 4096) ** 2
+    edges = np.rint(4096 * (1.0 - np.linspace(1.0, 0.0, _SIZES + 1) ** 2)).astype(int)
+    means = np.array([squares[i:j].mean() for i, j in itertools.pairwise(edges)])
+    return np.asarray(np.sqrt(means / squares.mean()))
 
 
-def _reach_of(law: Sizes, rungs: Rungs) -> float:
-    """Return the depth up to which flakes are drawn."""
-    lens = rungs.lens
-    images = max(float(law.quantile(0.9)) * lens / _LARGEST, rungs.way * lens / _LONGEST)
-    # Beyond it sheets fade in: half of the way they take all.
+@kept(64)
+def _edges(reach: float, deep: float) -> list[tuple[float, float]]:
+    edges = layer_edges(reach * (1.0 + 0.5 * FADE), deep, _LAYERS).tolist()
+    return list(itertools.pairwise(edges))
+
+
+def _reach_of(falling: Falling, way: float, longer: int, moving: bool) -> float:
+    """Return the depth up to which flakes are drawn; then sheets take over."""
+    lens, wide = falling.lens, _laws(falling.kind, falling.tenths)[2]
+    largest = wide * float(_shape(falling.kind, falling.tenths == 0)[-1])
+    images = lens * max(largest / _LARGEST, way / _LONGEST)
+    # Half of the way over which they fade in.
     first = 1.0 / (1.0 + 0.5 * FADE)
-    share = _DRAWN_MOVING if rungs.moving else _DRAWN
-    cost = (3.0 * share * lens**2 / rungs.density) ** (1.0 / 3.0)
-    if images <= first and (rungs.alone or (cost < _NONE and not rungs.moving)):
+    share = _DRAWN_MOVING if moving else _DRAWN
+    cost = (3.0 * share * lens**2 / falling.density) ** (1.0 / 3.0)
+    if images <= first and not moving and (longer <= _SHEETS_ALONE or cost < _NONE):
         return first
-    reach = max(cost, images, 1.5 if rungs.moving else 1.2)
-    return rungs.deep if reach > 0.8 * rungs.deep else reach
+    reach = max(cost, images, 1.5 if moving else 1.2)
+    return falling.deep if reach > 0.8 * falling.deep else reach

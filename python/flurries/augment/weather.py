@@ -19,6 +19,7 @@ from flurries.augment.pictures import in_weather, layer_of, picture_of, stack_of
 from flurries.augment.record import VERSION, Recorded
 
 _NAMES = ("Snowfall", "Rainfall", "Fog")
+_GROUND = Ground()
 
 
 class Weather(Recorded):
@@ -261,7 +262,7 @@ class Weather(Recorded):
     ) -> Iterator[tuple[Array, Here, Array, Any]]:  # fmt: skip
         """Yield each picture in its weather, the air before it, its opacity and its veil's."""
         airs = self._airs(pictures, records, depth, times, *how)
-        wets, horizon = _spread("wet", wet, len(times)), (self.ground or Ground()).horizon
+        wets, horizon = _spread("wet", wet, len(times)), (self.ground or _GROUND).horizon
         for picture, record, here, mask in zip(pictures, records, airs, wets, strict=True):
             alpha, veil = here.alpha(passing=passing)
             yield in_weather(picture, alpha, here, record, mask, horizon), here, alpha, veil

@@ -215,9 +215,11 @@ def denser(
     seen = np.sinc(along * thick)
     seen *= np.exp(-0.5 * (math.pi * (APART * depths / camera.focal) * length) ** 2)
     points = depths[..., None] * rays.reshape(-1, 3) + turn @ np.array(camera.offset)
-    found, weights = np.empty(points.shape[:2]), clumps.weights * seen[..., None]
-    _core.denser(found, points, clumps.waves, weights, clumps.strength)
-    return found.reshape(-1, *rays.shape[:2])
+    sums = np.empty((*points.shape[:2], 1))
+    for own, at, weights in zip(sums, points, clumps.weights * seen[..., None], strict=True):
+        _core.wind_waves(own, at, clumps.waves, weights)
+    sums = clumps.strength * sums / np.sqrt(1.0 + sums * sums)
+    return 1.0 + sums.reshape(-1, *rays.shape[:2])
 
 
 def gains_of(weather: Any, frame: Frame, slabs: Sequence[Slab]) -> Any:
