@@ -409,7 +409,7 @@ pub mod tests {
         for (shear, lean, shift, origin) in cases {
             let own = Law { shear, ..law(0.02, &[0.8, 1.6], [1.0, -2.0], (37, 53)) };
             let sheet = Sheet::new(own).unwrap();
-            let quarters = |at: f64, period| (4.0 * (at % (1e9 * period))).round() as i64;
+            let quarters = |at: f64, period: f64| (4.0 * (at % (1e9 * period))).round() as i64;
             let (down, right) = (quarters(shift[1], 37.0), quarters(shift[0], 53.0));
             let place = |right: i64| (down.rem_euclid(4) as usize, right.rem_euclid(4) as usize);
             let want = [0, 2].map(|half| direct(&sheet, place(right + half)));

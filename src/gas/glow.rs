@@ -180,12 +180,14 @@ fn lane(line: &[f32], at: usize) -> Lane {
     *line[at..].first_chunk().expect("lines have room for whole lanes")
 }
 
+type Lines<'a> = (&'a [Vec<f32>], &'a [Vec<f32>], &'a [f32], &'a [f32]);
+
 /// The light of some pixels of a row from `at` on, red, green and blue, what goes through and the depth; of lines
 /// of the slices' extinction and of the light that was found on the coarse grid, edges and places.
 #[dispatch]
 fn block<const LEVEL: u8>(
     lamps: &Lamps,
-    gas: (&[Vec<f32>], &[Vec<f32>], &[f32], &[f32]),
+    gas: Lines<'_>,
     row: (&[f32], f32, &[f32]),
     at: usize,
 ) -> [Lane; 5] {
