@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import distributed
 import pytest
 
-from flurries.output import groups, write
+from flurries.output import cluster, write
 
 
 @contextmanager
