@@ -22,7 +22,7 @@ def workers(count: int, threads: int = 1) -> Iterator[distributed.Client]:
 
 def group(size: int, patch: pytest.MonkeyPatch) -> None:
     """Share frames out in groups of so many, so that several tasks have some."""
-    for module in (write, groups):
+    for module in (write, cluster):
         patch.setattr(module, "grouped", lambda scene, frames: [
             frames[i : i + size] for i in range(0, len(frames), size)
         ])  # fmt: skip
