@@ -182,7 +182,7 @@ def plate_light(
     if depth is None:
         sums, cell = cell_sums(picture, encoding)
         return PlateLight(cells_of(sums), cell, sky, ground)
-    # Cells are small, and blurred: half of their rows say as much.
-    sums, cell = cell_sums(picture, encoding, FINE, step=2)
-    more = np.float32(cell / math.ceil(cell / 2))
+    # Cells are small, and blurred: a third of their rows says as much.
+    sums, cell = cell_sums(picture, encoding, FINE, step=3)
+    more = np.float32(cell / math.ceil(cell / 3))
     return PlateLight(np.empty((0, 0, 3)), cell, sky, ground, Levels.of(more * sums, cell, depth))
