@@ -6,7 +6,7 @@ errors over those that a match states. `python docs/make_match.py FOLDER 100 130
 what is set in `fl.match` was set by these.
 
 `python docs/make_match.py --photograph snow.tif fit.png` matches a photograph whose plate is not
-known: the plate is taken to be the darkest ninth within 35 px, so it is blurred and a little dark.
+known: the plate is taken to be the 35th of 100 within 11 px, from dark to bright, so it is blurred.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def main(folder: Path, first: int, last: int) -> None:
 
 def photograph(file: str, picture: str) -> None:
     frame = fl.io.open_background(file).frame(0).pixels[..., :3]
-    plate = [ndimage.percentile_filter(frame[..., c], 11, size=35) for c in range(3)]
+    plate = [ndimage.percentile_filter(frame[..., c], 35, size=11) for c in range(3)]
     found = fl.match(frame, np.stack([ndimage.gaussian_filter(c, 2.0) for c in plate], axis=2))
     print(found)
     fl.io.write_picture(picture, found.report())
