@@ -27,7 +27,6 @@ def test_the_numbers_of_a_clip_of_the_twin_are_found(tmp_path: Path):
     found = fl.match(clip(one, tmp_path), camera=fl.Camera(one.view.focal))
     assert found.fps == one.view.fps and not misses(found, one), (found, one)
     assert tint(found, one) < 0.04, found.light
-    # One picture and its plate.
     file = next(iter(tmp_path.iterdir()))
     picture = fl.io.open_background(file).frame(3).pixels
     found = fl.match(picture, noisy(plate(one, 0.0), 0), fl.Camera(one.view.focal), one.view.fps)
@@ -49,15 +48,16 @@ def test_what_is_no_film_of_a_camera_is_refused(given: dict, words: str):
         fl.match(**{"frames": frames, **given})
 
 
-@pytest.mark.parametrize("what", ["noise", "shaking", "something that moves"])
+@pytest.mark.parametrize("what", ["noise", "shaking", "something that moves", "rain"])
 def test_what_is_no_snow_is_refused_with_a_sentence(what: str):
     still = plate(case(0), 0.0)[:192, :320]
+    rain = fl.Scene((255.0 * still).astype(np.uint8), effects=[fl.Rain(rate=20.0)], fps=25)
     frames = []
     for t in range(16):
-        picture = still.copy()
+        picture = rain.render(t) / 255.0 if what == "rain" else still.copy()
         if what == "shaking":
-            shift = np.random.default_rng(t).integers(-3, 4, 2)
-            picture = np.roll(still, tuple(shift.tolist()), axis=(0, 1))
+            shift = np.random.default_rng(t).integers(-3, 4, 2).tolist()
+            picture = np.roll(still, shift, axis=(0, 1))
         if what == "something that moves":
             picture[60:120, 20 + 10 * t : 60 + 10 * t] = 0.9
         frames.append(noisy(picture, t))
