@@ -42,7 +42,7 @@ _NOISE = 8
 _LOW, _HIGH = (np.append(end, np.full(GROUPS, most)) for end, most in ((_LOW, -4.0), (_HIGH, 4.0)))
 
 # What is usual, and how much it differs: sizes are those of the looks, what a codec leaves is that
-# of h264 at crf 18 (`docs/make_match.py --codec`).
+# of h264 at crf 18 (`docs/internals/match.md`).
 _USUAL = (
     (1, math.log(0.007), 0.35), (3, math.log(0.02), 1.0), (5, -0.05, 0.08), (6, -0.08, 0.07),
     (7, math.log(0.03), 1.0),
