@@ -8,10 +8,10 @@ use std::f64::consts::{FRAC_PI_4, TAU};
 use std::sync::Arc;
 
 use flurries_fft::Fft;
-use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut4, Axis};
+use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut4};
 use num_complex::Complex;
 
-use crate::base::error::{Cancel, Error, collected, layout, spare, zeroed};
+use crate::base::error::{Cancel, Error, layout, spare, zeroed};
 use crate::base::pixel::LEAST_SIGMA;
 use crate::base::pool;
 use crate::base::random::Hash;
@@ -246,19 +246,11 @@ pub fn patterns<T: Real>(
     if (rows, cols) != (law.tile, law.tile / 2 + 1) {
         return Err(Error::Internal("patterns have another shape".into()));
     }
-    let mut planes =
-        out.into_shape_with_order((layers * number, rows, cols)).map_err(|_| layout())?;
-    let mut tasks = collected(planes.axis_iter_mut(Axis(0)).enumerate())?;
-    // Runs of tasks share their buffers; what a pattern holds does not depend on the split.
-    let each = tasks.len().div_ceil(4 * pool::threads()).max(1);
-    let mut runs = Vec::new();
-    while !tasks.is_empty() {
-        let rest = tasks.split_off(each.min(tasks.len()));
-        runs.push(std::mem::replace(&mut tasks, rest));
-    }
-    pool::for_each(runs, |run| {
+    let planes = out.into_shape_with_order((layers * number, rows, cols)).map_err(|_| layout())?;
+    // Runs of patterns share their buffers; what a pattern holds does not depend on the split.
+    pool::for_each(pool::rows(planes, 4 * pool::threads()), |(run, mut planes)| {
         let mut torus = Torus::new(law)?;
-        for (at, plane) in run {
+        for (at, plane) in run.zip(planes.outer_iter_mut()) {
             let index = at / number;
             let sizes = (diameters[(index, 0)], diameters[(index, 1)]);
             let layer = Layer { index, count: counts[index], diameters: sizes };
