@@ -4,8 +4,6 @@ Every flake is drawn by the float64 twin of `twin_falling`, never by the package
 photograph; the clip is of 8 bit with noise of 2 levels, and goes through h264 at crf 18.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import pairwise

@@ -155,12 +155,16 @@ def test_the_rim_has_no_step():
     for sigma in (0.3, 1.0, 4.0):
         effective = math.sqrt(max(sigma**2 + 1 / 12, 0.38))
         for speed in (None, (1.0, 0.7, 0.0)):
-            last = None
-            for x in 20 + np.arange(0, 0.01, 1e-4):
-                alpha = one((40, 50), x, 20.2, sigma=sigma, opacity=1, velocity=speed, shutter=0.04)
-                if last is not None:
-                    assert np.abs(alpha - last).max() < 0.7 * 1e-4 / effective
-                last = alpha
+            flake = {"sigma": sigma, "opacity": 1, "velocity": speed, "shutter": 0.04}
+            alphas = [one((40, 50), x, 20.2, **flake) for x in 20 + np.arange(0, 0.01, 1e-4)]
+            assert np.abs(np.diff(alphas, axis=0)).max() < 0.7 * 1e-4 / effective
+
+
+def test_a_hundred_thousand_faint_flakes_hide_what_they_should():
+    alone = one((64, 64), 32, 32, sigma=9.0, opacity=1e-5)
+    points, eye = np.tile((0.0, 0.0, 2.0), (100_000, 1)), Camera(FOCAL)
+    got = particles.splat((64, 64), points, 27.0 * 2.0 / FOCAL, eye, opacity=1e-5)
+    np.testing.assert_allclose(got, -np.expm1(1e5 * np.log1p(-alone)), rtol=0, atol=1e-6)
 
 
 @every("dtype", [np.float32, np.float64])

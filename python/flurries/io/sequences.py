@@ -1,7 +1,5 @@
 """Which frames, and in which files: ``1-60`` and ``frames/%04d.exr``."""
 
-from __future__ import annotations
-
 import operator
 import os
 import re

@@ -1,7 +1,5 @@
 """Deep EXR files: any number of samples in each pixel, with depths, a color and an opacity."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass

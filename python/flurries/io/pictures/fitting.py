@@ -1,7 +1,5 @@
 """Fitting a picture into a frame of another size."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, Literal, TypeAlias, get_args

@@ -224,7 +224,8 @@ def opened_picture(
     limits = given("budget", budget, Budget)
     if found.stat().st_size == 0:
         raise OSError(f"{found}: the file is empty")
-    if found.suffix.lower() == ".png" and b"IEND\xaeB`\x82" not in found.read_bytes():
+    data = found.read_bytes() if found.suffix.lower() == ".png" else b""
+    if data.startswith(b"\x89PNG") and b"IEND\xaeB`\x82" not in data:
         raise OSError(f"{found}: the picture is damaged or cut short: it lacks its end")
     with libraries_silent():
         reader = _reader_of(found, limits)

@@ -5,8 +5,6 @@ thread, and turns numbers over on the way, which takes longer. So it writes what
 itself, with one row at most, and the rows come from here.
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -26,7 +24,6 @@ LEVEL = 1
 # An entry of a TIFF's table, in the machine's order of bytes, and tags of heights and of strips.
 _ENTRY = np.dtype([("tag", "u2"), ("kind", "u2"), ("count", "u4"), ("value", "u4")])
 _HEIGHT, _PLACES, _STRIP, _LENGTHS = 257, 273, 278, 279
-
 
 _NOTHING = np.empty(0, np.uint8)
 

@@ -4,6 +4,7 @@ Rows are written in bands, so that no second copy of 16384 x 16384 px in another
 """
 
 import os
+import struct
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -71,8 +72,12 @@ def _pack(target: str, temporary: Path, parts: Sequence[Part]) -> list[Place]:
 
     pieces = [(n, top) for n, one in enumerate(specs) for top in range(0, one.height, step)]
     told = temporary.read_bytes()
-    with temporary.open("wb") as file:
-        return write(file, told, specs, each(packed, pieces))
+    try:
+        with temporary.open("wb") as file:
+            return write(file, told, specs, each(packed, pieces))
+    except (ValueError, struct.error) as error:
+        # Where a disk is full the library may write half a header, and not tell.
+        raise OSError(f"{target}: cannot be written: {error}") from error
 
 
 def _write(

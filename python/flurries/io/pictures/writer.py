@@ -1,7 +1,5 @@
 """Writing pictures: one call for every format, the colors encoded as the format wants them."""
 
-from __future__ import annotations
-
 import io
 import os
 from collections.abc import Mapping
