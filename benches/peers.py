@@ -247,8 +247,7 @@ def page(times: Times, failures: list[str], runs: int) -> str:
         f"Ours keeps sheets of far flakes: warm is after {WARM} pictures, which fill them, and"
         f" cold are the first {FIRST} pictures of a process that is forked, two such. A DataLoader"
         " here has between both: its workers begin with what this process keeps. Pictures of all"
-        " sizes and severities share sheets by what their flakes look like in pixels; one takes .1"
-        " to .6 ms to make.\n",
+        " sizes and severities share sheets by what their flakes look like in pixels.\n",
         "## Verdict\n",
         *(f"- {line}" for line in verdict(times)),
     ]

@@ -12,7 +12,8 @@ from flurries.spectral.frame import Request
 from flurries.spectral.volume import Film
 
 __all__ = [
-    "BallImages", "FlakeSheet", "InternalError", "SortedFlakes", "SortedGas", "advance_phase",
+    "BallImages", "FlakeSheet", "InternalError", "SortedFlakes", "SortedGas", "__version__",
+    "advance_phase",
     "all_within", "band_amplitude", "blend_tiles", "cone_chart", "cone_footprints",
     "cone_layer", "cone_needed", "cone_rays", "cone_shown", "cone_stack", "cone_table",
     "cone_tile", "encode_bytes", "fall", "field", "flake_choices", "flake_frame",
