@@ -182,7 +182,8 @@ cores, load {load:.1f} at the start. Times are the least of {runs} runs in turns
 ## Ratios
 1024 x 1024 float32 on one thread unless a row says otherwise, tiles of 64 px that share
 10, every tile with its own drift, outputs reused. Rows take turns, so that each finds its
-tables and its output outside the caches, the copy too; one row is made again and again.
+tables and its output outside the caches, the copy too; one row is made again and again. Scenes
+are at the first frames of a film, which read their sheets for the first time: later ones take less.
 
 {ratios}
 
