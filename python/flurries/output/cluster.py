@@ -178,22 +178,22 @@ def _client(where: Any, count: int | None) -> Iterator[Any]:
         return
     if isinstance(where, str) and where:
         try:
-            # In a thread: the caller may have a loop of its own. A client that finds nobody is long
-            # in giving up.
+            # In a thread: the caller may have a loop of its own.
             with ThreadPoolExecutor(1) as aside:
                 aside.submit(asyncio.run, _greet(where)).result()
             client = distributed.Client(where, timeout=_GREETING, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             raise OSError(f"dask: no scheduler answers at {where}") from error
-        log = logging.getLogger("distributed.client")
-        level = log.level
-        # What it has to say of a scheduler that is gone is said by an error.
-        log.setLevel(logging.CRITICAL)
+        # What Dask has to say of a scheduler that is gone is said by an error.
+        levels = {n: logging.getLogger(n).level for n in ("distributed", "distributed.client")}
         try:
+            for log in levels:
+                logging.getLogger(log).setLevel(logging.CRITICAL)
             with client:
                 yield client
         finally:
-            log.setLevel(level)
+            for log, level in levels.items():
+                logging.getLogger(log).setLevel(level)
         return
     if where is not True and where != "":
         raise TypeError(f"dask must be True, an address or a Client, got {where!r}")
@@ -207,7 +207,7 @@ def _client(where: Any, count: int | None) -> Iterator[Any]:
 
 
 async def _greet(address: str) -> None:
-    """Raise an error if nobody is there."""
+    """Raise an error if nobody is there, sooner than a client would."""
     distributed = required("distributed")
     arguments = distributed.Security().get_connection_args("client")
     comm = await distributed.comm.connect(address, timeout=_GREETING, **arguments)
