@@ -82,8 +82,7 @@ def test_everything_public_has_a_call():
 # Arrays among words, arguments that a mode does not look at, and three of which
 # `test_flakes.py`, `test_cameras.py` and `test_augment.py` have more.
 UNTRIED = {
-    "composite.join layers", "io.write_layers layers", "io.write_layer_views views",
-    "spectral.optical_depth patterns",
+    "composite.join layers", "io.write_layers layers", "spectral.optical_depth patterns",
     "camera.importers.read_colmap down", "camera.importers.load down", "augment.Fog.record image",
     # A spectrum of one's own and rings exclude each other; the other row of the function has them.
     *(f"spectral.Texture {own}" for own in ("envelope", "rate")),

@@ -35,8 +35,7 @@ PARTS = {f"effects.{name}" for name in (
 RESULTS = {
     "augment.Weathered", "augment.benchmark.Scores", "augment.corrupt.Corrupted",
     "cone.Path", "cone.Rays", "cone.State", "effects.Frame", "effects.Layer", "scene.Rendered",
-    "io.Header", "io.Picture", "io.Source", "io.layers.deep.Deep",
-    "output.write.Summary",
+    "io.Picture", "io.Source", "output.write.Summary",
 }  # fmt: skip
 
 # It takes seconds: `test_match.py` asks what its signature promises.

@@ -187,8 +187,4 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
                    {"a..b": LIGHT}, {"id": -IDS}, {"id": np.full((4, 5), 2**63, np.uint64)},
                    {"id": np.dstack([IDS] * 2)}, {"id": IDS.astype(np.int32)}),
     },
-    "io.VideoWriter": {
-        "size": ((0, 8), (8,), (8.0, 8), (8, 20_000)), "fps": (0, NAN, 1e9, "24"),
-        "quality": ("best",),
-    },
 }  # fmt: skip

@@ -7,14 +7,12 @@ import numpy as np
 
 import flurries as fl
 from flurries import augment, io
-from flurries.io.layers.deep import Deep, write_deep
 from public import Call
 from public.arrays import ASIDE, COVER, DEPTH, LENS, MATRICES, OTHER, PICTURE, POINTS, SHAPE
 
 LEVELS = (255 * PICTURE).astype(np.uint8)
 LAYER = np.dstack([0.5 * PICTURE, np.full(SHAPE, 0.5)])
 SCENE = fl.Scene("#304050", size=(32, 24), effects=[fl.effects.TentSnow(flakes=20)])
-DEEP = Deep(np.array([[1, 0], [2, 0]]), np.full((3, 6), 0.5, np.float32))
 PLATE: dict[str, Any] = {"image": PICTURE, "index": 3}
 
 
@@ -24,11 +22,6 @@ def write_files() -> None:
     io.write_layers(
         "layers.exr", {"rgba": LAYER.astype(np.float32), "depth": DEPTH.astype(np.float32)}
     )
-    eye = {"rgba": PICTURE.astype(np.float32)}
-    io.write_layer_views("views.exr", {"left": eye, "right": eye})
-    with io.VideoWriter("film.mkv", (SHAPE[1], SHAPE[0]), 24) as video:
-        video.write(LEVELS)
-    write_deep("deep.exr", DEEP)
     Path("way.csv").write_text("frame,x,y,z\n0,0,0,0\n1,0,0,1\n")
     Path("way.chan").write_text("1 0 0 0 0 0 0\n2 0 0 1 0 0 0\n")
     Path("way.usda").write_text(
@@ -108,34 +101,18 @@ CALLS: dict[str, Call] = {
     "camera.importers.read_kitti": Call({"path": "poses.txt", "camera": LENS}),
     "camera.importers.read_colmap": Call({"folder": "colmap", "shape": SHAPE}),
     "io.Budget": Call({"pixels": 2**20, "bytes": 2**24}, refused={"pixels": (0,), "bytes": (-1,)}),
-    "io.Pattern": Call({"text": "frames/%04d.png"}, words=("text", "inside"), loose=True),
-    "io.VideoWriter": Call({"path": "new.mkv", "size": (32, 24), "fps": 24}, loose=True),
     "io.fit": Call(
         {"pixels": PICTURE, "size": (20, 20), "encoding": "display"}, pictures=("pixels",),
         loose=True),
-    "io.fit_nearest": Call(
-        {"plane": DEPTH, "size": (20, 20)}, within=0.0, takes={"plane": ("bool", "NaN")}),
     "io.linear_to_srgb": Call(
         {"values": COVER}, floats=("values",), takes={"values": ("empty", "too deep", "NaN")}),
     "io.srgb_to_linear": Call(
         {"values": COVER}, floats=("values",), takes={"values": ("empty", "too deep", "NaN")}),
-    "io.frame_range": Call({"text": "1-10x2"}, loose=True),
     "io.open_background": Call({"spec": "picture.png"}, refused={"damaged": ("skip",)}, loose=True),
-    "io.open_depth": Call({"spec": "layers.exr"}),
     "io.photograph": Call({"name": "rocket", "size": (12, 9)}),
     "io.read_depth": Call({"path": "layers.exr"}),
-    "io.layers.deep.read_deep": Call({"path": "deep.exr"}),
-    "io.layers.deep.write_deep": Call(
-        {"path": "out4.exr", "deep": DEEP}, loose=True),
-    "io.read_header": Call({"path": "picture.png"}),
     "io.read_layers": Call({"path": "layers.exr"}),
     "io.read_picture": Call({"path": "picture.png"}),
-    "io.read_slate": Call({"path": "picture.png"}),
-    "io.Slate": Call({}, loose=True),
-    "io.read_video": Call({"path": "film.mkv"}, then=lambda frames: next(frames)),
-    "io.read_views": Call({"path": "views.exr"}),
-    "io.remove_leftovers": Call({"folder": "."}),
-    "io.replacing": Call({"path": "new.txt"}, loose=True),
     "io.write_picture": Call(
         {"path": "out.exr", "pixels": PICTURE, "alpha": COVER}, pictures=("pixels", "alpha"),
         light=True, then=lambda _: io.read_picture("out.exr").pixels, loose=True),
@@ -144,9 +121,6 @@ CALLS: dict[str, Call] = {
         pictures=("pixels", "alpha"),
         light=True, then=lambda _: io.read_picture("out.png").pixels, loose=True),
     "io.write_layers": Call({"path": "out2.exr", "layers": {"rgba": LAYER}}, loose=True),
-    "io.write_layer_views": Call(
-        {"path": "out4.exr", "views": {"left": {"rgba": LAYER}, "right": {"rgba": LAYER}}},
-        loose=True),
     "io.write_layers(array)": Call(
         {"rgba": LAYER}, floats=("rgba",), loose=True, takes={"rgba": ("NaN",)},
         of=lambda rgba: io.write_layers("out5.exr", {"rgba": rgba}),

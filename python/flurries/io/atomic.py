@@ -35,16 +35,7 @@ before_renaming: ContextVar[Callable[[Path], None] | None] = ContextVar("renamin
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path to write to; on success it replaces `path` in one step.
-
-    It is an empty file in the same folder, with the same extension. After any exception in the
-    block, KeyboardInterrupt included, `path` is as it was.
-
-    Parameters
-    ----------
-    path : str or path
-        The file to make or replace. Its folder is made if only the last part is missing.
-    """
+    """Yield a temporary file with the same extension, which replaces `path` on success."""
     target = checked_target(path)
     temporary = _reserve(target)
     owner, note = os.getpid(), before_renaming.get()
@@ -105,11 +96,7 @@ def checked_target(path: str | os.PathLike[str]) -> Path:
 
 
 def remove_leftovers(folder: str | os.PathLike[str]) -> list[Path]:
-    """Remove the temporary files of killed writers from a folder; return what was removed.
-
-    Of this machine those of processes that have ended; of another those an hour old. Folders inside
-    it are not searched.
-    """
+    """Remove the temporary files of killed writers from a folder; return what was removed."""
     removed = []
     for found in sorted(Path(folder).glob(f"{PREFIX}{'?' * _OWNER}*")):
         if is_left(found, owner_in(found.name)):

@@ -22,14 +22,7 @@ _OTHER_TOKENS = re.compile(r"#+|@{2,}|\$F[0-9]?(?![A-Za-z0-9])")
 
 
 def frame_range(text: str) -> list[int]:
-    """Return the frames that a text like ``1-10,20,30-40x2`` names, in its order, each once.
-
-    Parameters
-    ----------
-    text : str
-        Parts with commas between them: a frame, ``first-last`` with both ends included, or
-        ``first-lastxstep``; "9-1" runs backwards, and "-2-1" is four frames.
-    """
+    """Return the frames of "1-10,20,30-40x2", in its order, each once; "9-1" runs backwards."""
     if not isinstance(text, str):
         raise TypeError(f"frames must be a text like '1-60', got {text!r}")
     if len(text) > _LONGEST_TEXT:
@@ -76,19 +69,10 @@ def with_percent(text: str) -> str:
 
 @dataclass(frozen=True)
 class Pattern:
-    """The files of frames: a name with one frame token, ``frames/%04d.exr``, or a video.
-
-    Parameters
-    ----------
-    text : str
-        The file name holds exactly one ``%d``, ``%04d``, ``####`` or ``$F4``; folders hold none.
-        The name of a video, which ends in .mp4, .mov, .webm or .mkv, holds none either.
-    inside : str, optional
-        A folder that every frame must lie in, links resolved.
-    """
+    """The files of frames: a name with one frame token, or a video."""
 
     text: str
-    inside: str | None = None
+    inside: str | None = None  # A folder that every frame must lie in, links resolved.
 
     def __post_init__(self) -> None:
         text = os.fspath(self.text)
@@ -121,10 +105,7 @@ class Pattern:
         return self.text.lower().endswith(VIDEO_EXTENSIONS)
 
     def path(self, frame: int) -> Path:
-        """Return the file of a frame; for a video, the video.
-
-        ValueError if the file would lie outside `inside`.
-        """
+        """Return the file of a frame, which lies inside; for a video, the video."""
         number = operator.index(frame)
         path = Path(self.text if self.is_video else self.text % number)
         self._check_inside(path)

@@ -249,10 +249,7 @@ class VideoSource(Source):
 
 
 def read_video(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Iterator[Array]:
-    """Yield the frames of a video in order, each (H, W, 3): uint8, of more bits uint16.
-
-    `path`, `budget` and errors are those of `read_picture`; errors come where the damage is.
-    """
+    """Yield the frames of a video in order, each (H, W, 3): uint8, of more bits uint16."""
     with closing(VideoSource(path_text("path", path), budget=budget)) as film:
         for number in range(film.count):
             yield film._read(number).pixels
@@ -306,11 +303,7 @@ def _is_pattern(path: Path) -> bool:
 def open_depth(
     spec: str | os.PathLike[str], *, budget: Budget | None = None, overscan: bool = False
 ) -> Source:
-    """Open depth: a picture, or a numbered sequence of pictures.
-
-    `spec` is ``depth.exr`` or ``depth.%04d.exr``; pictures' pixels are those of
-    :func:`read_depth`. `budget`, `overscan` and errors are those of :func:`read_depth`.
-    """
+    """Open depth as `read_depth` has it: a picture, or a numbered sequence."""
     read = partial(_plane, read_depth, budget=budget, overscan=overscan)
     source = PictureSource("depth", spec, "stop", read, overscan=overscan, deep=True)
     require_depth(source.file(0), budget)

@@ -65,36 +65,7 @@ class Plan:
 
 
 class VideoWriter:
-    """Writes a video frame by frame; a context manager.
-
-    .mp4 and .mov hold H.264, .webm holds VP9, both with colors at half resolution (yuv420p,
-    BT.709) and even sides, to which an odd picture's last column or row is repeated; .mkv holds
-    FFV1, which loses nothing. The file appears when the block is left without an exception. The
-    same frames make the same bytes with the same number of threads (`flurries.settings`), with all
-    numbers up to 4, and in the reproducible mode with any.
-
-    Parameters
-    ----------
-    path : str or path
-        Ends in .mp4, .mov, .webm or .mkv.
-    size : (int, int)
-        (width, height) of every frame.
-    fps : float or Fraction
-        Above 0, at most 1000. 23.976, 29.97 and 59.94 mean 24000/1001 and so on.
-    quality : {"high", "medium", "draft"}
-    sound : flurries.io.films.sound.Sound, optional
-        A part of another film's sound; copied where the new file can hold it, else encoded.
-    comment : str
-        For the file's header.
-    codec : str, optional
-        "h264", "h265", "vp9", "ffv1", "prores-hq", "prores-4444" or "dnxhr", not the usual one.
-    bits : int, optional
-        Of a color: 8, or where the codec has them 10 or 16.
-    alpha : bool
-        Whether frames have it, straight; "prores-4444" alone holds it.
-    tags : Tags, optional
-        Colors, pixel aspect and time code; sRGB display values in square pixels if not given.
-    """
+    """Writes a video frame by frame; it appears where the block is left without an exception."""
 
     def __init__(
         self, path: str | os.PathLike[str], size: tuple[int, int], fps: float | Fraction, *,

@@ -18,8 +18,6 @@ from flurries.io.pictures.parts import output_of, unwritten
 from flurries.io.pictures.reader import samples_of
 from flurries.io.pictures.slate import Slate, checked_metadata
 
-__all__ = ["Deep", "read_deep", "write_deep"]
-
 CHANNELS = ("R", "G", "B", "A", "Z", "ZBack")
 
 # Rows that are handed over together.
@@ -28,18 +26,10 @@ _ROWS = 16
 
 @dataclass(frozen=True, eq=False)
 class Deep:
-    """The samples of a deep picture.
+    """The samples of a deep picture."""
 
-    Attributes
-    ----------
-    counts : (H, W) int array
-        Samples of each pixel.
-    values : (N, 6) float32 array
-        Pixel after pixel, row after row, nearest sample first: red, green, blue, opacity, and the
-        depths where the sample begins and ends. Colors are linear light multiplied by the opacity.
-    """
-
-    counts: Array
+    counts: Array  # (H, W): samples of each pixel.
+    # (N, 6): CHANNELS, pixel after pixel, nearest sample first; colors are light times opacity.
     values: Array
 
     def __post_init__(self) -> None:
@@ -57,20 +47,7 @@ def write_deep(
     path: str | os.PathLike[str], deep: Deep, *, half: bool = True,
     metadata: Mapping[str, object] | None = None, slate: Slate | None = None,
 ) -> None:  # fmt: skip
-    """Write samples into a deep EXR with the channels R, G, B, A, Z and ZBack.
-
-    OpenImageIO takes samples one number at a time: large pictures take long.
-
-    Parameters
-    ----------
-    path : str or path
-        Ends in .exr.
-    deep : Deep
-    half : bool
-        Store colors and opacities as half, 16 bits; depths always have 32.
-    metadata, slate
-        As :func:`flurries.io.write_picture`, errors too.
-    """
+    """Write samples into a deep EXR; large pictures take long, number by number."""
     require_exr(path, "deep samples")
     if not isinstance(deep, Deep):
         raise TypeError(f"deep must be a Deep, got {deep!r:.80}")
@@ -101,10 +78,7 @@ def write_deep(
 
 
 def read_deep(path: str | os.PathLike[str]) -> Deep:
-    """Return the samples of a deep EXR, the inverse of `write_deep`.
-
-    OSError or ValueError if the file cannot be read, or is none with these channels.
-    """
+    """Return the samples of a deep EXR, the inverse of `write_deep`."""
     with opened_picture(path, deep=True) as opened:
         names = opened.specification.channelnames
         if not opened.specification.deep or not set(CHANNELS) <= set(names):

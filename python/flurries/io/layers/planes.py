@@ -68,18 +68,7 @@ def write_layer_views(
     path: str | os.PathLike[str], views: Mapping[str, Mapping[str, npt.ArrayLike]], *,
     half: bool = True, metadata: Mapping[str, object] | None = None, slate: Slate | None = None,
 ) -> None:  # fmt: skip
-    """Write one EXR with several views; atomic and verified as `write_picture`.
-
-    Parameters
-    ----------
-    path : str or path
-        Ends in .exr.
-    views : mapping of str to mapping
-        The layers of each view, usually of "left" and "right". Each becomes a part of the file
-        that is called as the view and says so in its header.
-    half, metadata, slate
-        As `write_layers`; in the header of each part.
-    """
+    """Write an EXR with a part for each view, usually "left" and "right", of layers each."""
     require_exr(path, "views")
     if not mapping("views", views):
         raise ValueError("views must name at least one view, got none")
@@ -136,11 +125,7 @@ def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -
 def read_views(
     path: str | os.PathLike[str], *, budget: Budget | None = None
 ) -> tuple[Array, Array]:
-    """Read (left, right) of an EXR: two parts, or one with two views in it.
-
-    Each eye is (H, W, 3 or 4) float32, linear light. `path`, `budget` and errors are those of
-    `read_picture`; ValueError also if the file does not hold two views.
-    """
+    """Read (left, right), (H, W, 3 or 4), of an EXR: two parts, or one with two views in it."""
     with opened_picture(path, budget) as opened:
         parts = opened.parts
         names = [part.get_string_attribute("view") for part in parts]

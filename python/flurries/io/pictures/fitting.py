@@ -60,16 +60,7 @@ def fit(
 
 
 def fit_nearest(plane: npt.ArrayLike, size: Sequence[int]) -> Array:
-    """Scale data to cover a frame as `fit` does a picture, without making values in between.
-
-    Parameters
-    ----------
-    plane : (h, w) array
-        Numbers of which no mean may be taken, such as depths. A pixel of the frame gets the value
-        of the pixel that its centre falls into.
-    size : (int, int)
-        (width, height) in px.
-    """
+    """Scale data (h, w) to cover a frame as `fit` does, without values in between: by centres."""
     width, height = checked_size(size)
     array = rectangular("plane", plane)
     if array.dtype.kind not in "biuf":

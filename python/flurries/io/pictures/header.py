@@ -35,38 +35,17 @@ RATES = ("framesPerSecond", "FramesPerSecond")
 
 @dataclass(frozen=True)
 class Header:
-    """The header of a picture.
-
-    Attributes
-    ----------
-    path : str
-    size : tuple of int
-        (width, height) in px as the user sees it: display window, orientation applied.
-    channels : tuple of str
-        The names of all channels, in file order.
-    encoding : str
-        ``"linear"`` for float pixels, ``"display"`` for integers.
-    display : (left, top, width, height) or None
-        Where the display window lies in what `size` says, px; None where it is all of it.
-    aspect : float
-        Width of a pixel over its height.
-    rate : Fraction or None
-        Frames per second, if the header has them.
-    moves : bool
-        Whether it holds several pictures to be shown after each other, as GIF and WebP may.
-    curve : str
-        What a DPX says of its numbers: "Logarithmic", "Linear" and so on; empty of other formats.
-    """
+    """What a picture says of itself."""
 
     path: str
-    size: tuple[int, int]
-    channels: tuple[str, ...]
+    size: tuple[int, int]  # (width, height) as the user sees it: display window, turned upright.
+    channels: tuple[str, ...]  # All of them, in the file's order.
     encoding: Encoding
-    display: Window | None = None
-    aspect: float = 1.0
-    rate: Fraction | None = None
-    moves: bool = False
-    curve: str = ""
+    display: Window | None = None  # The display window's place in that; None where it is all of it.
+    aspect: float = 1.0  # Width of a pixel over its height.
+    rate: Fraction | None = None  # Frames per second.
+    moves: bool = False  # Whether it holds pictures to be shown after each other, as GIF may.
+    curve: str = ""  # What a DPX says of its numbers: "Logarithmic", "Linear" and so on.
 
 
 @dataclass(frozen=True)
@@ -190,16 +169,7 @@ class Opened:
 def read_header(
     path: str | os.PathLike[str], *, overscan: bool = False, deep: bool = False
 ) -> Header:
-    """Read what a picture says about itself, without decoding its pixels.
-
-    Parameters
-    ----------
-    path : str or path
-    overscan : bool
-        Whether the size is that of all that is stored, not of the display window alone.
-    deep : bool
-        Whether it may be deep, with many samples in a pixel.
-    """
+    """Read what a picture says about itself, without decoding its pixels."""
     with opened_picture(path, overscan=overscan, deep=deep) as opened:
         spec, reader = opened.specification, opened.reader
         said = spec.get_float_attribute("PixelAspectRatio", 1.0)

@@ -53,38 +53,18 @@ _VIDEO = ("dpx:Transfer", "dpx:Colorimetric")
 
 @dataclass(frozen=True)
 class Slate:
-    """The header of a plate, to be handed on to frames.
+    """The header of a plate, to be handed on to frames."""
 
-    Attributes
-    ----------
-    attributes : tuple of (name, type, value)
-        As OpenImageIO calls them.
-    encoding : {"display", "linear"}
-        Encoding of the plate's numbers.
-    origin : (x, y)
-        Where its first pixel lies, px.
-    display : (x, y, width, height) or None
-        Its display window; None where that is all of the picture.
-    rate : Fraction or None
-        Frames per second, if the header has them.
-    bits : int or None
-        Bits of a color, if the plate's header has them.
-    colored : bool
-        Whether colors are in the plate's own space still.
-    crop : (rows, columns) or None
-        The pixels that the plate has of a picture that is larger, as slices.
-    video : (str, str)
-        What a DPX calls the curve of the numbers and their primaries, where the plate does not.
-    """
-
-    attributes: tuple[tuple[str, str, Any], ...] = ()
-    encoding: Encoding = "display"
-    origin: tuple[int, int] = (0, 0)
-    display: Window | None = None
-    rate: Fraction | None = None
-    bits: int | None = None
-    colored: bool = True
+    attributes: tuple[tuple[str, str, Any], ...] = ()  # Names, OpenImageIO's types, values.
+    encoding: Encoding = "display"  # Of the plate's numbers.
+    origin: tuple[int, int] = (0, 0)  # (x, y) of its first pixel.
+    display: Window | None = None  # Its display window; None where that is all of the picture.
+    rate: Fraction | None = None  # Frames per second.
+    bits: int | None = None  # Of a color.
+    colored: bool = True  # Whether colors are in the plate's own space still.
+    # The rows and columns that the plate has of a picture that is larger.
     crop: tuple[slice, slice] | None = None
+    # What a DPX calls the curve of the numbers and their primaries, where the plate does not.
     video: tuple[str, str] = ("Unspecified video", "ITU-R 709-4")
 
     def value(self, name: str) -> Any:
@@ -157,10 +137,7 @@ class Slate:
 
 
 def read_slate(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Slate:
-    """Read what a picture says of itself; windows are those of a picture with its overscan.
-
-    `path`, `budget` and errors are those of `read_picture`.
-    """
+    """Read what a picture says; windows are those of a picture with its overscan."""
     with opened_picture(path, budget, overscan=True) as opened:
         spec, found = opened.specification, []
         for one in spec.extra_attribs:

@@ -100,8 +100,8 @@ def write_picture(
     metadata : mapping of str to str, int or float, optional
         Goes into the header under ``flurries:``; HDR holds none. ``DateTime``, as
         ``2000:01:01 00:00:00``, replaces that fixed moment.
-    slate : Slate, optional
-        What the plate that it was made of says of itself, see :func:`read_slate`.
+    slate : flurries.io.pictures.slate.Slate, optional
+        What the plate that it was made of says of itself.
     """
     form = format_of(path)
     strings, said = checked_metadata(metadata), given("slate", slate, Slate)
