@@ -315,7 +315,7 @@ def test_motion_of_kitti_is_read(tmp_path: Path):
 @pytest.mark.parametrize("orientation", range(1, 9))
 def test_vectors_are_turned_with_their_picture(orientation: int):
     """A step along the vector as stored goes as far, as seen, as the vector said."""
-    stored = Stored(None, orientation, False, None, None)  # type: ignore[arg-type]
+    stored = Stored(None, orientation, False, None)  # type: ignore[arg-type]
     rows, columns = np.mgrid[:H, :W]
     seen = stored.turned(np.stack([columns, rows], axis=-1))
     across, down = stored.turned(np.full((H, W, 2), (3, 2)), vectors=True)[0, 0]

@@ -39,17 +39,15 @@ def cloud(turn: np.ndarray, place: np.ndarray, forward: float) -> np.ndarray:
     return local @ turn.T + place
 
 
-@pytest.mark.parametrize("order", ["ZXY", "XYZ", "YZX"])
 @pytest.mark.parametrize("start", [1, 1001])
-def test_chan(order: str, start: int, tmp_path: Path):
+def test_chan(start: int, tmp_path: Path):
     fov = np.linspace(30.0, 50.0, FRAMES)
     rows = np.c_[start + np.arange(FRAMES), PLACES, ANGLES, fov]
     np.savetxt(tmp_path / "a.chan", rows, fmt="%.12g", header="a comment")
-    path = cameras.read_chan(tmp_path / "a.chan", (H, W), order=order, scale=0.5)
+    path = cameras.read_chan(tmp_path / "a.chan", (H, W), scale=0.5)
     for t in range(FRAMES):
-        # Nuke: columns, y up, looking along -z; the first letter turns first.
-        angles = [ANGLES[t]["XYZ".index(axis)] for axis in order]
-        turn = Rotation.from_euler(order.lower(), angles, degrees=True).as_matrix()
+        # Nuke: columns, y up, looking along -z; it turns about z first, then x, then y.
+        turn = Rotation.from_euler("zxy", ANGLES[t][[2, 0, 1]], degrees=True).as_matrix()
         points = cloud(turn, PLACES[t], -1.0)
         local = (points - PLACES[t]) @ turn
         focal = 0.5 * H / np.tan(np.radians(fov[t] / 2))
@@ -57,9 +55,6 @@ def test_chan(order: str, start: int, tmp_path: Path):
                      H / 2 - focal * local[:, 1] / -local[:, 2]]  # fmt: skip
         got, depth = seen(path, float(start + t), 0.5 * points * FLIP)
         assert np.abs(got - want).max() < 1e-6 and np.abs(depth + 0.5 * local[:, 2]).max() < 1e-9
-    other = cameras.read_chan(tmp_path / "a.chan", (H, W), order="YXZ")
-    third = start + 3.0
-    assert np.abs(other.turn(third) - path.turn(third)).max() > 1e-3, "the order matters"
     assert path.extent == (start, start + FRAMES - 1)
 
 
@@ -68,13 +63,11 @@ def test_chan_with_gaps_and_a_lens_of_its_own(tmp_path: Path):
     np.savetxt(tmp_path / "a.chan", np.c_[frames, PLACES, ANGLES])
     lens = fl.Camera(200.0, center=(70.0, 40.0))
     path = cameras.read_chan(tmp_path / "a.chan", (H, W), camera=lens)
-    kept = cameras.read_chan(tmp_path / "a.chan", (H, W), camera=lens, start=0)
     for frame, place, angles in zip(frames, PLACES, ANGLES, strict=True):
         turn = Rotation.from_euler("zxy", angles[[2, 0, 1]], degrees=True).as_matrix()
         want = FLIP[:, None] * turn * FLIP
-        for way, t in ((path, float(frame)), (kept, frame - 10.0)):
-            assert np.abs(way.place(t, fps=24.0) - place * FLIP).max() < 1e-12
-            assert np.abs(way.turn(t) - want).max() < 1e-9
+        assert np.abs(path.place(float(frame), fps=24.0) - place * FLIP).max() < 1e-12
+        assert np.abs(path.turn(float(frame)) - want).max() < 1e-9
     assert path.camera == lens and not path.zooms
 
 

@@ -13,7 +13,7 @@ import flurries as fl
 from flurries import io
 from flurries.cli.main import main
 from flurries.io.layers.cryptomatte import hash_of
-from flurries.io.layers.deep import Deep, read_deep, write_deep
+from flurries.io.layers.planes import Deep, read_deep, write_deep
 from flurries.scene import content
 from measure import cover
 from stills import write_exr

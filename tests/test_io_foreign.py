@@ -11,7 +11,7 @@ from PIL import Image, ImageOps
 
 from flurries import io
 from flurries.io import read_header, read_layers, read_picture, srgb_to_linear, write_picture
-from flurries.io.layers.deep import Deep, write_deep
+from flurries.io.layers.planes import Deep, write_deep
 from flurries.io.pictures.reader import luminance
 from stills import assert_reads_as, levels, noise, png_chunk, write_exr
 

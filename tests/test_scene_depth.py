@@ -11,7 +11,7 @@ import pytest
 import flurries as fl
 from flurries.frame.edges import edges_of
 from flurries.io import fit, fit_nearest, write_layers, write_picture
-from flurries.io.layers.deep import Deep, write_deep
+from flurries.io.layers.planes import Deep, write_deep
 
 W, H = 60, 40
 RNG = np.random.default_rng(31)

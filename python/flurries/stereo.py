@@ -115,9 +115,8 @@ def anaglyph(
 
 
 def side_by_side(
-    left: npt.ArrayLike, right: npt.ArrayLike, *, cross: bool = False, squeeze: bool = False,
-    out: Array | None = None,
-) -> Array:  # fmt: skip
+    left: npt.ArrayLike, right: npt.ArrayLike, *, cross: bool = False, out: Array | None = None
+) -> Array:
     """Return both pictures next to each other, (H, 2 W, ...), in their dtype.
 
     Parameters
@@ -126,44 +125,24 @@ def side_by_side(
         Pictures of the two eyes: uint8, uint16 or float, both of one shape and dtype.
     cross : bool
         Whether the right eye's picture comes first, for crossed eyes.
-    squeeze : bool
-        Halve both widths, as frame-packed video wants it, by means of pairs; W must be even.
     """
-    return _packed(left, right, 1, flag("cross", cross), flag("squeeze", squeeze), out)
+    pair = _pair(left, right, None)
+    return _packed(pair[::-1] if flag("cross", cross) else pair, 1, out)
 
 
-def over_under(
-    left: npt.ArrayLike, right: npt.ArrayLike, *, squeeze: bool = False, out: Array | None = None
-) -> Array:
+def over_under(left: npt.ArrayLike, right: npt.ArrayLike, *, out: Array | None = None) -> Array:
     """Return both pictures on top of each other, the left eye's above, (2 H, W, ...).
 
-    Arguments are those of :func:`side_by_side`; `squeeze` halves the heights.
+    Arguments are those of :func:`side_by_side`.
     """
-    return _packed(left, right, 0, False, flag("squeeze", squeeze), out)
+    return _packed(_pair(left, right, None), 0, out)
 
 
-def _packed(
-    left: npt.ArrayLike, right: npt.ArrayLike, axis: int, cross: bool, squeeze: bool, out: Any
-) -> Array:
-    pair = _pair(left, right, None)
-    if squeeze:
-        length = pair[0].shape[axis]
-        if length % 2:
-            raise ValueError(
-                f"left must have an even {'width' if axis else 'height'}, got {length}"
-            )
-        pair = (_halved(pair[0], axis), _halved(pair[1], axis))
+def _packed(pair: tuple[Array, Array], axis: int, out: Any) -> Array:
     shape = list(pair[0].shape)
     shape[axis] *= 2
     result = output(out, tuple(shape), pair[0].dtype, *pair)
-    return np.concatenate(pair[::-1] if cross else pair, axis=axis, out=result)
-
-
-def _halved(picture: Array, axis: int) -> Array:
-    even, odd = (picture[(slice(None),) * axis + (slice(start, None, 2),)] for start in (0, 1))
-    if picture.dtype.kind == "f":
-        return np.asarray(0.5 * even + 0.5 * odd, picture.dtype)
-    return np.asarray((even.astype(np.uint32) + odd + 1) // 2, picture.dtype)
+    return np.concatenate(pair, axis=axis, out=result)
 
 
 def _pair(

@@ -19,7 +19,7 @@ import flurries as fl
 import flurries.camera.importers
 from flurries import io
 from flurries.io.films.reader import Tags
-from flurries.io.layers.deep import CHANNELS, read_deep
+from flurries.io.layers.planes import CHANNELS, read_deep
 from flurries.io.timecode import TimeCode
 from stills import write_exr
 

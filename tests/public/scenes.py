@@ -7,12 +7,14 @@ import numpy as np
 
 import flurries as fl
 from flurries import augment, io
+from flurries.io.layers.planes import Deep, write_deep
 from public import Call
 from public.arrays import ASIDE, COVER, DEPTH, LENS, MATRICES, OTHER, PICTURE, POINTS, SHAPE
 
 LEVELS = (255 * PICTURE).astype(np.uint8)
 LAYER = np.dstack([0.5 * PICTURE, np.full(SHAPE, 0.5)])
 SCENE = fl.Scene("#304050", size=(32, 24), effects=[fl.effects.TentSnow(flakes=20)])
+DEEP = Deep(np.array([[1, 0], [2, 0]]), np.full((3, 6), 0.5, np.float32))
 PLATE: dict[str, Any] = {"image": PICTURE, "index": 3}
 
 
@@ -22,6 +24,7 @@ def write_files() -> None:
     io.write_layers(
         "layers.exr", {"rgba": LAYER.astype(np.float32), "depth": DEPTH.astype(np.float32)}
     )
+    write_deep("deep.exr", DEEP)
     Path("way.csv").write_text("frame,x,y,z\n0,0,0,0\n1,0,0,1\n")
     Path("way.chan").write_text("1 0 0 0 0 0 0\n2 0 0 1 0 0 0\n")
     Path("way.usda").write_text(
@@ -110,6 +113,7 @@ CALLS: dict[str, Call] = {
         {"values": COVER}, floats=("values",), takes={"values": ("empty", "too deep", "NaN")}),
     "io.open_background": Call({"spec": "picture.png"}, refused={"damaged": ("skip",)}, loose=True),
     "io.photograph": Call({"name": "rocket", "size": (12, 9)}),
+    "io.read_deep": Call({"path": "deep.exr"}),
     "io.read_depth": Call({"path": "layers.exr"}),
     "io.read_layers": Call({"path": "layers.exr"}),
     "io.read_picture": Call({"path": "picture.png"}),

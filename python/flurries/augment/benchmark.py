@@ -157,10 +157,6 @@ def score(
         For "accuracy" a file of the set with a picture's path and its class in each row; else
         classes are folders. For "mAP" the file of annotations, if there are several. For "EPE" a
         text in a picture's path, and what stands there in that of its flow: "image_2:flow_occ".
-
-    Returns
-    -------
-    Scores
     """
     target, given = Path(benchmark), predictions if callable(predictions) else Path(predictions)
     _hashes(target / NAME)

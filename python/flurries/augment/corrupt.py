@@ -7,14 +7,14 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from flurries._contract import choice, flag, integer, mapping, rate_of, real, seed_of
-from flurries.augment.calibration import PROFILES, Profile
+from flurries.augment.calibration import Profile
 from flurries.augment.layouts import LAYOUTS, Layout, Member, files_of, layout_of, members_of
 from flurries.augment.published import Shards, write_card
 from flurries.augment.sets import ALWAYS, COPY, NEEDS, TRUTH, WEATHERS, Part, Pictures, weather_of
@@ -120,10 +120,6 @@ def corrupt(
         Make nothing; say what would be made.
     progress : callable, optional
         Wraps the tasks, as tqdm does.
-
-    Returns
-    -------
-    Corrupted
     """
     source, target = Path(folder), Path(out)
     if not source.is_dir():
@@ -133,9 +129,9 @@ def corrupt(
     kinds = tuple(choice("weather", kind, tuple(WEATHERS)) for kind in _several(weather))
     planes = tuple(choice("truth", plane, tuple(TRUTH)) for plane in _several(truth))
     levels = _levels(severity)
-    choice("profile", profile, PROFILES)
+    more = {name: value for name, value in (("shade", shade), ("drops", drops)) if value}
     strengths = {
-        f"{kind} {n}": str(weather_of(kind, n, profile).strength()[0])
+        f"{kind} {n}": str(weather_of(kind, n, profile, **more).strength()[0])
         for kind in kinds for n in levels
     }  # fmt: skip
     start, again, dry = seed_of(seed), flag("overwrite", overwrite), flag("dry_run", dry_run)
@@ -146,15 +142,15 @@ def corrupt(
     files = files_of(source, _several(include), _several(exclude), skipped)
     told = layout_of(files) if layout is None else choice("layout", layout, tuple(LAYOUTS))
     by = LAYOUTS[told]
-    rate = by.fps if fps is None else rate_of(fps)
-    lens = by.lens[0] if focal is None else real("focal", focal, low=0.05, high=1e3)
-    apart = by.lens[1] if distance is None else real("distance", distance, low=0.0, high=1e3)
+    by = replace(
+        by, fps=rate_of(by.fps if fps is None else fps),
+        focal=real("focal", by.focal if focal is None else focal, low=0.05, high=1e3),
+        distance=real("distance", by.distance if distance is None else distance, low=0.0, high=1e3),
+    )  # fmt: skip
     unit = real("depth_unit", depth_unit, above=0.0)
     many = integer("shards", shards, low=0, high=10**9)
-    more = {name: value for name, value in (("shade", shade), ("drops", drops)) if value}
-    weather_of("snow", 1, profile, **more)
     swaps = _swaps(depths, labels, by, planes)
-    pictures, others = members_of(source, files, by, fps=rate, films=films, pairs=pairs)
+    pictures, others = members_of(source, files, by, films, pairs)
     if not pictures:
         raise ValueError(f"{source}: no pictures")
     if planes or many:
@@ -187,8 +183,8 @@ def corrupt(
     job = Pictures(
         folder=target.absolute(), source=source.absolute(),
         known={one.name: one for one in pictures}, parts=parts, seed=start, profile=profile,
-        overwrite=again, planes=planes, fps=rate, focal=lens, distance=apart, swaps=swaps,
-        boxes=boxes, unit=unit, more=more,
+        overwrite=again, planes=planes, layout=by, swaps=swaps, boxes=boxes, unit=unit, more=more,
+        strengths=strengths,
     )  # fmt: skip
     # All of them now: a worker may have a folder to itself no more than another.
     _make_folders(target / part.path for part in parts)

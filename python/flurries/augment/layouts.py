@@ -32,7 +32,8 @@ class Layout:
     films: tuple[str, ...] = (r"(.*/)?frame[-_]?(?P<t>\d+)\.\w+",)
     eyes: tuple[tuple[str, str], ...] = (("/left/", "/right/"),)  # Texts in names of a pair.
     fps: float = 30.0
-    lens: tuple[float, float] = (1.2, 0.12)  # Widths of the picture; metres between the eyes.
+    focal: float = 1.2  # Widths of the picture.
+    distance: float = 0.12  # Between the eyes, metres.
     # Texts in the names of a picture and of its label; and tables of boxes of COCO's kind.
     labels: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     boxes: str = ""
@@ -46,8 +47,7 @@ LAYOUTS = {
         r"(.*/)?(left|right)Img8bit(_sequence)?/.*",
         (r"(?:.*/)?leftImg8bit(?:_sequence)?/(.*_)(?P<t>\d+)_leftImg8bit\.\w+",),
         (("leftImg8bit", "rightImg8bit"),),
-        17.0,
-        (1.105, 0.209),
+        *(17.0, 1.105, 0.209),
         {"masks": ("leftImg8bit", "gtFine")},
     ),
     "coco": Layout(
@@ -64,8 +64,7 @@ LAYOUTS = {
             rf"(.*/sequences/\d+/|sequences/\d+/){_KITTI}/(?P<t>\d+)\.\w+",
         ),
         tuple((f"/image_{k}{a}/", f"/image_{k}{b}/") for k in ("", "0") for a, b in ("23", "01")),
-        10.0,
-        (0.58, 0.54),
+        *(10.0, 0.58, 0.54),
         {
             "boxes": ("image_2", "label_2"),
             "masks": ("image_2", "instance"),
@@ -77,8 +76,7 @@ LAYOUTS = {
         r"(.*/)?(samples|sweeps)/CAM_\w+/.*",
         (r"(?:.*/)?(?:samples|sweeps)/(CAM_\w+)/(.*__)CAM_\w+__(?P<t>\d+)\.\w+",),
         (),
-        12.0,
-        (0.79, 0.12),
+        *(12.0, 0.79),
     ),
     "voc": Layout(
         (r"(.*/)?JPEGImages/.*", r"(.*/)?Annotations/.*\.xml"),
@@ -150,9 +148,8 @@ def files_of(
 
 
 def members_of(
-    folder: Path, files: Sequence[str], layout: Layout, *, fps: float, films: bool | None,
-    pairs: bool | None,
-) -> tuple[list[Member], dict[str, str]]:  # fmt: skip
+    folder: Path, files: Sequence[str], layout: Layout, films: bool | None, pairs: bool | None
+) -> tuple[list[Member], dict[str, str]]:
     """Return the pictures of a set in the order of their weathers, and why others are copied."""
     others: dict[str, str] = {}
     pictures: dict[str, str] = {}
@@ -175,7 +172,7 @@ def members_of(
                 groups[match.re.groupindex["t"] - 1] = "*"
                 weather = "".join(groups)
                 number = int(match["t"])
-                time = number / fps if number < _EPOCH else (number - _EPOCH) / 1e6
+                time = number / layout.fps if number < _EPOCH else (number - _EPOCH) / 1e6
                 break
         found.append(Member(name, weather, time, pair))
     found.sort(key=lambda one: (one.weather, one.time or 0.0, one.name))

@@ -4,6 +4,7 @@ The rest of the weather is off unless asked for: dimmer light, wet ground, drops
 """
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -35,18 +36,8 @@ _STREAM = 7006
 _LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
-def picture_of(name: str, value: object) -> Array:
-    """Return one picture (H, W) or (H, W, 1 or 3) as it came, checked."""
-    return _shaped(name, value, 0)
-
-
-def stack_of(name: str, value: object) -> Array:
-    """Return pictures (N, H, W) or (N, H, W, 1 or 3) as they came, checked."""
-    return _shaped(name, value, 1)
-
-
 def _shaped(name: str, value: object, first: int) -> Array:
-    """Return pictures whose height is the dimension `first`."""
+    """Return pictures (..., H, W) or (..., H, W, 1 or 3) as they came; H is dimension `first`."""
     given = rectangular(name, value)
     if given.dtype.type not in _TYPES:
         raise TypeError(f"{name} must be {', '.join(DTYPES[:-1])} or {DTYPES[-1]}, got "
@@ -65,6 +56,9 @@ def _shaped(name: str, value: object, first: int) -> Array:
         f"{name} must have shape ({n}H, W), ({n}H, W, 1) or ({n}H, W, 3), got {given.shape}"
         + "; channels come last" * three
     )
+
+
+picture_of, stack_of = partial(_shaped, first=0), partial(_shaped, first=1)
 
 
 def _mixed(given: Array, alpha: Array, color: tuple[float, ...], white: float) -> Array:

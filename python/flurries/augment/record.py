@@ -78,10 +78,7 @@ class Recorded:
     def strength(self) -> tuple[Strength, Strength]:
         """Return how strong the weakest and the strongest weather are that are drawn.
 
-        Returns
-        -------
-        two flurries.Strength
-            Before a sky; of the hard profile with the depths of a picture of 512 px.
+        Before a sky; of the hard profile with the depths of a picture of 512 px.
         """
         ends = self.severity and [level / SEVERITIES for level in self.severity]  # type: ignore[union-attr]
         low, high = ends or self.amount or DEFAULT_AMOUNT  # type: ignore[misc]
@@ -94,7 +91,7 @@ class Recorded:
         return f"{type(self).__name__}({values})  # {said}"
 
     def record(self, image: npt.ArrayLike | None = None, *, index: int | None = None) -> Any:
-        """Return the draws of a call, as plain numbers and words.
+        """Return the draws of a call as plain numbers and words, for `replay`; holds in JSON.
 
         Parameters
         ----------
@@ -102,11 +99,6 @@ class Recorded:
             Needed where the index comes from the picture itself.
         index : int, optional
             As for a call.
-
-        Returns
-        -------
-        dict
-            For :func:`flurries.augment.replay`; holds in JSON.
         """
         if index is None and self.seed is None and self.weather_seed is None:
             raise ValueError("index must be given: without it and a seed each call draws anew")

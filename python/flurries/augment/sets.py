@@ -15,7 +15,7 @@ import numpy as np
 from flurries import augment, io
 from flurries._contract import Array
 from flurries.augment.calibration import Profile
-from flurries.augment.layouts import Member, kept_name
+from flurries.augment.layouts import Layout, Member, kept_name
 from flurries.augment.weather import Weather
 from flurries.io.annotations import ENDINGS, read_label
 from flurries.io.pictures.header import opened_picture, upright
@@ -85,7 +85,6 @@ class Stored(NamedTuple):
     orientation: int
     grey: bool
     slate: io.Slate
-    cover: Array | None  # The alpha that the colors are premultiplied with.
 
     @classmethod
     def of(cls, path: Path) -> Stored:
@@ -95,9 +94,13 @@ class Stored(NamedTuple):
         turned = () if orientation == 1 else (("Orientation", "int", orientation),)
         slate = replace(said, attributes=said.attributes + turned, origin=(0, 0), display=None,
                         crop=None)  # fmt: skip
-        alpha = picture.alpha if picture.premultiplied else None
-        cover = None if alpha is None else alpha[..., None].astype(picture.pixels.dtype)
-        return cls(picture, orientation, grey, slate, cover)
+        return cls(picture, orientation, grey, slate)
+
+    @property
+    def cover(self) -> Any:
+        """The alpha that the colors are premultiplied with."""
+        alpha = self.picture.alpha if self.picture.premultiplied else None
+        return None if alpha is None else alpha[..., None].astype(self.picture.pixels.dtype)
 
     @property
     def display(self) -> Any:
@@ -145,14 +148,13 @@ class Pictures(Job):
     profile: Profile
     overwrite: bool
     planes: tuple[str, ...]  # Of truth, that are wanted.
-    fps: float
-    focal: float  # Widths of the picture.
-    distance: float  # Of both eyes, metres.
+    layout: Layout
     # Of each label a text in a picture's path, and what stands there in the label's.
     swaps: Mapping[str, tuple[str, str]]
     boxes: Mapping[str, list[list[float]]] | None  # Of pictures by their names, as COCO has them.
     unit: float  # Of depths, metres.
     more: Mapping[str, float]  # Of the weathers, where it is not as usual.
+    strengths: Mapping[str, str]  # Of each weather and severity.
     tolerant: bool = True
     hashes: Hashes = field(default_factory=Hashes)
     # The pictures made last, as read and in weather, and what they are.
@@ -167,7 +169,8 @@ class Pictures(Job):
             return Mark(COPY, 0, self.hashes[self.source / part.name])
         scale = "" if self.profile == "natural" else f"-{self.profile}"
         camera = "".join(f"{name} {value:g} " for name, value in self.more.items())
-        camera += f"{self.fps:g} {self.focal:g} {self.distance:g} {self.unit:g}"
+        by = self.layout
+        camera += f"{by.fps:g} {by.focal:g} {by.distance:g} {self.unit:g}"
         scene = f"{part.kind}-{part.level}-{self.seed}{scale}-{part.plane} {camera}"
         return Mark(scene, self._number(part), self._content(part))
 
@@ -220,7 +223,7 @@ class Pictures(Job):
             return notes
         notes |= {"plane": part.plane} if part.plane else {}
         notes |= {"weather": part.kind, "severity": part.level, "record": self._record(part)}
-        notes["strength"] = str(weather_of(part.kind, part.level, self.profile).strength()[0])
+        notes["strength"] = self.strengths[f"{part.kind} {part.level}"]
         if not part.plane:
             # Of the pixels, whatever encodes them.
             image = made[2].image
@@ -242,8 +245,8 @@ class Pictures(Job):
         if len(views) == 1:
             (pictures,), given = pictures, {kind: label for kind, (label,) in given.items()}
         seen = augment.replay(self._record(part)).apply(
-            pictures, time=self.known[part.name].time, fps=self.fps, distance=self.distance,
-            motion=not _SLOW.isdisjoint(self.planes), **given,
+            pictures, time=self.known[part.name].time, fps=self.layout.fps,
+            distance=self.layout.distance, motion=not _SLOW.isdisjoint(self.planes), **given,
         )  # fmt: skip
         each = seen if len(views) > 1 else (seen,)
         return {view: (one, made) for view, one, made in zip(views, read, each, strict=True)}
@@ -286,7 +289,7 @@ class Pictures(Job):
         return hashlib.sha256("".join([first, *more]).encode()).hexdigest() if more else first
 
     def _record(self, part: Part) -> dict[str, Any]:
-        how = {"seed": self.seed, "focal": self.focal, **self.more}
+        how = {"seed": self.seed, "focal": self.layout.focal, **self.more}
         weather = weather_of(part.kind, part.level, self.profile, **how)
         return dict(weather.record(index=self._number(part)))
 

@@ -283,25 +283,12 @@ class Weather(Recorded):
 
 
 def replay(record: Mapping[str, Any]) -> Weather:
-    """Return the weather that a record describes.
+    """Return the weather that a record describes: a Snowfall, Rainfall or Fog.
 
     Parameters
     ----------
     record : dict
         From `Weather.record` or `Weathered.record`.
-
-    Returns
-    -------
-    Snowfall, Rainfall or Fog
-
-    Examples
-    --------
-    >>> import numpy as np, flurries as fl
-    >>> picture = np.full((48, 64, 3), 90, np.uint8)
-    >>> seen = fl.augment.Snowfall(severity=3).apply(picture)
-    >>> again = fl.augment.replay(seen.record)(picture)
-    >>> bool((again == seen.image).all())
-    True
     """
     given = dict(mapping("record", record))
     name = choice("record: transform", given.pop("transform", None), _NAMES)

@@ -114,14 +114,6 @@ class Rainfall(Precipitation):
     -----
     One population of drops as in :class:`flurries.Rain`. Natural ones are hardly visible one by
     one; those of the hard profile are large, near, and as bright as the light that they gather.
-
-    Examples
-    --------
-    >>> import numpy as np, flurries as fl
-    >>> rain = fl.augment.Rainfall(severity=3, seed=7)
-    >>> picture = np.full((96, 128), 60, np.uint16)
-    >>> rain(picture, index=0).dtype.name
-    'uint16'
     """
 
     color: Range | tuple[float, float, float] = (0.78, 0.95)

@@ -18,8 +18,7 @@ from flurries.cli.words import plain_warnings, say
 
 DEFECT, MISTAKE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
 
-# Each command is a function of its name, whose file is imported when it is asked for: that of its
-# name or `LOOK`'s.
+# Each command is a function of its name, whose file is imported when it is asked for.
 COMMANDS = {
     "render": "weather over a picture, a film or a scene, to files",
     "plan": "what rendering takes: steps, times, memory, and what is left out",
@@ -34,7 +33,9 @@ COMMANDS = {
     "completion": "the shell's completion: bash, zsh or fish",
 }
 
-LOOK = ("plan", "light", "view")
+# The files of those that have none of their name.
+FILES = {"plan": "look", "light": "look", "view": "look", "benchmark": "corrupt",
+         "completion": "main"}  # fmt: skip
 
 # Where a shell leaves the line that it wants completed.
 COMPLETE = "_FLURRIES_COMPLETE"
@@ -47,8 +48,8 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:
             return None
-        file = "look" if name in LOOK else "main" if name == "completion" else name
-        found: click.Command = getattr(importlib.import_module(f"flurries.cli.{file}"), name)
+        file = importlib.import_module(f"flurries.cli.{FILES.get(name, name)}")
+        found: click.Command = getattr(file, name)
         return found
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:

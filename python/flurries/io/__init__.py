@@ -8,7 +8,7 @@ from flurries.io.atomic import replacing as replacing
 from flurries.io.color import linear_to_srgb, srgb_to_linear
 from flurries.io.files import Budget
 from flurries.io.films.writer import VideoWriter as VideoWriter
-from flurries.io.layers.planes import read_layers, write_layers
+from flurries.io.layers.planes import Deep, read_deep, read_layers, write_layers
 from flurries.io.layers.planes import read_views as read_views
 from flurries.io.layers.planes import write_layer_views as write_layer_views
 from flurries.io.photographs import photograph
@@ -27,6 +27,7 @@ from flurries.io.sources import read_video as read_video
 
 # What users are told of; the rest serves the other folders.
 __all__ = [
-    "Budget", "Picture", "Source", "fit", "linear_to_srgb", "open_background", "photograph",
-    "read_depth", "read_layers", "read_picture", "srgb_to_linear", "write_layers", "write_picture",
+    "Budget", "Deep", "Picture", "Source", "fit", "linear_to_srgb", "open_background",
+    "photograph", "read_deep", "read_depth", "read_layers", "read_picture", "srgb_to_linear",
+    "write_layers", "write_picture",
 ]  # fmt: skip

@@ -15,7 +15,7 @@ from flurries.frame.truth import opaque, order, planes, truth, weather
 from flurries.io import write_layer_views, write_layers, write_picture
 from flurries.io.color import encoding_of, to_display, to_integer, to_linear, to_unit, unmultiply
 from flurries.io.colorspace import ColorSpace, config_hash
-from flurries.io.layers.deep import Deep, write_deep
+from flurries.io.layers.planes import Deep, write_deep
 from flurries.io.pictures.slate import Slate
 from flurries.io.pictures.writer import Format, format_of
 from flurries.scene.depth import Distance

@@ -171,10 +171,6 @@ class Rendering(Sources):
         ----------
         t, region, eye
             As in :meth:`render`.
-
-        Returns
-        -------
-        Rendered
         """
         time, window, eyes = self._asked(t, region, [eye])
         return truth(self._program, time, eyes, window)[0]
@@ -186,6 +182,7 @@ class Rendering(Sources):
         """Return the frame at `t` as the left and the right eye see it.
 
         The weather lies in depth; background and foreground are flat, at the depth of convergence.
+        A texture so near that its disparity, half a wavelength or more, is ambiguous is warned of.
 
         Parameters
         ----------
@@ -198,11 +195,6 @@ class Rendering(Sources):
         -------
         left, right
             Each with the bits that :meth:`render` returns for that eye.
-
-        Warns
-        -----
-        UserWarning
-            If a texture begins so near that its disparity, half a wavelength or more, is ambiguous.
         """
         pair = eyes(self.camera.camera, distance=distance, convergence=convergence)
         for index, effect in enumerate(self.effects):
@@ -235,6 +227,8 @@ class Rendering(Sources):
     def plan(self, frames: Frames = None, *, probe: bool = True, accuracy: bool = False) -> Plan:
         """Return the steps of rendering, their times and memory, and what is left out.
 
+        To print, to show in a notebook, or as JSON.
+
         Parameters
         ----------
         frames : str, int or iterable of int, optional
@@ -245,11 +239,6 @@ class Rendering(Sources):
         accuracy : bool
             Whether to say what the middle one takes and looks like with the hand-over of Snow and
             Rain at half, once and twice its depth, and with every flake drawn.
-
-        Returns
-        -------
-        Plan
-            To print, to show in a notebook, or as JSON.
         """
         from flurries.frame.plan import plan_of
         from flurries.scene.accuracy import accuracy_of
@@ -271,7 +260,8 @@ class Rendering(Sources):
 
         Each file has a line in ``flurries.jsonl`` beside it, with its hash and all that it depends
         on; no file is ever half-written, and a run that was killed goes on. Fields of
-        :class:`Output` that are not given are those of the scene's own.
+        :class:`Output` that are not given are those of the scene's own. Frame numbers that a file
+        or the camera lacks are a ValueError; files that change meanwhile are an OSError.
 
         Parameters
         ----------
@@ -292,25 +282,11 @@ class Rendering(Sources):
             Render on a Dask cluster (``flurries[dask]``): one made on this machine, that of an
             address, such as ``tcp://host:8786``, or a client's.
         dask_patience : float
-            How long to wait for a worker, and for one that is silent, seconds.
+            How long to wait for a worker, and for one that is silent, seconds; then TimeoutError.
         progress : callable, optional
             Wraps the frames, as tqdm does.
         **output
             The fields of :class:`Output`.
-
-        Returns
-        -------
-        Summary
-
-        Raises
-        ------
-        ValueError, TypeError
-            For an unusable pattern or range, frame numbers that a file or the camera lacks, or
-            where something else is in the way.
-        OSError
-            If something cannot be read or written, or files that serve all frames change meanwhile.
-        TimeoutError
-            If a cluster has no worker for longer than `dask_patience`.
         """
         from flurries.output.write import write
 

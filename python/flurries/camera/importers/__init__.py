@@ -14,9 +14,8 @@ from pathlib import Path
 import numpy.typing as npt
 
 from flurries._contract import shape_of
-from flurries.camera.importers.colmap import read_colmap
 from flurries.camera.importers.matrices import from_matrices
-from flurries.camera.importers.text import read_chan, read_csv, read_kitti
+from flurries.camera.importers.text import read_chan, read_colmap, read_csv, read_kitti
 from flurries.camera.importers.usd import SUFFIXES, read_usd
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
