@@ -275,7 +275,7 @@ def smooth(height, width):
 
 
 @pytest.mark.parametrize("size", [(120, 75), (320, 200), (37, 90), (200, 31), (161, 100), (90, 90)])
-@pytest.mark.parametrize("how", ["cover", "stretch", "contain"])
+@pytest.mark.parametrize("how", ["cover", "stretch"])
 def test_fit_puts_things_where_geometry_says(size, how):
     picture = smooth(100, 160)
     width, height = size
@@ -284,7 +284,7 @@ def test_fit_puts_things_where_geometry_says(size, how):
     assert fitted.dtype == np.float32
     across, down = width / 160, height / 100
     if how != "stretch":
-        across = down = (max if how == "cover" else min)(across, down)
+        across = down = max(across, down)
     # scikit-image counts from pixel centres: the middle of the frame is the middle of the picture.
     map_back = skimage.transform.AffineTransform(
         scale=(1 / across, 1 / down),
@@ -293,10 +293,6 @@ def test_fit_puts_things_where_geometry_says(size, how):
     wanted = skimage.transform.warp(
         picture, map_back, output_shape=(height, width), order=3, mode="edge"
     )
-    inside = np.zeros((height, width), bool)
-    rows, columns = min(height, round(100 * down)), min(width, round(160 * across))
-    top, left = (height - rows) // 2, (width - columns) // 2
-    inside[top + 4 : top + rows - 4, left + 4 : left + columns - 4] = True
     tolerance = np.full((height, width, 1), 0.004)
     if how != "stretch":
         # A kept aspect is exact to a pixel over the whole length, and exact in the middle; the
@@ -305,7 +301,7 @@ def test_fit_puts_things_where_geometry_says(size, how):
             np.mgrid[:height, :width] - np.array([height - 1, width - 1])[:, None, None] / 2
         )
         tolerance[..., 0] += 0.4 / 13 * (y / (100 * down) / down + x / (160 * across) / across)
-    assert (np.abs(fitted - wanted) <= tolerance)[inside].all()
+    assert (np.abs(fitted - wanted) <= tolerance)[4:-4, 4:-4].all()
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float16, np.float32, np.float64])
@@ -357,13 +353,5 @@ def test_fit_mixes_no_color_from_where_there_is_nothing():
     assert fitted[seen][:, 0].min() >= 254
 
 
-def test_contain_has_bars_and_cover_has_none():
-    white = np.ones((50, 100, 4), np.float32)
-    contained = fit(white, (60, 60), "contain")
-    np.testing.assert_array_equal(contained[15:45], 1)
-    np.testing.assert_array_equal(contained[:15], 0)
-    np.testing.assert_array_equal(contained[45:], 0)
-    upright = fit(white.swapaxes(0, 1), (60, 60), "contain")
-    np.testing.assert_array_equal(upright, contained.swapaxes(0, 1))
-    np.testing.assert_array_equal(fit(white, (61, 33), "cover"), 1)
-    np.testing.assert_array_equal(fit(white, (3, 200), "contain").sum(axis=(0, 2)) > 0, True)
+def test_what_covers_has_no_bars():
+    np.testing.assert_array_equal(fit(np.ones((50, 100, 4), np.float32), (61, 33)), 1)

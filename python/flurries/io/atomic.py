@@ -1,7 +1,5 @@
 """Files that appear whole or not at all: under a hidden name first, flushed, then renamed."""
 
-from __future__ import annotations
-
 import atexit
 import errno
 import hashlib

@@ -15,7 +15,7 @@ _FILTER = "lanczos3"
 
 # Pixels that are turned into light at a time.
 _CHUNK = 1 << 20
-Fit: TypeAlias = Literal["cover", "contain", "stretch"]
+Fit: TypeAlias = Literal["cover", "stretch"]
 
 
 def fit(
@@ -34,9 +34,9 @@ def fit(
         alpha: the colors of floats are multiplied by it, those of integers are not.
     size : (int, int)
         (width, height) in px.
-    how : {"cover", "contain", "stretch"}
-        Keep the aspect and fill the frame, cutting off both sides; keep the aspect and
-        show all, with black bars (transparent with alpha); or let both directions go their own way.
+    how : {"cover", "stretch"}
+        Keep the aspect and fill the frame, cutting off both sides; or let both directions go their
+        own way.
     encoding : {"display", "linear"}, optional
         What the numbers are; by default integers are display values and floats linear light.
     """
@@ -105,32 +105,26 @@ def _lit(planes: Array, encoding: str) -> tuple[Any, Array, Array]:
 
 
 def _resize(buffer: Any, low: Array, high: Array, width: int, height: int, how: str) -> Array:
-    """Scale the picture and take the central part, or put it in the middle of a black frame."""
+    """Scale the picture and take the central part."""
     library, stored = openimageio(), buffer.spec()
     across, down = width / stored.width, height / stored.height
     if how != "stretch":
-        across = down = max(across, down) if how == "cover" else min(across, down)
+        across = down = max(across, down)
     scaled_width = _scaled(stored.width * across, width)
     scaled_height = _scaled(stored.height * down, height)
     spec = library.ImageSpec(width, height, stored.nchannels, "float")
-    # What the frame cuts off of the scaled picture; less than 0 where there are bars.
+    # What the frame cuts off of the scaled picture.
     spec.x, spec.y = (scaled_width - width) // 2, (scaled_height - height) // 2
     spec.full_x, spec.full_y = 0, 0
     spec.full_width, spec.full_height = scaled_width, scaled_height
-    target, region = library.ImageBuf(spec), spec.roi
-    library.ImageBufAlgo.zero(target)
-    region.xbegin, region.xend = max(spec.x, 0), min(spec.x + width, scaled_width)
-    region.ybegin, region.yend = max(spec.y, 0), min(spec.y + height, scaled_height)
-    if not library.ImageBufAlgo.resize(target, buffer, _FILTER, 0.0, region):
+    target = library.ImageBuf(spec)
+    if not library.ImageBufAlgo.resize(target, buffer, _FILTER, 0.0, spec.roi):
         words = last_error(target, buffer)
         if "allocate" in words:
             raise MemoryError(f"size {width} x {height}: {words}")
         raise RuntimeError(f"the picture could not be resized: {words}")
     pixels = np.asarray(target.get_pixels("float"), np.float32).reshape(height, width, -1)
-    rows = slice(region.ybegin - spec.y, region.yend - spec.y)
-    shown = pixels[rows, region.xbegin - spec.x : region.xend - spec.x]
-    np.clip(shown, low, high, out=shown)
-    return pixels
+    return np.clip(pixels, low, high, out=pixels)
 
 
 def _scaled(exact: float, wanted: int) -> int:
