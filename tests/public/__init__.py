@@ -35,7 +35,7 @@ PARTS = {f"effects.{name}" for name in (
 RESULTS = {
     "augment.Weathered", "augment.benchmark.Scores", "augment.corrupt.Corrupted",
     "cone.Path", "cone.Rays", "cone.State", "effects.Frame", "effects.Layer", "scene.Rendered",
-    "io.Deep", "io.Picture", "io.Source", "output.write.Summary",
+    "io.Deep", "io.Picture", "output.write.Summary",
 }  # fmt: skip
 
 # It takes seconds: `test_match.py` asks what its signature promises.

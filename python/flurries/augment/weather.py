@@ -42,7 +42,7 @@ class Weather(Recorded):
         self, image: npt.ArrayLike, *, index: int | None = None, time: float | None = None,
         depth: Depth = None, wet: Any = None, return_layer: bool = False, out: Array | None = None,
     ) -> Any:  # fmt: skip
-        """Return the picture in this weather.
+        """Return the picture in this weather, of its shape and dtype.
 
         Parameters
         ----------
@@ -62,13 +62,9 @@ class Weather(Recorded):
         wet : (H, W) bool or float, optional
             Share of ground under water, 0 to 1: darker, a mirror along the horizon of `ground`.
         return_layer : bool
-            Also return the weather alone, (H, W, 4) float32, premultiplied.
+            Also return the weather alone, (H, W, 4) float32, premultiplied; of each picture.
         out : like `image`, optional
             Array to write into and return; not the picture itself.
-
-        Returns
-        -------
-        array of the shape and dtype of `image`
         """
         given = picture_of("image", image)
         moment, rate = (0.0, None) if time is None else (_seconds(time), FPS)
@@ -90,17 +86,10 @@ class Weather(Recorded):
         Parameters
         ----------
         frames : (T, H, W) or (T, H, W, 1 or 3)
-        fps : float
-            Frames per second.
-        time : float
-            Seconds at the first frame.
+        fps, time : float
+            Frames per second; seconds at the first frame.
         depth, wet : as for a call, or (T, H, W), optional
             For all frames, or of each.
-
-        Returns
-        -------
-        array of the shape and dtype of `frames`
-            And with `return_layer` the layers, (T, H, W, 4) float32.
         """
         given, rate = stack_of("frames", frames), rate_of(fps)
         records = [self._drawn(given[0], index)] * len(given)
@@ -119,11 +108,6 @@ class Weather(Recorded):
         index : int or N ints, optional
             Of the first picture, whose followers count up; or of each.
         depth, wet : as for a call, or (N, H, W), optional
-
-        Returns
-        -------
-        array of the shape and dtype of `images`
-            And with `return_layer` the layers, (N, H, W, 4) float32.
         """
         given = stack_of("images", images)
         if isinstance(index, (int, np.integer)):
@@ -149,11 +133,6 @@ class Weather(Recorded):
         distance : float
             Of the two cameras, metres: what is z metres away has the disparity
             ``focal * distance / z``. Set `focal` to the camera's.
-
-        Returns
-        -------
-        left, right
-            And with `return_layer` the left layer and the right layer.
         """
         pictures = _pair(left, right)
         records = [self._drawn(pictures[0], index)] * 2

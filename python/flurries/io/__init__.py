@@ -21,13 +21,13 @@ from flurries.io.pictures.slate import read_slate as read_slate
 from flurries.io.pictures.writer import write_picture
 from flurries.io.sequences import Pattern as Pattern
 from flurries.io.sequences import frame_range as frame_range
-from flurries.io.sources import Source, open_background
+from flurries.io.sources import open_background
 from flurries.io.sources import open_depth as open_depth
 from flurries.io.sources import read_video as read_video
 
 # What users are told of; the rest serves the other folders.
 __all__ = [
-    "Budget", "Deep", "Picture", "Source", "fit", "linear_to_srgb", "open_background",
-    "photograph", "read_deep", "read_depth", "read_layers", "read_picture", "srgb_to_linear",
-    "write_layers", "write_picture",
+    "Budget", "Deep", "Picture", "fit", "linear_to_srgb", "open_background", "photograph",
+    "read_deep", "read_depth", "read_layers", "read_picture", "srgb_to_linear", "write_layers",
+    "write_picture",
 ]  # fmt: skip

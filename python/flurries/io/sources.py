@@ -42,57 +42,29 @@ if hasattr(os, "register_at_fork"):
 
 
 class Source(ABC):
-    """A background that has a picture for every frame.
+    """A background that has a picture for every frame."""
 
-    Safe to share between threads, to pickle and to use after a fork: files are opened again where
-    need be. Pictures that it returns are read-only, since the next caller may get the same ones.
-
-    Attributes
-    ----------
-    spec : str
-        What it was opened from, as an absolute path.
-    size : tuple of int
-        (width, height) in px.
-    count : int or None
-        How many frames there are; None for a still.
-    first : int
-        The number of the first frame: that of a sequence's files; a film's and a still's is 0.
-    fps : float or None
-        Frames per second of a video, or as a picture's header says.
-    display : (left, top, width, height) or None
-        Where the display window lies in pictures that are read with their overscan.
-    aspect : float
-        Width of a pixel over its height.
-    encoding : {"display", "linear"}
-        Encoding of the pixels.
-    damaged : {"stop", "hold"}
-        What happens to a frame that cannot be read.
-    held : set of int
-        Frames, of those asked for so far, that were replaced by an earlier one.
-    """
-
-    spec: str
-    size: tuple[int, int]
-    count: int | None = None
-    first: int = 0
-    fps: float | None = None
-    display: Window | None = None
-    aspect: float = 1.0
+    # Safe to share between threads, to pickle and to use after a fork: files are opened again where
+    # need be. Pictures that it returns are read-only, since the next caller may get the same ones.
+    spec: str  # What it was opened from, as an absolute path.
+    size: tuple[int, int]  # (width, height) in px.
+    count: int | None = None  # How many frames there are; None for a still.
+    first: int = 0  # The number of the first frame: of a sequence's files; else 0.
+    fps: float | None = None  # Of a video, or as a picture's header says.
+    display: Window | None = None  # The display window's place in pictures with their overscan.
+    aspect: float = 1.0  # Width of a pixel over its height.
     overscan: bool = False
     encoding: Encoding
-    damaged: str
+    damaged: str  # What happens to a frame that cannot be read: "stop" or "hold".
 
     def __init__(self, spec: str, damaged: str) -> None:
         self.spec, self.damaged = spec, damaged
+        # Frames, of those asked for so far, that were replaced by an earlier one.
         self.held: set[int] = set()
         self._renew()
 
     def frame(self, i: int) -> Picture:
-        """Return the picture of frame `i`, counted from 0 at the first.
-
-        Before the first frame it is the first, after the end the last, for a still the still.
-        OSError if it is missing or damaged, unless the source holds the last good one.
-        """
+        """Return the picture of frame `i`, counted from 0; beyond the ends the first or last."""
         number = self._number(i)
         with self._lock:
             return self._kept.once(number, lambda: self._read_or_hold(number))
