@@ -95,14 +95,6 @@ def _groups(
     moved = _blown(weather, frame, film, eyes, times)
     slabs, circles = film.slabs, circles_of(frame.blur, film.depths)
     rungs = [_rungs(weather, frame, layer, amount, eyes) for layer in film.layers]
-    clumps = uneven.clumps_of(weather, frame)
-    if clumps is not None:
-        rays, turn = 0.5 * (eyes.rays[0] + eyes.rays[1]), frame.camera.matrix()
-        factors = uneven.denser(clumps, frame.camera, rays, turn, slabs)
-        rungs = [
-            [(rung, part * more) for rung, part in each]
-            for each, more in zip(rungs, factors, strict=True)
-        ]
     focals = np.array(frame.camera.focals) * (frame.path.longest_focal / frame.camera.focal)
     areas = _areas(film, *focals.tolist())
     planes = list(_planes_of(frame, film, eyes))
@@ -140,13 +132,17 @@ def _groups(
         for (at, *_), sheet in zip(every, sheets, strict=True)
     ]).T[..., None, None]  # fmt: skip
     gains, part = weights * np.sqrt(many), np.array([np.atleast_2d(one[2]) for one in every])
+    own, clumps = [numbers[at] for at, *_ in every], uneven.clumps_of(weather, frame)
+    if clumps is not None:
+        rays, turn = 0.5 * (eyes.rays[0] + eyes.rays[1]), frame.camera.matrix()
+        part = part * uneven.denser(clumps, frame.camera, rays, turn, slabs)[own]
     nodes = np.empty((len(every), *seen.shape[1:3], 4), np.float32)
     nodes[..., :2], nodes[..., 2] = seen[[at for at, *_ in every]], gains * part
     # Planes that give way to each other have the deviation of one, and so have some flakes that
     # stand for many; the mean is made up for.
     nodes[..., 3] = (weights**2 * many - gains) * part * means
     if parts_of is not None:
-        nodes[..., 2:] *= parts_of[[numbers[at] for at, *_ in every], None, None, None]
+        nodes[..., 2:] *= parts_of[own, None, None, None]
     found: list[Any] = [([], way, *one[:2]) for way, one in zip(ways, groups, strict=True)]
     for (at, *_), *made in zip(every, sheets, nodes, strict=True):
         found[which[at]][0].append(tuple(made))
@@ -159,8 +155,8 @@ def _areas(film: Film, *focals: float) -> list[tuple[int, int]]:
     found = []
     for area, slab, many in zip(areas_of(film, focals), film.slabs, film.many, strict=True):  # type: ignore[arg-type]
         pixels = area[0] * area[1]
-        count = slab.count / many * pixels
-        part = math.sqrt(min(_FLAKES / max(count, 1.0), _PIXELS / pixels, 1.0))
+        flakes = max(slab.count / many * pixels, 1.0)
+        part = math.sqrt(min(_FLAKES / flakes, _PIXELS / pixels, 1.0))
         found.append((max(round(part * area[0]), 96), max(round(part * area[1]), 96)))
     return found
 
@@ -266,8 +262,7 @@ def _ahead(
     if not film.comes:
         yield along + film.depths, weight, np.zeros(len(weight), np.int64)
         return
-    far = np.array([slab.far for slab in film.slabs])
-    thick = far - np.array([slab.near for slab in film.slabs])
+    far, thick = np.array([(slab.far, slab.far - slab.near) for slab in film.slabs]).T
     pace = np.abs(np.einsum("la,la->l", axis, eyes.rate)) / thick
     first, share = _next(along / thick - phase, pace)
     for one, part in enumerate((np.cos, np.sin)):

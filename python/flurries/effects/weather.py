@@ -28,9 +28,9 @@ from flurries.motion.keys import Number
 from flurries.particles import population as laws
 from flurries.particles.sizes import Sizes
 
-# Drawn flakes for each pixel, before sheets take over; and flakes up to the far end for each pixel,
-# of which all are drawn.
-DRAWN, FEW = 0.002, 0.004
+# Drawn flakes for each pixel, before sheets take over, and drops, before planes do: streaks of the
+# nearest cost planes more. Of fewer flakes than the last up to the far end all are drawn.
+DRAWN, FEW = (0.002, 0.005), 0.004
 
 # Diameter in px of the largest flake of a sheet.
 LARGEST = 14.0
@@ -42,9 +42,9 @@ _MOST_FLAKES = (6.0, 2.0)
 # make most of the contrast.
 CLASSES, LAYERS = 4, (4, 7, 10, 15)
 
-# The same where places move in their own ways, of fewer classes, each of some of the others; those
-# of drops, which fall at speeds so far apart that they move and streak in many ways.
-BENT_CLASSES, BENT_LAYERS, BENT_DROPS, _APART = 2, 6, 12, 1.3
+# The same where places move in their own ways, of fewer classes, each of some of the others. Of
+# drops, whose speeds are so far apart that they streak in many ways, the logarithm of a depth.
+BENT_CLASSES, BENT_LAYERS, _APART, _THICK = 2, 6, 1.3, 0.283
 
 # Where a flake shows that somebody put there.
 _ANYWHERE = (0.0, 0.0, 1e6, 1e6)
@@ -151,34 +151,38 @@ def _film(
     fx, fy = path.widest.focals
     few = weather.simulated or population.density * far**3 / (3.0 * fx * fy) < FEW
 
-    def classes(count: int, rigid: bool, moment: int = 2) -> list[Share]:
-        sizes, found = population.classes(count, moment), []
-        ends = hand_overs(weather, focal, sizes if rigid else population.classes(1))
-        if weather.notes is not None:
-            ends = [max(end, min(weather.notes.reach(path, fps), far)) for end in ends]
-        for one, end in zip(sizes, ends if rigid else ends * count, strict=False):
-            fall, reach = times(motion.fall, one.fall / weather.mean_speed), far if few else end
+    even, comes = motion.varied is None, motion.spreads(path, rotation)
+    rigid = not (comes or changes) and even and motion.line(path, fps) is not None
+    bent = population.classes(BENT_CLASSES, 4)
+    drops = not rigid and bent[-1].fall > _APART * bent[0].fall
+    # Of drops each half of the drawn classes is what one of the planes' classes stands for.
+    sizes = population.classes(CLASSES, 4 if drops else 2)
+    apart = bent if drops else sizes if rigid else population.classes(1)
+    ends = hand_overs(weather, focal, apart, DRAWN[drops])
+    if weather.notes is not None:
+        ends = [max(end, min(weather.notes.reach(path, fps), far)) for end in ends]
+
+    def shares(sizes: list[laws.SizeClass]) -> list[Share]:
+        found, near = list[Share](), (weather.near / NEAR_FADE, weather.near)
+        for number, one in enumerate(sizes):
+            reach = far if few else ends[number * len(ends) // len(sizes)]
+            fall = times(motion.fall, one.fall / weather.mean_speed)
             fade = (1.0 - FAR_FADE, 1.0 + FAR_FADE) if reach >= far else (1.0, 1.0 + laws.FADE)
-            near = (weather.near / NEAR_FADE, weather.near)
             shown = (*near, reach * fade[0], reach * fade[1])
             found.append(Share(one, replace(motion, fall=fall), reach, shown))
         return found
 
-    even, comes = motion.varied is None, motion.spreads(path, rotation)
-    rigid = not (comes or changes) and even and motion.line(path, fps) is not None
-    drawn = classes(CLASSES, rigid)
+    drawn, parts = shares(sizes), list[tuple[Share, Float64]]()
     if rigid:
-        rates = [(share.motion.line(path, fps) or ([], [0.0]))[1] for share in drawn]
-        parts = []
-        for share, count, rate in zip(drawn, LAYERS[-len(drawn) :], rates, strict=True):
+        for share, count in zip(drawn, LAYERS[-len(drawn) :], strict=True):
+            _, rate = share.motion.line(path, fps) or ([], [0.0])
             varies = partial(laws.variance_at, share.size, focal, HALF_OPEN * math.hypot(*rate))
             parts.append((share, laws.layer_edges(share.reach, far, count, varies)))
     else:
         # Planes go through slabs as thick as far, and both classes of them vary pixels as much.
-        bent = classes(BENT_CLASSES, False, 4)
-        falls = [one.size.fall for one in bent]
-        deep = BENT_DROPS if max(falls) > _APART * min(falls) else BENT_LAYERS
-        parts = [(one, np.geomspace(one.reach, far, deep + 1)) for one in bent]
+        for one in shares(bent):
+            deep = round(math.log(far / one.reach) / _THICK) if drops else BENT_LAYERS
+            parts.append((one, np.geomspace(one.reach, far, max(deep, 1) + 1)))
     layers = [
         Layer(one, slab)
         for one, edges in parts
@@ -200,14 +204,17 @@ def _film(
     )  # fmt: skip
 
 
-def hand_overs(weather: Weather, focal: float, classes: list[laws.SizeClass]) -> list[float]:
+def hand_overs(
+    weather: Weather, focal: float, classes: list[laws.SizeClass], drawn: float
+) -> list[float]:
     """Return the depths up to which flakes of each class are drawn if sheets lie beyond, metres."""
     if weather.handover is not None:
         return [min(max(weather.handover, weather.near), weather.far)] * len(classes)
 
-    # Classes cover the same area: their diameters go with one over the root of their numbers.
+    # Classes cover the same area: their diameters go with one over the root of their numbers. Those
+    # of drops vary pixels as much: the larger are drawn farther still.
     sides = [max(one.density, 1e-30) ** -0.5 for one in classes]
-    image, found = (3.0 * DRAWN * focal**2 / sum(sides)) ** (1.0 / 3.0), []
+    image, found = (3.0 * drawn * focal**2 / sum(sides)) ** (1.0 / 3.0), []
     for one, side in zip(classes, sides, strict=True):
         large = max(one.largest * focal / LARGEST, weather.near)
         step = max(math.floor(4.0 * math.log2(image * side)), math.ceil(4.0 * math.log2(large)))
