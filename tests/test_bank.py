@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from every import every
 from measure import cover
 
 FOCAL = 600.0
@@ -160,12 +159,3 @@ def test_the_sky_lights_the_top_and_dims_below_it():
     assert np.abs(color(fl.Mist(visibility=10.0, structure=1.1)) - 1.0).max() < 1e-4
     own = color(fl.Mist(visibility=10.0, structure=1.1, top=-0.5, color=1.0))
     assert np.ptp(own[60:]) < 1e-4
-
-
-@every("wrong", [
-    {"structure": 0.5, "top": np.inf}, {"count": 9, "top": 1.0},
-    {"method": "slices", "radius": 1.0},
-])  # fmt: skip
-def test_refusals_name_the_argument(wrong):
-    with pytest.raises(ValueError, match=list(wrong)[-1]):
-        fl.Mist(**wrong)

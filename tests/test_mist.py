@@ -41,9 +41,12 @@ def test_a_visibility_may_be_keyed_and_is_not_of_particles():
     keyed = fl.Mist(visibility=fl.Keys([(0, 10.0), (100, 40.0)]))
     for t, far in ((0, 10.0), (50, 25.0), (100, 40.0)):
         assert abs(fl.gas.visibility(keyed.extinction(t)) / far - 1) < 1e-9
-    for wrong in ({"count": 5}, {"method": "particles"}):
-        with pytest.raises(ValueError, match="visibility is not of particles"):
-            fl.Mist(visibility=9.0, **wrong)
+    for wrong in (
+        {"count": 5, "visibility": 9.0}, {"method": "particles", "visibility": 9.0},
+        {"count": 9, "top": 1.0}, {"method": "slices", "radius": 1.0},
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=f"{list(wrong)[-1]} is (not )?of particles"):
+            fl.Mist(**wrong)
 
 
 def left_of(effect, depth):

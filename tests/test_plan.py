@@ -65,7 +65,7 @@ ABSENT: dict[str, tuple[Any, dict[str, Any], set[str], str]] = {
     "amount 0": (TentRain(amount=0.0), {}, {"texture", "flakes", "veil", "join"}, "rain"),
     "no texture": (TentSnow(texture=0.0), {}, {"texture"}, "snow: texture"),
     "no flakes": (TentSnow(flakes=0), {}, {"flakes"}, "snow: flakes"),
-    "no haze": (TentSnow(haze=0.0), {"depth": 30.0}, {"veil"}, "snow: veil"),
+    "no haze": (TentSnow(haze=0.0, flakes=500), {"depth": 30.0}, {"veil"}, "snow: veil"),
     "half a step": (TentSnow(amount=2e-5, flakes=0), {}, {"texture", "join"}, "snow"),
     "no cone": (ConeSnow(amount=0), {}, {"cone", "flakes", "join"}, "cone_snow"),
 }

@@ -1,5 +1,6 @@
 """Depth and sun of a scene: where they come from, how they are fitted, and pixels of two depths."""
 
+import math
 import pickle
 from dataclasses import replace
 from pathlib import Path
@@ -253,3 +254,16 @@ def test_a_damaged_deep_depth_is_refused(tmp_path):
     for near, words in ((-1.0, "depth must be greater than 0"), (np.nan, "depth .*nan")):
         with pytest.raises(ValueError, match=words):
             fl.Scene("#405060", size=(WIDE, TALL), depth=deep(path, near, 40.0)).layers(0)
+
+
+@pytest.mark.parametrize("wall", [3.0, 8.0])
+def test_flakes_too_small_to_be_drawn_hide_what_they_would(wall: float):
+    snow = fl.effects.TentSnow(texture=0.0, haze=0.0, flake_density=66.0, near_depth=12.0)
+    about = {"size": (64, 48), "camera": fl.Camera(76.8), "effects": snow}
+    walls = (fl.Scene("#000000", depth=depth, **about) for depth in (wall, 1e5))
+    before, all_ = (np.mean([w.layers(t).alpha.mean() for t in range(0, 400, 20)]) for w in walls)
+    diameters = np.linspace(0.008, 0.024, 1001) * math.sqrt(8.0) / 6.0
+    covered = 66.0 * 0.9 * math.pi / 4.0 * np.mean(diameters**2)
+    lost = math.log((1.0 - before) / (1.0 - all_))
+    assert lost == pytest.approx(covered * (12.0 * 1.04 - wall), rel=0.02)
+    assert len(fl.flakes(fl.Scene("#000000", **about), 0)) < 1500

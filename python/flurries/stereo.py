@@ -104,11 +104,13 @@ def anaglyph(
     toward = [np.array(m) for m in MATRICES[choice("matrix", matrix, tuple(MATRICES))]]
     result = output(out, first.shape, first.dtype, first, second)
     working = np.float64 if first.dtype == np.float64 else np.float32
-    a, b = (np.ascontiguousarray(m.T, dtype=working) for m in toward)
+    encoding = "display" if first.dtype.kind == "u" else "linear"
     for top in range(0, len(first), _ROWS):
         rows = slice(top, top + _ROWS)
-        light = _mixed(_light(first[rows], working), a)
-        light += _mixed(_light(second[rows], working), b)
+        light = np.zeros(first[rows].shape, working)
+        for picture, way in zip((first, second), toward, strict=True):
+            part = to_linear(picture[rows], encoding).astype(working, copy=False)
+            light += _mixed(part, np.ascontiguousarray(way.T, dtype=working))
         np.clip(light, 0.0, 1.0, out=light)
         result[rows] = _shown(light, result.dtype)
     return result
@@ -167,11 +169,6 @@ def _pair(
             f"got {second.dtype} {second.shape}"
         )
     return first, second
-
-
-def _light(pixels: Array, working: Any) -> Array:
-    light = to_linear(pixels, "display" if pixels.dtype.kind == "u" else "linear")
-    return light.astype(working, copy=False)
 
 
 def _mixed(light: Array, matrix: Array) -> Array:

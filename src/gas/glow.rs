@@ -6,10 +6,10 @@
 //! is as steep as 1 / r^2; of t = tan(angle / 2), angle the one at which the lamp sees the ray, with
 //! R added to their distance, it is smooth.
 //!
-//! For a slice's own k and T that integral is smooth over the picture too: it is found on the coarse grid of the
-//! slices, and at every pixel only near a lamp, in the light of a spot and where the scene ends the slice.
+//! For a slice's own k and T that integral is smooth over the picture too: it is found at every second place of the
+//! slices' coarse grid, and at every pixel only near a lamp, in the light of a spot and where the scene ends the slice.
 
-use ndarray::{Array3, ArrayViewMut2, ArrayViewMut3, Axis, s};
+use ndarray::{Array3, ArrayViewMut2, ArrayViewMut3, Axis, Zip, s};
 
 use super::slices::{COARSE, MARGIN, Slices, lines, pixels};
 use crate::base::error::{Cancel, Error, layout, zeroed};
@@ -37,10 +37,11 @@ const RULE: [(f32, f32); 8] = [
 /// Rows of pixels of one task.
 const BAND: usize = 64;
 
-/// A lamp that is nearer than so many coarse samples wants every pixel: the grid is .1 % off there.
-const STEEP: f32 = 12.0;
+/// A lamp that is nearer than so many coarse samples wants every pixel: the grid is .2 % off there.
+const STEEP: f32 = 16.0;
 
-/// And so does gas whose optical depth in a slice changes by so much from one coarse sample to the next.
+/// And so does gas whose optical depth in a slice, times what reaches the eye from there, changes by so much from
+/// one place to the next.
 const ROUGH: f32 = 0.1;
 
 type Lane = [f32; LANES];
@@ -91,13 +92,18 @@ pub fn see(
         let (mut dense, mut glow) = (lines_of(count)?, lines_of(3 * count)?);
         slopes[..width].copy_from_slice(slices.slopes.0);
         let first = number * BAND / COARSE;
-        let last = (first + BAND / COARSE + 2 * MARGIN).min(rows);
+        let last = (first + BAND / COARSE + 2 * MARGIN + 1).min(rows);
         let shape = (3 * count, last - first, columns);
         let coarse = zeroed(shape.0 * shape.1 * shape.2)?;
         let mut coarse = Array3::from_shape_vec(shape, coarse).map_err(|_| layout())?;
-        for row in if light.is_some() { first..last } else { 0..0 } {
-            let out = coarse.index_axis_mut(Axis(1), row - first);
-            samples(slices, grid, lamps, row, out);
+        let lit = if light.is_some() { 0..last - first } else { 0..0 };
+        for row in lit.clone().filter(|row| row % 2 == 0 || first + row + 1 == rows) {
+            samples(slices, grid, lamps, first + row, coarse.index_axis_mut(Axis(1), row));
+        }
+        for row in lit.filter(|row| row % 2 == 1 && first + row + 1 < last) {
+            let around = (s![.., row - 1, ..], s![.., row, ..], s![.., row + 1, ..]);
+            let (above, here, below) = coarse.multi_slice_mut(around);
+            Zip::from(here).and(above).and(below).for_each(|here, a, b| *here = 0.5 * (*a + *b));
         }
         for (within, mut opacity) in opacity.outer_iter_mut().enumerate() {
             let row = BAND * number + within;
@@ -130,7 +136,7 @@ pub fn see(
 }
 
 /// Fills a row of coarse samples with the light of lamps in each slice over its extinction and what reaches the
-/// eye, red, green and blue of one after the other; NaN where the samples are too far apart.
+/// eye, red, green and blue of one after the other; NaN where the samples are too far apart. Every second is found.
 #[dispatch]
 fn samples<const LEVEL: u8>(
     slices: &Slices<'_>,
@@ -143,11 +149,12 @@ fn samples<const LEVEL: u8>(
     let step = most(grid.0[1] - grid.0[0], grid.1[1] - grid.1[0]);
     for (number, edges) in slices.edges.windows(2).enumerate() {
         let dense = slices.density.slice(s![number, row, ..]);
-        let above = slices.density.slice(s![number, row.max(1) - 1, ..]);
-        for at in (0..dense.len()).step_by(LANES) {
+        let above = slices.density.slice(s![number, row.max(2) - 2, ..]);
+        let last = dense.len() - 1;
+        for at in (0..=last + 1).step_by(2 * LANES) {
             let mut rays = Rays { down, ..Rays::default() };
             for k in 0..LANES {
-                let column = (at + k).min(dense.len() - 1);
+                let column = (at + 2 * k).min(last);
                 let x = grid.0[column];
                 rays.slope[k] = x;
                 rays.length[k] = (1.0 + x * x + down * down).sqrt();
@@ -156,13 +163,20 @@ fn samples<const LEVEL: u8>(
                 rays.extinction[k] = dense[column];
             }
             let light = near::<LEVEL>(lamps, &rays, step);
-            for k in 0..LANES.min(dense.len() - at) {
-                let (here, beside) = (rays.extinction[k], dense[(at + k).max(1) - 1]);
-                let change = most((beside - here).abs(), (above[at + k] - here).abs());
-                let rough = change * (rays.to[k] - rays.from[k]) > ROUGH;
+            for k in 0..LANES.min((last + 1 - at).div_ceil(2) + 1) {
+                let column = (at + 2 * k).min(last);
+                let (here, beside) = (rays.extinction[k], dense[column.max(2) - 2]);
+                let change = most((beside - here).abs(), (above[column] - here).abs());
+                let seen = left::<f32, LEVEL>(here * rays.from[k]);
+                let rough = change * (rays.to[k] - rays.from[k]) * seen > ROUGH;
                 for c in 0..3 {
-                    out[[3 * number + c, at + k]] = if rough { f32::NAN } else { light[c][k] };
+                    out[[3 * number + c, column]] = if rough { f32::NAN } else { light[c][k] };
                 }
+            }
+        }
+        for line in 3 * number..3 * number + 3 {
+            for column in (1..last).step_by(2) {
+                out[[line, column]] = 0.5 * (out[[line, column - 1]] + out[[line, column + 1]]);
             }
         }
     }

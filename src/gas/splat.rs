@@ -66,10 +66,7 @@ pub fn estimate(shape: (usize, usize), cloud: &Cloud<'_>, eye: &Eye, look: &Look
         .filter_map(|index| Sprite::of(&cloud.get(index), 0, eye, look, shape))
         .map(|sprite| {
             let length = |[low, high]: [u32; 2]| f64::from(high - low);
-            let cost = match sprite.form {
-                Form::Ray => 1.0,
-                _ => 0.2,
-            };
+            let cost = if sprite.form == Form::Ray { 1.0 } else { 0.2 };
             length(sprite.rows) * length(sprite.columns) * cost
         })
         .sum();

@@ -134,10 +134,6 @@ impl Sorted {
         self.grid.shape
     }
 
-    pub fn map_of(&self, map: &ArrayView2<f32>, row: usize, column: usize) -> [f32; PIXELS] {
-        map_of_tile(map, &self.grid, row * self.grid.columns + column)
-    }
-
     /// Draws the flakes' alpha in a part of the frame into `out`, of the part's shape, in [0, 1].
     ///
     /// `depth`, of the frame's shape, is the depth of what stands in it; where it is nearer than a flake's
@@ -206,7 +202,8 @@ impl Sorted {
         tile: usize,
         cancel: &Cancel,
     ) -> Result<(), Error> {
-        let map: Option<[P; PIXELS]> = depth.map(|map| map_of_tile(map, &self.grid, tile));
+        let (row, column) = (tile / self.grid.columns, tile % self.grid.columns);
+        let map: Option<[P; PIXELS]> = depth.map(|map| map_of(map, row, column));
         draw(canvas, map.as_ref(), self, tile, cancel)
     }
 
@@ -261,11 +258,11 @@ fn tiles<A>(
 }
 
 /// A tile of the depth map; beyond the picture nothing stands.
-fn map_of_tile<P: Profile, M: Real>(map: &ArrayView2<M>, grid: &Grid, tile: usize) -> [P; PIXELS] {
-    let (top, left) = (tile / grid.columns * TILE, tile % grid.columns * TILE);
+pub fn map_of<P: Profile, M: Real>(map: &ArrayView2<M>, row: usize, column: usize) -> [P; PIXELS] {
+    let (top, left) = (row * TILE, column * TILE);
     let mut values = [P::infinity(); PIXELS];
-    for (row, values) in values.chunks_exact_mut(TILE).enumerate().take(grid.shape.0 - top) {
-        for (column, value) in values.iter_mut().enumerate().take(grid.shape.1 - left) {
+    for (row, values) in values.chunks_exact_mut(TILE).enumerate().take(map.nrows() - top) {
+        for (column, value) in values.iter_mut().enumerate().take(map.ncols() - left) {
             let depth = map[[top + row, left + column]].wide();
             *value = P::of(if depth.is_nan() { f64::INFINITY } else { depth });
         }

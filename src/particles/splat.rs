@@ -50,13 +50,6 @@ impl Flakes<'_> {
                 return Err(Error::invalid(argument, "must be finite"));
             }
         }
-        for (argument, value) in
-            [("shutter", self.shutter), ("camera", lens.focal), ("near", lens.near)]
-        {
-            if !(value >= 0.0 && value.is_finite()) {
-                return Err(Error::invalid(argument, format!("must be positive, got {value}")));
-            }
-        }
         lens.center.iter().chain(&lens.offset).try_for_each(|&v| finite("camera", v).map(|_| ()))
     }
 

@@ -188,16 +188,15 @@ pub fn gas_draw(
     let depth = depth.as_ref().map(|map| map.as_array());
     let drawing = Drawing { sprites, colors, look };
     let picture = Picture { shape: *shape, eye, drawing, touched, depth };
-    let pixels = |count: usize| count as f64 / (shape.0 as f64 * shape.1 as f64).max(1.0);
+    let rows = window[1].saturating_sub(window[0]) as f64;
+    let work = gas.nanoseconds * rows / (shape.0 as f64).max(1.0);
     match out {
         GasMut::Alpha(mut out) => {
             let out = out.as_array_mut();
-            let work = gas.nanoseconds * pixels(out.len());
             gate::run(py, work, |cancel| picture.alpha(out, window, cancel))
         }
         GasMut::Light(mut out) => {
             let out = out.as_array_mut();
-            let work = gas.nanoseconds * pixels(out.len() / 4);
             gate::run(py, work, |cancel| picture.light(out, window, cancel))
         }
     }

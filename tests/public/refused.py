@@ -70,7 +70,7 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
         "density": (2.0,), "color": (2.0, "blue"), "wind": ((1.0, 2.0),), "box": (0.0, (1.0, 2.0)),
         "center": ((1.0, 2.0),), "depths": ((3.0, 2.0), 3.0), "footprint": ("ball",), "lit": (1,),
         "forward": (-0.1,), "scatter": ("mie",), "asymmetry": (1.0,), "structure": (-0.1, 2.1),
-        "falloff": (0.0,), "look": ("v0",), "backdrop": (0.0,),
+        "falloff": (0.0,), "look": ("v0",), "backdrop": (0.0,), "top": (INF,),
     },
     "effects.ConeRain": {
         **CONE, "drops": (-1,), "drop_size": (0.0,), "drop_length": (3.0,), "spread": (-1.0, 2.0),

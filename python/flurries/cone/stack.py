@@ -199,8 +199,7 @@ def _footprints(given: Pose, course: Course, shape: tuple[int, ...]) -> Array:
 
 
 def _rows_of(rows: Any, height: int) -> tuple[int, int]:
-    if rows is None:
-        return 0, height
+    rows = (0, height) if rows is None else rows
     if not check.is_pair(rows):
         raise TypeError(f"rows must be (start, stop), got {check._came(rows)}")
     start = check.integer("rows[0]", rows[0], low=0, high=height - 1)

@@ -1,9 +1,4 @@
-"""What a frame asks of the air: the flakes of a population before an eye, as the kernel reads them.
-
-The air is that of each class of size, which falls and blows as a whole; a flake's place in it never
-changes. So a request says where the camera is in that air at the frame's times, and how the eye
-looks there.
-"""
+"""What a frame asks of the air: the flakes before an eye, as the kernel reads them."""
 
 import math
 from typing import Any, NamedTuple

@@ -19,6 +19,7 @@ from flurries.effects.color import Base, base_of, even_shade
 from flurries.effects.vapor import lit_by_sun, moved_with, needs_of_gas, optics_of
 from flurries.frame.layer import Layer, Shade
 from flurries.frame.needs import Needs
+from flurries.frame.planes import blank
 from flurries.frame.view import Frame
 from flurries.gas.optics import phase
 from flurries.io.color import srgb_to_linear
@@ -97,7 +98,7 @@ class Bank:
             return density, list(density.slices())
 
         density, parts = frame.once(self, "density", make, eye=True)
-        alpha, plain = np.zeros(frame.shape, np.float32), not (lit or frame.lights or frame.whole)
+        alpha, plain = blank(frame.shape), not (lit or frame.lights or frame.whole)
         # Opacity alone is found where the window is, in whole coarse rows.
         top, bottom = frame.window[:2] if plain else (0, frame.shape[0])
         first, last = top // COARSE, -(-bottom // COARSE)
@@ -111,8 +112,8 @@ class Bank:
         _opacity(alpha[rows])
         if plain:
             return alpha, None, None
-        light = np.zeros((*frame.shape, 3), np.float32) if lit or frame.lights else None
-        far, total = np.zeros(frame.shape, np.float32), np.zeros(frame.shape, np.float32)
+        light = blank((*frame.shape, 3)) if lit or frame.lights else None
+        far, total = blank(frame.shape), blank(frame.shape)
         if parts:
             dense = np.concatenate([part.dense for part in parts])
             edges = [*parts[0].edges, *(edge for part in parts[1:] for edge in part.edges[1:])]
@@ -125,7 +126,7 @@ class Bank:
             total, lumps = np.zeros_like(total), [one for part in parts for one in part.lumps]
             for number, place in enumerate(places):
                 one = dense[number][None], edges[number : number + 2], frame.depth, slopes
-                taken = np.zeros(frame.shape, np.float32)
+                taken = blank(frame.shape)
                 _core.gas_slices(taken, one, None)
                 _opacity(taken)
                 taken *= 1.0 - total
@@ -136,9 +137,15 @@ class Bank:
                 _core.shade_add(light, taken, shade.given())
         if light is not None:
             # Slices are lit without their short waves, which the opacity has.
-            light *= (alpha / np.maximum(total, np.float32(1e-6)))[..., None]
-        depth, there = np.full_like(far, np.inf), np.minimum(alpha, np.minimum(far, total)) > 0.0
-        return alpha, light, np.divide(far, total, out=depth, where=there) if frame.whole else None
+            scale = alpha / np.maximum(total, np.float32(1e-6))
+            for channel in range(3):  # Three at once take longer.
+                light[..., channel] *= scale
+        if not frame.whole:
+            return alpha, light, None
+        with np.errstate(divide="ignore", invalid="ignore"):
+            np.divide(far, total, out=far)
+        np.copyto(far, np.inf, where=~(np.minimum(alpha, far, out=total) > 0.0))
+        return alpha, light, far
 
 
 def skylit(gas: Density, dense: Array, base: Base) -> Shade:
@@ -177,12 +184,16 @@ def _sunward(gas: Density, rays: Rays, depth: float) -> Array:
     assert gas.frame.sun is not None
     sun, way = gas.frame.sun.unit(), np.zeros((len(rays.y), rays.x.size), np.float32)
     if gas.mist.center is not None:
-        # Through a Gaussian it is the tail of the normal law over its density (Mills' ratio).
+        # Through a Gaussian: Mills' ratio, the tail over the density, to 1 % (Boyd 1959).
         slant = -sun * SIGMAS / np.array(gas.mist.box)
         along = np.linalg.norm(slant)
         parts = gas.from_middle(rays, depth)
         place = sum(part * to for part, to in zip(parts, slant / along, strict=True))
-        way += _mills(np.maximum(place, -6.0)) / along
+        place = np.maximum(place, -6.0)
+        far = np.abs(place)
+        ratio = math.pi / ((math.pi - 1.0) * far + np.sqrt(far * far + math.tau))
+        whole = math.sqrt(math.tau) * np.exp(0.5 * far * far)
+        way += np.where(place < 0.0, whole - ratio, ratio) / along
     elif gas.mist.top is not None:
         height = gas.height(rays, depth)
         thick = gas.mist.falloff * np.log1p(np.exp(-height)) * (1.0 + np.exp(height))
@@ -202,13 +213,6 @@ def _before(plane: Array, shape: tuple[int, ...], way: tuple[float, float]) -> A
         )
         total += plane[np.ix_(down, across)]
     return np.asarray(total / np.float32(len(PLACES)))
-
-
-def _mills(a: Any) -> Any:
-    """Return the tail of the normal law from `a` on over its density, to 1 % (Boyd 1959)."""
-    far = np.abs(a)
-    ratio = math.pi / ((math.pi - 1.0) * far + np.sqrt(far * far + math.tau))
-    return np.where(a < 0.0, math.sqrt(math.tau) * np.exp(0.5 * far * far) - ratio, ratio)
 
 
 def _opacity(thick: Array) -> None:

@@ -1,11 +1,7 @@
 """The density of a bank of mist: slices of depth with a profile and structure, solved for.
 
-The texture of a slice is one spectrum, k^(-11/3) from an outer scale down to the pixel, sampled at
-two resolutions. Nearly all of the power is in long waves, which are made on a grid of a quarter of
-the frame's size, where one tile holds all of it and has no seams; the kernel finds the pixels
-between (`src/gas/slices.rs`). Short ones are made by tiles at the frame's own size, for half of the
-slices at a time. Between two wavelengths one fades out as the other fades in: their powers sum to
-that of the spectrum, what the kernel's spline takes of long ones included.
+Long waves are made on a grid of a quarter of the frame's size, short ones by tiles at its own, for
+half of the slices at a time: docs/internals/effects.md.
 """
 
 from __future__ import annotations

@@ -174,10 +174,9 @@ class _Cone(metaclass=checks.Described):
     ) -> Precipitation:  # fmt: skip
         motion = Motion(self.fall, self.wind, self.shutter)
         sheet = DoubleCone(motion=motion, make=make, length=length, gains=gains, look=self)
-        veil = Veil(self.haze, FARTHEST * self.radius)
         return checks.part_of(
             Precipitation, self, name=self.NAME, motion=motion, texture=sheet, flakes=flakes,
-            veil=veil,
+            veil=Veil(self.haze, FARTHEST * self.radius, flakes),
         )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -46,6 +46,10 @@ _MOST_OPAQUE = 0.99
 # Sizes of `Flakes` are six deviations of a Gaussian wide; a ball that covers as much is smaller.
 _BALL = math.sqrt(8.0) / 6.0
 
+# Of more than so many `Flakes` in view those are not drawn whose largest are narrower than so many
+# px: they cannot be told one by one.
+_FEW, _TOLD = 600, 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Share:
@@ -70,8 +74,8 @@ class Drawn(ABC):
     def opacity_at(self, t: float) -> float: ...
 
     def needs(self: Any, frame: Frame, amount: float) -> Needs:
-        there = any(one.size.density * one.reach for one in self.shares(frame))
-        if self.opacity_at(frame.t) == 0.0 or not there:
+        there = any(one.size.density * one.reach > 0.0 for one in self.shares(frame))
+        if not there or self.opacity_at(frame.t) == 0.0:
             return Needs.none("flakes", "there are none")
         still = frame.settled and self.motion.still and 0.0 in self.sway
         # Shapes tumble.
@@ -110,17 +114,16 @@ class Drawn(ABC):
         """Return the window's opacity, and the row of the flake that shows most or -1."""
 
         def make() -> tuple[Array, npt.NDArray[np.int32], Rows]:
-            flakes, size = self._sorted(frame, amount), frame.size
-            alpha, nearest = np.empty(size, np.float32), np.empty(size, np.int32)
+            alpha, nearest = np.empty(frame.size, np.float32), np.empty(frame.size, np.int32)
+            flakes = self._sorted(frame, amount)
             _core.particle_draw(alpha, flakes, frame.window, frame.depth, nearest)
-            return alpha, nearest, _core.flake_rows(flakes)
+            return alpha, nearest, self.rows(frame, amount)
 
         return frame.once(self, "seen", make, eye=True, depth=True)
 
     def rows(self, frame: Frame, amount: float) -> Rows:
         """Return the flakes that the frame's window may show."""
-        rows = partial(_core.flake_rows, self._sorted(frame, amount))
-        return frame.once(self, "rows", rows, eye=True)
+        return _core.flake_rows(self._sorted(frame, amount))
 
     def passes(self, rows: Rows, numbers: npt.NDArray[np.int32]) -> tuple[list[Array], Array]:
         """Return motions to `STEPS` (n, 2) and depth (n,) of flakes by their rows."""
@@ -171,6 +174,15 @@ class Flakes(Drawn):
     def shares(self, frame: Frame) -> tuple[Share, ...]:
         return _shares(self, frame.shape, frame.path, frame.camera.focal)
 
+    def faint(self, frame: Frame, amount: float) -> tuple[float, float, float]:
+        """Return the optical depth of those not drawn, and the depths between which they are."""
+        thick, middle = 0.0, 1.0 + 0.5 * FADE
+        near, far = 0.0, middle * self.reach
+        for one in self.shares(frame):
+            near, covered = middle * one.reach, self.opacity_at(frame.t) * self.law.moment(2.0)
+            thick = amount * one.size.density * 0.25 * math.pi * covered * (far - near)
+        return thick, near, far
+
 
 @kept(64)
 def _shares(
@@ -186,8 +198,10 @@ def _shares(
     # The largest fade in, and all out again.
     widest = focal * flakes.sizes[1] / (6.0 * width / TUNED)
     low, high = (widest / limit for limit in flakes.largest)
-    shown = (high, low, flakes.reach, flakes.reach * (1.0 + FADE))
-    share = Share(one, flakes.motion, flakes.reach, shown)
+    part = min(_FEW / max(density * view, _FEW), 1.0) ** (1.0 / 3.0)
+    reach = min(flakes.reach, max(part * flakes.reach, path.longest_focal * large / _TOLD))
+    shown = (high, low, reach, reach * (1.0 + FADE))
+    share = Share(one, flakes.motion, reach, shown)
     return (share,) if math.isfinite(density) else ()
 
 
@@ -215,9 +229,8 @@ def velocities(now: npt.NDArray[Any], then: npt.NDArray[Any], seconds: float) ->
     """Return how fast flakes of `FLAKE` move until a moment later, (n, 3) m/s."""
     speed = np.zeros((len(now), 3))
     _, here, there = np.intersect1d(now["id"], then["id"], return_indices=True)
-    speed[here] = (then["place"][there] - now["place"][here]) / seconds
-    # One that is gone a moment later moves as most of them do.
-    gone = np.setdiff1d(np.arange(len(now)), here)
     if len(here):
-        speed[gone] = np.median(speed[here], axis=0)
+        moved = (then["place"][there] - now["place"][here]) / seconds
+        # One that is gone a moment later moves as most of them do.
+        speed[:], speed[here] = np.median(moved, axis=0), moved
     return speed

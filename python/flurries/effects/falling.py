@@ -19,7 +19,7 @@ from flurries._warnings import warn
 from flurries.effects import checks
 from flurries.effects.bent import moved_by_wind, read_bent
 from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color, lamp_shade
-from flurries.effects.motion import Motion, plane_motion, product, times
+from flurries.effects.motion import Motion, plane_motions, product, times
 from flurries.effects.notes import Body, Notes, as_bodies, as_ids, as_placed, as_where, depths_of
 from flurries.effects.precipitation import Mixture, Precipitation, Veil
 from flurries.effects.presets import RAIN_LOOKS, SNOW_LOOKS, RainLook, SnowLook
@@ -108,10 +108,7 @@ class FlakeTexture:
         depth = np.full((1, 1), weights.sum() / nearness.sum(), np.float32)
         mean = replace(motion, fall=times(motion.fall, speed))
         here, *places = mean.places(frame.path, frame.fps, [at.t for at in (frame, *others)])
-        moves = [
-            plane_motion(depth, frame, other, np.subtract(place, here))
-            for other, place in zip(others, places, strict=True)
-        ]
+        moves = plane_motions(depth, frame, others, [np.subtract(at, here) for at in places])
         if motion.varied is not None:
             for move, other in zip(moves, others, strict=True):
                 move += moved_by_wind(self.weather, weights, frame, other)

@@ -11,6 +11,7 @@ from flurries._contract import Array, Float64
 from flurries._kept import kept
 from flurries.camera.lens import Camera, axes_of
 from flurries.camera.path import CameraPath, air_moved
+from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.motion.keys import Course, Keys, Number, Vector, air_courses, sum_of, value_at
 from flurries.motion.wind import Wind
@@ -173,49 +174,53 @@ def air_course(fps: float, fall: Number, wind: Vector) -> Course:
     return sum_of(air_courses(wind, fall, 1.0 / fps))
 
 
-def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Array:
-    """Return the motion to another frame of depths, a window's or one (1, 1), (h, w, 2) px."""
-    here, there = frame.camera, other.camera
-    own, other_axes = here.matrix(), there.matrix()
-    turned = own.T @ other_axes - np.eye(3)
-    aside = (own @ np.array(here.offset) - moved) @ other_axes - np.array(there.offset)
-    middle, turns = here.principal(frame.shape), frame.path.turns
-    focals, ends = here.focals, there.focals
-    shifted = np.subtract(there.principal(frame.shape), middle)
+def plane_motions(
+    depth: Array, frame: Frame, others: Sequence[Frame], moved: Sequence[Float64]
+) -> list[Array]:
+    """Return the motions to other frames of depths, a window's or one (1, 1), (h, w, 2) px."""
+    here, turns = frame.camera, frame.path.turns
+    own, middle, focals = here.matrix(), here.principal(frame.shape), here.focals
     x, y = _middles(frame)
     a, b = (x - middle[0]) / focals[0], (y[:, None] - middle[1]) / focals[1]
-    motion = np.empty((*frame.size, 2), np.float32)
+    motions, views = [plane((*frame.size, 2)) for _ in others], []
+    for other, way in zip(others, moved, strict=True):
+        axes, offset = other.camera.matrix(), np.array(other.camera.offset)
+        shifted = np.subtract(other.camera.principal(frame.shape), middle)
+        aside = (own @ np.array(here.offset) - way) @ axes - offset
+        views.append((own.T @ axes - np.eye(3), aside, other.camera.focals, shifted))
     # Blocks of rows stay in a cache.
     for first in range(0, len(b), _ROWS):
         rows = slice(first, first + _ROWS)
         far = np.maximum(depth[rows if len(depth) > 1 else slice(1)].astype(np.float64), NEAREST)
-        seen = np.isfinite(far)
-        np.copyto(far, 1.0, where=~seen)
-        down = b[rows]
-        x, y, z = aside
-        if turns:
-            ray = (turned[0, i] * a + (turned[1, i] * down + turned[2, i]) for i in range(3))
-            x, y, z = (way * far + part for way, part in zip(ray, aside, strict=True))
-        later = far + z
-        # What passes the eye meanwhile: as fast as now.
-        passing = later < 0.5 * far
-        scale = np.divide(1.0, np.maximum(later, NEAREST, out=later), out=later)
-        if passing.any():
-            np.divide(1.0, far, out=scale, where=passing)
-        scale *= seen
-        for axis, (side, at) in enumerate(((x, a), (y, down))):
-            change = ends[axis] * (side - z * at) * scale
-            grown = ends[axis] - focals[axis]
-            if grown or shifted[axis]:
-                change += (grown * at + shifted[axis]) * seen
-            motion[rows, :, axis] = change
-    return motion
+        seen, down = np.isfinite(far), b[rows]
+        if not (whole := bool(seen.all())):
+            np.copyto(far, 1.0, where=~seen)
+        for motion, (turned, aside, ends, shifted) in zip(motions, views, strict=True):
+            x, y, z = aside
+            if turns:
+                ray = (turned[0, i] * a + (turned[1, i] * down + turned[2, i]) for i in range(3))
+                x, y, z = (way * far + part for way, part in zip(ray, aside, strict=True))
+            later = far + z
+            # What passes the eye meanwhile: as fast as now.
+            passing = later < 0.5 * far
+            scale = np.divide(1.0, np.maximum(later, NEAREST, out=later), out=later)
+            if passing.any():
+                np.divide(1.0, far, out=scale, where=passing)
+            if not whole:
+                scale *= seen
+            for axis, (side, at) in enumerate(((x, a), (y, down))):
+                change = ends[axis] * (side - z * at) * scale
+                grown = ends[axis] - focals[axis]
+                if grown or shifted[axis]:
+                    change += (grown * at + shifted[axis]) * seen
+                motion[rows, :, axis] = change
+    return motions
 
 
 def air_motions(depth: Array, frame: Frame, others: Sequence[Frame], **air: Any) -> list[Array]:
     """Return the motions to other frames of what is at depths and goes with the air."""
     here = frame.displacement(**air)
-    return [plane_motion(depth, frame, at, at.displacement(**air) - here) for at in others]
+    return plane_motions(depth, frame, others, [at.displacement(**air) - here for at in others])
 
 
 def rays(frame: Frame) -> Float64:

@@ -28,9 +28,16 @@ class Veil:
 
     haze: Number  # Its opacity before the sky, 0 to 1.
     far: float  # The depth from which on it is whole, metres.
+    flakes: Any = None  # `Flakes`, of which it stands for those that are too small to be drawn.
+
+    def even(self, frame: Frame, amount: float) -> float:
+        """Return its opacity before the sky at a frame."""
+        haze = amount * float(value_at(self.haze, frame.t))
+        thick = 0.0 if self.flakes is None else self.flakes.faint(frame, amount)[0]
+        return haze - (1.0 - haze) * math.expm1(-thick)
 
     def needs(self, frame: Frame, amount: float) -> Needs:
-        haze = amount * float(value_at(self.haze, frame.t))
+        haze = self.even(frame, amount)
         if haze == 0.0:
             return Needs((), (LeftOut("veil", "its opacity is 0"),), most=0.0)
         deep = frame.deep or frame.depth is not None
@@ -38,14 +45,19 @@ class Veil:
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         depth, haze = frame.depth, amount * float(value_at(self.haze, frame.t))
+        faint = (0.0, 0.0, 1.0) if self.flakes is None else self.flakes.faint(frame, amount)
+        thick, near, far = faint
         assert depth is not None
 
         def before() -> Array:
             # Its optical depth grows with the way.
-            way = np.minimum(frame.crop(depth) / np.float32(self.far), np.float32(1.0))
-            return np.asarray(1.0 - (1.0 - haze) ** way, np.float32)
+            deep = frame.crop(depth)
+            left = (1.0 - haze) ** np.minimum(deep / np.float32(self.far), np.float32(1.0))
+            if thick > 0.0:
+                left *= np.exp(-thick * np.clip((deep - near) / (far - near), 0.0, 1.0))
+            return np.asarray(1.0 - left, np.float32)
 
-        return frame.standing(self, haze, before)
+        return frame.standing(self, (haze, faint), before)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -111,7 +123,7 @@ class Precipitation:
     def _whole(self, frame: Frame) -> tuple[Layer, ...]:
         back, front = self.texture, self.flakes
         amount = value_at(self.amount, frame.t)
-        haze: Any = amount * value_at(self.veil.haze, frame.t)
+        haze: Any = self.veil.even(frame, amount)
         brightness = float(value_at(self.brightness, frame.t))
         near = glow = under = None
         behind = None if back is None else frame.run(self, back.name, back.alpha, frame, amount)

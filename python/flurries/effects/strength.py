@@ -1,9 +1,7 @@
 """Strength: how much falls, how far one sees in it and how much it hides, of one population.
 
-Water that falls is number times the mean of mass and fall speed (`Matter.flux`); the extinction is
-number times opacity times the mean area (`Population.extinction`), and one sees as far as leaves
-5 % of a contrast (`gas.visibility`). Of `rate`, `visibility`, `density`, sizes, `opacity` and
-`fall` any that are given hold, and the others follow. Here stands the one table of severities.
+Of `rate`, `visibility`, `density`, sizes, `opacity` and `fall` any that are given hold, and the
+others follow. Here stands the one table of severities.
 """
 
 import math

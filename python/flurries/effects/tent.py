@@ -1,7 +1,6 @@
 """Langer's snow and rain: near flakes and drops, before a spectral texture of all that lies behind.
 
-Of rain's waves only those that run along the fall are slow enough for the frame rate. A small tile
-has none that moves: tiles grow with the speed.
+Of rain's waves a small tile has none that is slow enough for the frame rate: tiles grow with speed.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ class _Tent(metaclass=checks.Described):
         return checks.part_of(
             Precipitation, self, name=self.NAME, motion=motion, flakes=flakes,
             texture=checks.part_of(Texture, self, field=field, opacity=self.texture),
-            veil=Veil(self.haze, field.far_depth),
+            veil=Veil(self.haze, field.far_depth, flakes),
         )  # fmt: skip
 
 
@@ -114,7 +113,8 @@ class TentSnow(_Tent):
         Whether the texture follows the scene's depth by tiles or, octave by octave, at every pixel.
         "pixel" takes as many times as long as there are octaves.
     flakes : int
-        Flakes in view between the camera and `near_depth`; 0 draws none.
+        Flakes in view between the camera and `near_depth`; 0 draws none. Of more than 600 those too
+        far off to be half a pixel wide are an even veil that hides as much.
     flake_density : float, optional
         Flakes per cubic metre, in place of `flakes`.
     flake_size : (smallest, largest)

@@ -1,12 +1,8 @@
 """What differs from place to place: the wind beyond its mean, and the density of snow and rain.
 
-A wind moves the rings of waves of each tile by what it does at the place that they stand for, and
-flakes by what it does where they are. All displacements are metres since frame 0 and all velocities
-metres per frame, in the eye's axes.
-
-The density is the mean times a function of a sum of waves (`denser` in `src/falling/air.rs`), which
-is odd but for its mean of 1: clumps ride with flakes of the mean size, fronts of gusts are ahead of
-them.
+All displacements are metres since frame 0 and all velocities metres per frame, in the eye's axes.
+The density is the mean times a function of a sum of waves (`denser` in `src/falling/air.rs`), odd
+but for its mean of 1: clumps ride with flakes of the mean size, fronts of gusts are ahead of them.
 """
 
 import math

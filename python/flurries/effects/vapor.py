@@ -34,14 +34,6 @@ RANKS, FADE = 211, 0.25
 MOST = 2_000_000
 
 
-def brightest(mist: Any) -> float:
-    """Return the most that the phase function of a `Mist` brightens white gas by."""
-    if mist.scatter == "henyey":
-        g: float = abs(mist.asymmetry)
-        return (1.0 + g) / (1.0 - g) ** 2
-    return 1.5 if mist.scatter == "rayleigh" else 1.0
-
-
 def optics_of(mist: Any) -> Optics:
     """Return the optics of the particles, for the light of lamps."""
     return Optics(mist.asymmetry, 1.0) if mist.scatter == "henyey" else DROPS
@@ -64,7 +56,10 @@ def needs_of_gas(
     moves = frame.lights or has_keys(mist) or np.any(value_at(mist.wind, 0.0))
     by_places = lit or mist.top is not None or mist.center is not None
     still = not (moves or (by_places and isinstance(mist.color, str)))
-    bright = max(LAMPS if frame.lights else 1.0, brightest(mist) if sunny else 1.0)
+    bright = LAMPS if frame.lights else 1.0
+    if sunny and mist.scatter != "even":
+        straight = gas.phase(1.0, kind=mist.scatter, asymmetry=abs(mist.asymmetry))
+        bright = max(bright, float(straight))
     step = Step("lit gas" if lit else "gas", once=still)
     less = tuple(LeftOut(f"{mist.NAME}: {what}", why) for what, why in out.items())
     reads = reads_of(mist.color)

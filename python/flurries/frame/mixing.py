@@ -47,7 +47,7 @@ class Mix:
         """Return the background in the light that layers are mixed in."""
         if self.same:
             return np.ascontiguousarray(picture)
-        return _by_parts(self._decode, picture, np.empty(picture.shape, np.float32))
+        return _by_parts(self._decode, picture, plane(picture.shape))
 
     def _decode(self, part: Array) -> Array:
         turn = io_color.to_linear if self.linear else io_color.to_display
@@ -144,18 +144,20 @@ class Mix:
         """Return a layer as (h, w, 4) float32, premultiplied, in the light of the mix."""
         rgb = layer.rgb
         if layer.shade is not None:
-            rgb = np.empty((*layer.alpha.shape, 3), np.float32)
-            shade, none = layer.shade.given(), np.zeros_like(rgb)
-            _core.shade_over(rgb, none, layer.alpha, shade, layer.glow)
+            rgb = plane((*layer.alpha.shape, 3))
+            np.copyto(rgb, 0.0 if layer.glow is None else layer.glow)
+            _core.shade_add(rgb, layer.alpha, layer.shade.given())
         if rgb is None:
             result = plane((*layer.alpha.shape, 4))
             alpha = np.ascontiguousarray(layer.alpha)
             _core.layer_rgba(result, alpha, self.light(layer.color))
             return result
-        result = np.empty((*layer.alpha.shape, 4), np.float32)
+        result = plane((*layer.alpha.shape, 4))
         result[..., 3] = layer.alpha
         if self.linear:
-            result[..., :3] = rgb if self.primaries is None else rgb @ self.primaries
+            rgb = rgb if self.primaries is None else rgb @ self.primaries
+            for channel in range(3):  # Three at once take nine times as long.
+                result[..., channel] = rgb[..., channel]
             return result
         cover = layer.alpha[..., None]
         display = io_color.linear_to_srgb(io_color.unmultiply(rgb, cover))

@@ -41,6 +41,13 @@ def plane(shape: tuple[int, ...], dtype: npt.DTypeLike = np.float32) -> Array:
     return result
 
 
+def blank(shape: tuple[int, ...]) -> Array:
+    """Return a float32 plane of zeros."""
+    result = plane(shape)
+    result.fill(0.0)
+    return result
+
+
 def forget() -> None:
     """Give the system what is kept."""
     _kept.clear()

@@ -105,9 +105,7 @@ def parallax_error(
     return result
 
 
-def _each(
-    centers: npt.ArrayLike, radius: npt.ArrayLike
-) -> tuple[Float64, Float64, Float64, Float64]:
+def _each(centers: npt.ArrayLike, radius: npt.ArrayLike) -> tuple[Float64, ...]:
     gas = gas_of(centers, radius, 0.0)
     x, y, depth = gas.centers.T.copy()
     return x, y, depth, np.broadcast_to(gas.radius, x.shape)

@@ -188,14 +188,12 @@ def manner_of(
     kind: np.dtype[Any], footprint: str, edge: str, near: float, near_mode: str, occlusion: str,
     error: float | None,
 ) -> tuple[str, str, float, str, bool, float]:  # fmt: skip
-    limit = (
-        FINISHED[kind.name] if error is None else check.real("error", error, low=0.0, high=0.999)
-    )
+    limit = FINISHED[kind.name] if error is None else error
     return (
         check.choice("footprint", footprint, FOOTPRINTS),
         check.choice("edge", edge, EDGES),
         check.real("near", near, low=SMALLEST, high=LARGEST),
         check.choice("near_mode", near_mode, NEAR_MODES),
         check.choice("occlusion", occlusion, OCCLUSIONS) == "hard",
-        limit,
+        check.real("error", limit, low=0.0, high=0.999),
     )

@@ -100,7 +100,7 @@ def to_linear(pixels: Array, encoding: str) -> Array:
     if encoding == "linear":
         return to_unit(pixels)
     if pixels.dtype.kind == "u":
-        return decoding_table(pixels.dtype.itemsize)[pixels]
+        return decoding_table(pixels.dtype.itemsize).take(pixels)
     return srgb_to_linear(pixels)
 
 

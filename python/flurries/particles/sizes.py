@@ -1,17 +1,7 @@
 """Sizes of flakes and drops, how they fall, and how many carry a rate: measured laws.
 
-Diameters are exponential between a smallest and a largest one, N(D) ~ exp(-D / scale): a picture
-shows no flake of a tenth of a millimetre. The mean is that of what is left.
-
-Snow: a law of ours. Gunn and Marshall 1958 measured melted diameters, N ~ exp(-2.55 R^-0.48 D) for
-a rate of R mm/h of water. Ours is exponential in the flake itself, with the slope that puts the
-same melted size in the middle of the mass, from 1 mm on; the rate says the number: 197 per m3 for
-their 3,658 at .1 mm/h, 180 for 607 at 10. A flake has the density of Brandes et al. 2007,
-0.178 D^-0.922 g/cm3, D in mm, and falls as aggregates do in Locatelli and Hobbs 1974, 0.8 D^0.16.
-
-Rain: drops follow Marshall and Palmer 1948, N ~ exp(-4.1 R^-0.21 D), and fall as Atlas, Srivastava
-and Sekhon 1973 say, 9.65 - 10.3 exp(-0.6 D) m/s. Their number, 8000 per m3 and mm in that paper, is
-scaled so that drops of .5 to 6 mm alone carry the rate.
+Diameters are exponential between a smallest and a largest one: a picture shows no flake of a tenth
+of a millimetre. docs/internals/effects.md says whose laws these are.
 """
 
 from __future__ import annotations

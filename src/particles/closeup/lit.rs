@@ -11,7 +11,7 @@ use crate::base::simd::dispatch;
 use crate::particles::bins::{PIXELS, TILE, touches};
 use crate::particles::canvas::{Canvas, LANES, rows};
 use crate::particles::draw::one;
-use crate::particles::sorted::{Part, Sorted};
+use crate::particles::sorted::{Part, Sorted, map_of};
 use crate::particles::sprite::{Lens, Sprite};
 
 pub struct Scene<'a> {
@@ -57,7 +57,7 @@ impl Scene<'_> {
             for column in left / TILE..right.div_ceil(TILE) {
                 cancel.check()?;
                 canvas.clear();
-                let map = depth.as_ref().map(|map| self.sorted.map_of(map, row, column));
+                let map = depth.as_ref().map(|map| map_of(map, row, column));
                 let tile = Tile { row, column, map: map.as_ref() };
                 sprites(self, &tile, &mut canvas, cancel)?;
                 pictures(self, &colors, &tile, &mut canvas);
