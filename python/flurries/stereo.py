@@ -1,7 +1,6 @@
 """Two eyes: their cameras, and pictures that show both (Johnson 2005, section 4).
 
-The eyes stand side by side on the camera's x axis and look the same way; where their pictures are
-put on top of each other, things at the distance of convergence coincide.
+The eyes stand side by side on the camera's x axis and look the same way.
 """
 
 from __future__ import annotations

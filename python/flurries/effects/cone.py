@@ -259,7 +259,7 @@ slope, tile, look, seed
     texture_flakes : int
         Flakes in a tile of the cone's texture; 0 leaves the cone out.
     flakes : int
-        Number of flakes that are drawn one by one up to the depth `radius`; 0 draws none.
+        Flakes in view up to the depth `radius`, as `flakes` of :class:`TentSnow`; 0 draws none.
     flake_size : (smallest, largest)
         Diameters in metres, of the flakes in the texture and of those in front.
     flake_opacity : float

@@ -74,8 +74,10 @@ class Drawn(ABC):
     def opacity_at(self, t: float) -> float: ...
 
     def needs(self: Any, frame: Frame, amount: float) -> Needs:
-        there = any(one.size.density * one.reach > 0.0 for one in self.shares(frame))
-        if not there or self.opacity_at(frame.t) == 0.0:
+        opacity, most = self.opacity_at(frame.t), 0.0
+        for one in self.shares(frame):
+            most = max(most, one.size.density * one.reach)
+        if opacity == 0.0 or most == 0.0:
             return Needs.none("flakes", "there are none")
         still = frame.settled and self.motion.still and 0.0 in self.sway
         # Shapes tumble.

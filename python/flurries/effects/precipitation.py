@@ -123,7 +123,9 @@ class Precipitation:
     def _whole(self, frame: Frame) -> tuple[Layer, ...]:
         back, front = self.texture, self.flakes
         amount = value_at(self.amount, frame.t)
-        haze: Any = self.veil.even(frame, amount)
+        haze: Any = amount * value_at(self.veil.haze, frame.t)
+        if self.veil.flakes is not None:
+            haze = self.veil.even(frame, amount)
         brightness = float(value_at(self.brightness, frame.t))
         near = glow = under = None
         behind = None if back is None else frame.run(self, back.name, back.alpha, frame, amount)

@@ -170,7 +170,7 @@ near_depth, overlap, blend, alias, jitter, depth_mode, look, seed
     renormalise : bool
         Give the remaining waves the contrast that all waves had together.
     drops : int
-        Drops in view between the camera and `drop_depth`; 0 draws none.
+        Drops in view up to `drop_depth`, as `flakes` of :class:`TentSnow`; 0 draws none.
     drop_density : float, optional
         Drops per cubic metre, in place of `drops`.
     drop_size : (smallest, largest)

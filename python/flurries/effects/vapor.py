@@ -58,8 +58,8 @@ def needs_of_gas(
     still = not (moves or (by_places and isinstance(mist.color, str)))
     bright = LAMPS if frame.lights else 1.0
     if sunny and mist.scatter != "even":
-        straight = gas.phase(1.0, kind=mist.scatter, asymmetry=abs(mist.asymmetry))
-        bright = max(bright, float(straight))
+        straight = gas.phase([1.0], kind=mist.scatter, asymmetry=abs(mist.asymmetry))
+        bright = max(bright, straight.item())
     step = Step("lit gas" if lit else "gas", once=still)
     less = tuple(LeftOut(f"{mist.NAME}: {what}", why) for what, why in out.items())
     reads = reads_of(mist.color)

@@ -43,11 +43,12 @@ class Mix:
         """Whether that is the light that the background holds."""
         return self.linear == (self.encoding == "linear") and not self.straight
 
-    def decode(self, picture: Array) -> Array:
-        """Return the background in the light that layers are mixed in."""
+    def decode(self, picture: Array, room: Array | None = None) -> Array:
+        """Return the background in the light that layers are mixed in, in `room` if it differs."""
         if self.same:
             return np.ascontiguousarray(picture)
-        return _by_parts(self._decode, picture, plane(picture.shape))
+        room = np.empty(picture.shape, np.float32) if room is None else room
+        return _by_parts(self._decode, picture, room)
 
     def _decode(self, part: Array) -> Array:
         turn = io_color.to_linear if self.linear else io_color.to_display
@@ -59,9 +60,8 @@ class Mix:
 
     def plate(self, picture: Array) -> Array:
         """Return the background in the light that layers are mixed in, float32."""
-        light = self.decode(picture)
-        room = plane(light.shape) if light.dtype.kind == "u" else None
-        return io_color.to_single(io_color.to_unit(light, room))
+        room = plane(picture.shape)
+        return io_color.to_single(io_color.to_unit(self.decode(picture, room), room))
 
     def encode(self, working: Array, picture: Array, into: Array | None = None) -> Array:
         """Return the composite in the background's own encoding and dtype, in `into` if given."""
@@ -142,15 +142,19 @@ class Mix:
 
     def rgba(self, layer: Layer) -> Array:
         """Return a layer as (h, w, 4) float32, premultiplied, in the light of the mix."""
-        rgb = layer.rgb
-        if layer.shade is not None:
-            rgb = plane((*layer.alpha.shape, 3))
-            np.copyto(rgb, 0.0 if layer.glow is None else layer.glow)
-            _core.shade_add(rgb, layer.alpha, layer.shade.given())
+        rgb, light, shade = layer.rgb, None, layer.shade
+        if shade is not None:
+            one = shade.colors.size == 3 and layer.glow is None
+            if one and self.linear and self.primaries is None:
+                light = shade.colors.ravel().tolist()
+            else:
+                rgb = plane((*layer.alpha.shape, 3))
+                np.copyto(rgb, 0.0 if layer.glow is None else layer.glow)
+                _core.shade_add(rgb, layer.alpha, shade.given())
         if rgb is None:
             result = plane((*layer.alpha.shape, 4))
             alpha = np.ascontiguousarray(layer.alpha)
-            _core.layer_rgba(result, alpha, self.light(layer.color))
+            _core.layer_rgba(result, alpha, light or self.light(layer.color))
             return result
         result = plane((*layer.alpha.shape, 4))
         result[..., 3] = layer.alpha

@@ -1,8 +1,4 @@
-"""Flakes as points in a box that wraps, and their picture (Langer 2004, sections 6 and 7).
-
-A place follows from the seed and the flake's index alone, so frames can be made in any order, on
-any number of threads or machines.
-"""
+"""Flakes as points in a box that wraps, and their picture (Langer 2004, sections 6 and 7)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """A population of flakes or drops: how many, how large, how fast, and how they are shared out.
 
-What is near is drawn flake by flake, what is far is synthesized, and both take their numbers here:
-classes of size, each with its fall speed, and slabs of depth with the images of their flakes.
+What is drawn and what is synthesized take classes of size and slabs of depth from here.
 """
 
 import math
@@ -21,8 +20,7 @@ FADE = 0.08
 _DEPTHS, _SHARES = 12, 264
 EVENLY = np.linspace(0.0, 1.0, _SHARES + 1)
 
-# Weights by which layers have even parts of speed in the picture, of depth, and of the variance of
-# its pixels: a layer that has much of that is seen to move as one.
+# Weights by which layers have even parts of speed in the picture, depth and variance of pixels.
 EVEN = [0.15, 0.2, 0.65]
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(_DEPTHS)
