@@ -148,7 +148,7 @@ PLATE = RNG(0).random((120, 160, 3), np.float32)
 # A pole whose pixels are means of its depth and of what is behind it.
 POLE = 5.0 + 35.0 * np.clip(np.abs(np.mgrid[:120, :160][1] - 80.3) - 1.0, 0.0, 1.0)
 SCENES: dict[str, fl.Scene] = {
-    "snow": fl.Scene(PLATE, effects=TentSnow("heavy", flakes=400)),
+    "snow": fl.Scene(PLATE, effects=TentSnow("heavy", flakes=2000)),
     "rain": fl.Scene(PLATE, camera=PATH, effects=TentRain("downpour", drops=300)),
     "gusts": fl.Scene(
         PLATE, camera=PATH,
