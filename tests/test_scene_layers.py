@@ -117,11 +117,7 @@ WRONG = {
     "a list with one": [ONE, 3],
     "alpha64": fl.effects.Layer("x", ALPHA.astype(np.float64)),
     "alpha of another size": fl.effects.Layer("x", ALPHA[1:]),
-    "alpha none": fl.effects.Layer("x", None),  # type: ignore[arg-type]
     "rgb of two": fl.effects.Layer("x", ALPHA, rgb=STRAIGHT[..., :2]),
-    "rgb64": fl.effects.Layer("x", ALPHA, rgb=STRAIGHT.astype(np.float64)),
-    "rgb a list": fl.effects.Layer("x", ALPHA, rgb=STRAIGHT.tolist()),  # type: ignore[arg-type]
-    "depth64": fl.effects.Layer("x", ALPHA, depth=FAR.astype(np.float64)),
 }
 
 

@@ -8,7 +8,7 @@ use super::list::{Flake, List};
 use crate::base::ball::middle_depth;
 use crate::base::error::{Cancel, Error, collected, pushed};
 use crate::base::pool;
-use crate::particles::balls::Balls;
+use crate::particles::balls::{Balls, Outline};
 use crate::particles::closeup::aperture::VARIANCE_OF_DISC;
 use crate::particles::closeup::near::{Closeup, DISC};
 use crate::particles::closeup::patch::Patch;
@@ -50,12 +50,15 @@ impl Images {
         }
         let mut sprites: Vec<(Sprite, i32)> = Vec::new();
         let mut kept: Vec<(&Flake, i32, f64)> = Vec::new();
-        let focal = air.eyes[NOW].focal[0];
+        let (focal, mut outlines) = (air.eyes[NOW].focal[0], Vec::new());
         for (flake, number) in list.flakes.iter().zip(0..) {
             let depth = flake.depths[NOW];
-            let mut grown = 1.0;
+            let (mut grown, mut outline) = (1.0, Outline::ROUND);
             if let Some(closeup) = closeup {
-                let sigma = focal * flake.diameter / (8.0_f64.sqrt() * depth);
+                let diameter = focal * flake.diameter / depth;
+                let sigma = diameter / 8.0_f64.sqrt();
+                outline = closeup.outline(flake.id as i64, diameter);
+                pushed(&mut outlines, outline)?;
                 let (near, switch) = (closeup.kind.is_some(), closeup.switch);
                 let mut share = if near { ramp(switch.0, switch.1, sigma) } else { 0.0 };
                 let circle = closeup.blur.as_ref().map_or(0.0, |blur| blur.circle(depth));
@@ -66,10 +69,13 @@ impl Images {
                 }
                 grown = (1.0 + circle * circle * VARIANCE_OF_DISC / (sigma * sigma)).sqrt();
             }
-            pieces(flake, focal, grown, &mut |sprite| pushed(&mut sprites, (sprite, number)))?;
+            let see = &mut |sprite| pushed(&mut sprites, (sprite, number));
+            pieces(flake, focal, grown, &outline, see)?;
         }
         let image = |index: usize| Some(sprites[index]);
-        let sorted = Sorted::new(sprites.len(), image, Some(Arc::clone(balls)), air.shape, cancel)?;
+        let balls = Some(Arc::clone(balls));
+        let mut sorted = Sorted::new(sprites.len(), image, balls, air.shape, cancel)?;
+        sorted.outlines = outlines;
         let mut patches = collected(kept.iter().map(|_| None))?;
         if let Some(closeup) = closeup {
             let tasks: Vec<_> = patches.chunks_mut(8).zip(kept.chunks(8)).collect();
@@ -101,6 +107,7 @@ fn pieces(
     flake: &Flake,
     focal: f64,
     grown: f64,
+    outline: &Outline,
     see: &mut impl FnMut(Sprite) -> Result<(), Error>,
 ) -> Result<(), Error> {
     let [now, open, close] = [NOW, OPEN, CLOSE].map(|time| flake.seen[time]);
@@ -117,10 +124,9 @@ fn pieces(
     if count == 1.0 {
         let radius = 0.5 * grown * focal * flake.diameter / flake.depths[NOW];
         let way = std::array::from_fn(|a| close[a] - open[a]);
-        let Some(sprite) = Balls::sprite(open, way, radius, amplitude, flake.depths[NOW]) else {
-            return Ok(());
-        };
-        return see(sprite);
+        let depth = flake.depths[NOW];
+        let sprite = Balls::sprite(open, way, radius, amplitude, depth, outline);
+        return sprite.map_or(Ok(()), see);
     }
     let [at, before, after] = [NOW, OPEN, CLOSE].map(|time| 1.0 / flake.depths[time]);
     for piece in 0..count as usize {
@@ -131,7 +137,8 @@ fn pieces(
         let radius = 0.5 * grown * focal * flake.diameter * near;
         let (start, end) = (place(from), place(to));
         let way = std::array::from_fn(|a| end[a] - start[a]);
-        if let Some(sprite) = Balls::sprite(start, way, radius, amplitude / count, 1.0 / near) {
+        let share = amplitude / count;
+        if let Some(sprite) = Balls::sprite(start, way, radius, share, 1.0 / near, outline) {
             see(sprite)?;
         }
     }
@@ -156,6 +163,5 @@ fn picture(air: &Air, closeup: &Closeup, flake: &Flake, number: i32, share: f64)
     };
     let shaped = diameter > closeup.switch.0 * 8.0_f64.sqrt();
     let kind = closeup.kind.filter(|_| shaped).unwrap_or(Kind::Dot);
-    let look = Look { kind, share, blur: closeup.blur, tumble: closeup.tumble };
-    Patch::of(&near, &look, air.shape)
+    Patch::of(&near, &Look { kind, share, closeup }, air.shape)
 }

@@ -5,7 +5,7 @@
 //! then the optical depth of the same flakes drawn one by one.
 //!
 //! Flakes lie in the middles of quarter pixels. With the eighth of a pixel as the cell, a pixel is whole
-//! cells seen from any of them, and its mean over a ball at rest is exact.
+//! cells seen from any of them, and its mean over a ball at rest is exact. Under a wide disc of defocus cells are quarters.
 
 use crate::base::ball::{mean_opacity, opacity_at};
 use crate::base::error::{Error, collected, pushed, reserve, zeroed};
@@ -37,6 +37,11 @@ pub struct Law {
 }
 
 impl Law {
+    /// Cells in a quarter of a pixel.
+    fn fine(&self) -> i64 {
+        if self.circle < WIDE { 2 } else { 1 }
+    }
+
     pub fn check(&self) -> Result<(), Error> {
         let ((rows, cols), (low, high)) = (self.period, self.ranks);
         let sound = [rows, cols].iter().all(|side| (1..=1 << 20).contains(side))
@@ -66,8 +71,8 @@ pub const WIDTH: usize = 8;
 /// Stamps are added up in parts of a byte's step: long streaks leave less than a step in a pixel.
 const FINE: f64 = 256.0;
 
-/// Cells for each pixel.
-const CELLS: f64 = 8.0;
+/// Discs of defocus from this width on are wide, px.
+const WIDE: f64 = 8.0;
 
 /// Discs that spread over pixels from middles of quarter pixels as flakes of 0, 0.1, .. 1 px do from
 /// anywhere: the mean over places of the sum of the squares of a flake's shares is the same. Without it
@@ -115,17 +120,21 @@ impl Rows {
 }
 
 /// The share of the exposure and of the disc of defocus for which a point of the flake lies within a
-/// pixel, by the cells that it is away from the pixel's middle; columns of even and of odd number apart.
-fn weights(law: &Law) -> Result<[Rows; 2], Error> {
-    let (streak, radius) = (law.streak, 0.5 * CELLS * law.circle);
+/// pixel, by the cells that it is away from the pixel's middle; the columns of each cell in a quarter apart.
+fn weights(law: &Law) -> Result<Vec<Rows>, Error> {
+    let (fine, cells) = (law.fine(), 4.0 * law.fine() as f64);
+    // Cells that a pixel's edges cut count in part: as if they moved by a cell.
+    let least = if fine == 1 { 1.0 / cells } else { 0.0 };
+    let streak = law.streak.map(|way| if way.abs() < least { least } else { way });
+    let radius = 0.5 * cells * law.circle;
     let reach =
-        |length: f64| libm::ceil(0.5 * CELLS * (1.0 + length.abs() + law.circle)) as i64 + 2;
+        |length: f64| libm::ceil(0.5 * cells * (1.0 + length.abs() + law.circle)) as i64 + 2;
     // Even, so that halves of it hold columns of both kinds.
     let half = reach(streak[0]).max(reach(streak[1]));
     let half = half + (half & 1);
     let side = 2 * half as usize;
     let mut sharp = zeroed::<f32>(side * side)?;
-    let middle = |index: usize| (index as f64 + 0.5 - half as f64) / CELLS;
+    let middle = |index: usize| (index as f64 + 0.5 * (fine - 1) as f64 - half as f64) / cells;
     for (row, out) in sharp.chunks_mut(side).enumerate() {
         let y = within(middle(row), streak[1]);
         for (col, out) in out.iter_mut().enumerate().filter(|_| y.1 > y.0) {
@@ -136,14 +145,14 @@ fn weights(law: &Law) -> Result<[Rows; 2], Error> {
     if radius > 0.0 {
         sharp = defocused(&sharp, side, radius)?;
     }
-    let parity = |odd: usize| {
-        let dense: Vec<f32> = sharp.iter().skip(odd).step_by(2).copied().collect();
-        let mut rows = Rows::new(-half, &dense, side / 2)?;
-        // Columns count in pairs.
-        rows.spans.iter_mut().for_each(|span| span.0 += half / 2);
+    let apart = |first: usize| {
+        let dense: Vec<f32> = sharp.iter().skip(first).step_by(fine as usize).copied().collect();
+        let mut rows = Rows::new(-half, &dense, side / fine as usize)?;
+        // Columns count in quarters.
+        rows.spans.iter_mut().for_each(|span| span.0 += half - half / fine);
         Ok(rows)
     };
-    Ok([parity(0)?, parity(1)?])
+    (0..fine as usize).map(apart).collect()
 }
 
 /// The times at which a coordinate lies within the pixel.
@@ -208,8 +217,8 @@ impl Profile {
     }
 
     /// Opacity times area in each cell, rows after rows, and half of their number.
-    fn cells(&self, diameter: f64) -> Result<(Vec<f32>, usize), Error> {
-        let radius = 0.5 * CELLS * spread(diameter);
+    fn cells(&self, diameter: f64, fine: i64) -> Result<(Vec<f32>, usize), Error> {
+        let radius = (2 * fine) as f64 * spread(diameter);
         let half = libm::ceil(radius) as usize;
         let parts = 24_usize.div_ceil(2 * half).max(2);
         let mut quarter = zeroed::<f32>(half * half)?;
@@ -247,8 +256,8 @@ impl Profile {
 ///
 /// Of a flake of which a part `thin` is seen at a time the depth is that of so thin a flake, over the part: blurred
 /// along a way that shows a pixel this part, it covers what the flake does.
-fn depths(law: &Law, weights: &[Rows; 2], profile: &Profile, diameter: f64) -> Result<Rows, Error> {
-    let (cells, half) = profile.cells(diameter)?;
+fn depths(law: &Law, weights: &[Rows], profile: &Profile, diameter: f64) -> Result<Rows, Error> {
+    let (cells, half) = profile.cells(diameter, law.fine())?;
     let (reach, mut dense) = summed(weights, &cells, half)?;
     for value in dense.iter_mut().filter(|value| **value != 0.0) {
         let seen = (law.thin * f64::from(*value)).min(1.0 - 1e-9);
@@ -258,25 +267,25 @@ fn depths(law: &Law, weights: &[Rows; 2], profile: &Profile, diameter: f64) -> R
 }
 
 /// The mean opacity of a ball's cells in pixels, on the lattice of quarters, by weights.
-fn summed(weights: &[Rows; 2], cells: &[f32], half: usize) -> Result<(i64, Vec<f32>), Error> {
-    let (cells_half, tall) = (half as i64, -weights[0].top);
-    let reach = (tall + cells_half) / 2 + 3;
+fn summed(weights: &[Rows], cells: &[f32], half: usize) -> Result<(i64, Vec<f32>), Error> {
+    let (cells_half, tall, fine) = (half as i64, -weights[0].top, weights.len() as i64);
+    let reach = (tall + cells_half) / fine + 3;
     let side = 2 * reach as usize;
     let mut dense = zeroed::<f32>(side * side)?;
     for (cy, cells) in (-cells_half..).zip(cells.chunks(2 * half)) {
         for (n, out) in (-reach..).zip(dense.chunks_mut(side)) {
-            // From the middle of cell c to a pixel's middle at (2 n + 3) / 8 lie 2 n + 2 - c cells and
-            // a half.
-            let both = [weights[0].row(2 * n + 2 - cy), weights[1].row(2 * n + 2 - cy)];
-            if both.iter().all(|(_, values)| values.is_empty()) {
+            // From the middle of cell c to a pixel's middle at n + 3/2 quarters lie fine (n + 3/2) - c - 1/2 cells.
+            let row = fine * (n + 1) - cy;
+            if weights.iter().all(|each| each.row(row).1.is_empty()) {
                 continue;
             }
             for (cx, &cell) in (-cells_half..).zip(cells) {
                 if cell == 0.0 {
                     continue;
                 }
-                let (first, values) = both[(cx & 1) as usize];
-                let from = first - 1 + (cx + (cx & 1)) / 2 + reach;
+                let odd = cx & (fine - 1);
+                let (first, values) = weights[odd as usize].row(row);
+                let from = first - 1 + (cx + odd) / fine + reach;
                 for (out, value) in out[from as usize..].iter_mut().zip(values) {
                     *out += cell * value;
                 }

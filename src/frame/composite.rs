@@ -4,7 +4,7 @@
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3};
 use num_traits::{Float, One, Zero};
 
-use super::mix::{OneColor, dim, invert, joint};
+use super::mix::{OneColor, dim, invert};
 use super::sample::Sample;
 use crate::base::error::{Cancel, Error, collected, layout};
 use crate::base::pool;
@@ -78,9 +78,9 @@ pub fn over<S: Sample, A: Real>(
 
 /// Opacity of several layers of one color together, behind a matte:
 /// `(1 - (1 - haze) prod (1 - alpha_i)) (1 - matte)`. The order does not matter.
-pub fn join<'p, T: Real>(
+pub fn join<T: Real>(
     out: ArrayViewMut2<'_, T>,
-    layers: &[ArrayView2<'p, T>],
+    layers: &[ArrayView2<'_, T>],
     haze: f64,
     matte: Option<ArrayView2<'_, T>>,
     cancel: &Cancel,
@@ -95,17 +95,9 @@ pub fn join<'p, T: Real>(
         for (row, mut out) in run.zip(part.rows_mut()) {
             cancel.check()?;
             let out = out.as_slice_mut().ok_or_else(layout)?;
-            let line = |plane: &'p [T]| &plane[row * width..][..width];
-            match planes[..] {
-                // The usual ones, in one pass.
-                [one] => joint(out, clear, line(one), None),
-                [one, two] => joint(out, clear, line(one), Some(line(two))),
-                _ => {
-                    out.fill(clear);
-                    planes.iter().for_each(|plane| dim(line(plane), out));
-                    invert(out);
-                }
-            }
+            out.fill(clear);
+            planes.iter().for_each(|plane| dim(&plane[row * width..][..width], out));
+            invert(out);
             if let Some(matte) = &matte {
                 for (alpha, &matte) in out.iter_mut().zip(matte.row(row)).take(width) {
                     *alpha *= T::one() - matte;

@@ -58,12 +58,7 @@ impl Grid<'_> {
                 low + part * (self.colors[[below, column, channel]] - low)
             })
         }));
-        let mut rest = out;
-        for run in across {
-            let (pixels, after) = rest.split_at_mut(run.parts.len());
-            blend(pixels, &run.parts, line[run.cells[0]], line[run.cells[1]]);
-            rest = after;
-        }
+        blend(out, across, line);
     }
 
     pub fn check(&self) -> Result<(), Error> {
@@ -75,13 +70,19 @@ impl Grid<'_> {
     }
 }
 
-/// Colors between two.
+/// Colors between those of cells.
 #[dispatch]
-fn blend<const LEVEL: u8>(out: &mut [[f32; 3]], parts: &[f32], low: [f32; 3], high: [f32; 3]) {
-    let step = [high[0] - low[0], high[1] - low[1], high[2] - low[2]];
-    for (out, &part) in out.iter_mut().zip(parts) {
-        for c in 0..3 {
-            out[c] = low[c] + part * step[c];
+fn blend<const LEVEL: u8>(out: &mut [[f32; 3]], across: &[Run], line: &[[f32; 3]]) {
+    let mut rest = out;
+    for run in across {
+        let (pixels, after) = rest.split_at_mut(run.parts.len());
+        let [low, high] = run.cells.map(|cell| line[cell]);
+        let step = [high[0] - low[0], high[1] - low[1], high[2] - low[2]];
+        for (out, &part) in pixels.iter_mut().zip(&run.parts) {
+            for c in 0..3 {
+                out[c] = low[c] + part * step[c];
+            }
         }
+        rest = after;
     }
 }

@@ -122,26 +122,6 @@ fn pixels<S: Sample, V: Samples<S>, const CHANNELS: usize>(
     }
 }
 
-/// `1 - clear (1 - alpha) (1 - more)`: two layers and an even veil together.
-#[dispatch]
-pub fn joint<const LEVEL: u8, T: Real>(out: &mut [T], clear: T, alpha: &[T], more: Option<&[T]>) {
-    let (n, one) = (out.len(), T::one());
-    let alpha = &alpha[..n];
-    match more {
-        Some(more) => {
-            let more = &more[..n];
-            for i in 0..n {
-                out[i] = one - clear * (one - alpha[i]) * (one - more[i]);
-            }
-        }
-        None => {
-            for i in 0..n {
-                out[i] = one - clear * (one - alpha[i]);
-            }
-        }
-    }
-}
-
 /// What is left of the light behind one more layer.
 #[dispatch]
 pub fn dim<const LEVEL: u8, T: Real>(alpha: &[T], through: &mut [T]) {

@@ -59,27 +59,32 @@ pub fn cells<S: Light>(
     if cell == 0 || out.dim() != (rows, width.div_ceil(cell), 4) || !(3..=4).contains(&channels) {
         return Err(Error::Internal("the cells do not fit the picture".into()));
     }
+    let summed = if channels == 3 { summed::<S, 3> } else { summed::<S, 4> };
     let tasks: Vec<_> = out.axis_iter_mut(Axis(0)).enumerate().collect();
     pool::for_each(tasks, |(row, mut sums)| {
         cancel.check()?;
+        let sums = sums.as_slice_mut().ok_or_else(layout)?;
         sums.fill(0.0);
         for y in (row * cell..((row + 1) * cell).min(height)).step_by(step.max(1)) {
-            let line = picture.index_axis(Axis(0), y);
-            let line = line.to_slice().ok_or_else(layout)?;
-            let sums = sums.as_slice_mut().ok_or_else(layout)?.as_chunks_mut::<4>().0;
-            for (sum, pixels) in sums.iter_mut().zip(line.chunks(channels * cell)) {
-                let mut found = [0.0_f32; 4];
-                for pixel in pixels.chunks_exact(channels) {
-                    let cover = pixel.get(3).map_or(1.0, |&cover| cover.cover());
-                    let rgb = [pixel[0], pixel[1], pixel[2]].map(|own| own.light(table, cover));
-                    if S::FINITE || rgb.iter().all(|v| v.is_finite()) {
-                        (0..3).for_each(|channel| found[channel] += rgb[channel]);
-                        found[3] += cover;
-                    }
-                }
-                (0..4).for_each(|channel| sum[channel] += found[channel]);
-            }
+            let line = picture.index_axis(Axis(0), y).to_slice().ok_or_else(layout)?;
+            summed(sums.as_chunks_mut().0, line, cell, table);
         }
         Ok(())
     })
+}
+
+/// Adds a row of pixels of so many channels to sums of its cells.
+fn summed<S: Light, const N: usize>(sums: &mut [[f32; 4]], line: &[S], cell: usize, table: &[f32]) {
+    for (sum, pixels) in sums.iter_mut().zip(line.as_chunks::<N>().0.chunks(cell)) {
+        let mut found = [0.0_f32; 4];
+        for pixel in pixels {
+            let cover = if N == 4 { pixel[3].cover() } else { 1.0 };
+            let rgb = [pixel[0], pixel[1], pixel[2]].map(|own| own.light(table, cover));
+            if S::FINITE || rgb.iter().all(|v| v.is_finite()) {
+                let own = [rgb[0], rgb[1], rgb[2], cover];
+                found = std::array::from_fn(|k| found[k] + own[k]);
+            }
+        }
+        *sum = std::array::from_fn(|k| sum[k] + found[k]);
+    }
 }

@@ -60,11 +60,8 @@ pub fn veil<T: Normal>(
                 Some(patches) => {
                     patches.row(row, &mut line);
                     patched(out, &places, &line, T::of(patches.strength));
-                    if way.len() == 1 {
-                        dim(out, T::of(extinction) * way[0], None);
-                    } else {
-                        dim(out, T::of(extinction), Some(way));
-                    }
+                    let one = if way.len() == 1 { way[0] } else { T::one() };
+                    dim(out, T::of(extinction) * one, (way.len() > 1).then_some(way));
                 }
                 None if way.len() == 1 => {
                     let depth = least(T::of(extinction) * way[0], T::of(OPAQUE));

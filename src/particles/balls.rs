@@ -54,6 +54,46 @@ const OPAQUE: f32 = 1.0 - 1e-6;
 /// Of a way the places that integrate a cubic exactly, from its middle, in its lengths.
 const GAUSS: f64 = 0.288_675_134_594_812_9;
 
+/// How a ball is drawn out: places along and across its way, in radii, at which it is looked up. A flake is no
+/// disc long before its crystals can be told.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outline {
+    along: f32,
+    across: f32,
+    lean: f32,
+    curve: f32,
+}
+
+impl Outline {
+    pub const ROUND: Self = Self { along: 1.0, across: 1.0, lean: 0.0, curve: 0.0 };
+
+    /// An ellipse of an aspect, turned by an angle from its way, bent, and wider than a disc of its light.
+    pub fn of(aspect: f64, angle: f64, curve: f64, wide: f64) -> Self {
+        let (even, odd) = (0.5 * (1.0 / aspect + aspect), 0.5 * (1.0 / aspect - aspect));
+        let along = (even + odd * libm::cos(2.0 * angle)).sqrt();
+        let lean = odd * libm::sin(2.0 * angle);
+        let each = [along / wide, 1.0 / (along * wide), lean, curve];
+        let [along, across, lean, curve] = each.map(|part| part as f32);
+        Self { along, across, lean, curve }
+    }
+
+    /// Where a place is looked up; the middle of the light stays.
+    #[inline(always)]
+    pub fn at(&self, along: f32, across: f32) -> [f32; 2] {
+        let v = self.across * across;
+        [self.along * along + (self.lean + self.curve * v) * v - self.curve * MEAN_SQUARE, v]
+    }
+
+    /// How far it reaches, in radii of the ball; a little more where it is bent.
+    pub fn reach(&self) -> f64 {
+        let aside = (1.0 + self.lean * self.lean).sqrt() + 0.3 * self.curve.abs();
+        f64::from((aside / self.along).max(1.0 / self.across))
+    }
+}
+
+/// Of a ball's light the mean of the square of the distance across, in radii.
+const MEAN_SQUARE: f32 = 0.235;
+
 pub struct Balls {
     /// Opacity by the square of the distance from the middle, in radii: looked up, it costs a tenth.
     profile: Vec<f32>,
@@ -98,13 +138,14 @@ impl Balls {
         radius: f64,
         amplitude: f64,
         depth: f64,
+        outline: &Outline,
     ) -> Option<Sprite> {
         let drawn = radius.max(LEAST);
         let mut sprite = Sprite {
             start,
             along: [1.0, 0.0],
             length: 0.0,
-            sigma: (drawn + MARGIN) / REACH,
+            sigma: (drawn * outline.reach() + MARGIN) / REACH,
             amplitude: amplitude * (radius / drawn) * (radius / drawn),
             depth,
         };
@@ -216,19 +257,22 @@ pub fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
     map: Option<&[P; PIXELS]>,
     sprite: &Sprite,
     origin: [f64; 2],
-    balls: &Balls,
+    (balls, outline): (&Balls, &Outline),
 ) {
     let (low, high) = sprite.bounds();
     let Some(rows) = pixels(low[1] - origin[1], high[1] - origin[1], TILE) else { return };
     let wide = REACH * sprite.sigma;
-    let radius = wide - MARGIN;
+    let radius = (wide - MARGIN) / outline.reach();
     let table = balls.table(radius);
     // Of a small ball the pixel is most of the image: it keeps its width, and the amplitude makes up for the radius.
     let small = table.radius < SMALL;
     let scale = if small { 1.0 } else { table.radius / radius };
     let whole =
         if small { sprite.amplitude * (radius / table.radius).powi(2) } else { sprite.amplitude };
-    let resting = sprite.length < SHORT;
+    let Outline { along: shrunk, across: thin, lean, curve } = *outline;
+    let whole = whole * f64::from(shrunk * thin);
+    let round = *outline == Outline::ROUND;
+    let resting = sprite.length < if round { SHORT } else { NONE };
     let [ux, uy] = if resting { [1.0, 0.0] } else { sprite.along };
     let length = if resting { 0.0 } else { sprite.length };
     let middle = 0.5 * sprite.length;
@@ -236,10 +280,15 @@ pub fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
         sprite.start[axis] - origin[axis] + if resting { middle * sprite.along[axis] } else { 0.0 }
     });
     // Along the way in entries of the table, from its first one on.
-    let (step, across) = (scale * table.along, scale * table.across);
-    let first = table.reach * table.along;
+    let step = scale * table.along * f64::from(shrunk);
+    let across = scale * table.across * f64::from(thin);
+    // What is added to that for a place across.
+    let (unit, part) = (table.radius * table.along, (table.radius * table.across) as f32);
+    let first = table.reach * table.along - unit * f64::from(curve * MEAN_SQUARE);
+    let (lean, curve) = (unit as f32 * lean / part, unit as f32 * curve / (part * part));
     let depth = P::of(sprite.depth);
-    let amplitude = if resting { whole } else { whole / (length * scale) } as f32;
+    let stretched = length * scale * f64::from(shrunk);
+    let amplitude = if resting { whole } else { whole / stretched } as f32;
     for row in rows {
         let h = row as f64 + 0.5 - y;
         // Columns whose places lie beside the way, and between its ends.
@@ -264,13 +313,14 @@ pub fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
             let (right, aside) = ((ux * step) as f32, (-uy * across) as f32);
             let mut places = Row { along: [0.0; LANES], across: [0.0; LANES] };
             for k in 0..LANES {
-                places.along[k] = at + k as f32 * right;
                 places.across[k] = side + k as f32 * aside;
+                let shift = (lean + curve * places.across[k]) * places.across[k];
+                places.along[k] = at + k as f32 * right + shift;
             }
             let mut seen = [0.0_f32; LANES];
             let (one, end) = (places.along[0], places.along[LANES - 1]);
             let passed = one.min(end) >= (table.columns - 2) as f32;
-            if !resting && passed && one.max(end) - (length * step) as f32 <= 0.0 {
+            if !resting && round && passed && one.max(end) - (length * step) as f32 <= 0.0 {
                 // Between the ends of a long way.
                 for k in 0..LANES {
                     let line = (places.across[k].abs() + 0.5).min((table.rows - 1) as f32);
@@ -300,7 +350,7 @@ pub fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
             }
             let mut alpha = [P::zero(); LANES];
             for k in 0..LANES {
-                alpha[k] = P::of(f64::from((seen[k] * amplitude).min(OPAQUE)));
+                alpha[k] = P::of(f64::from((seen[k] * amplitude).clamp(0.0, OPAQUE)));
             }
             multiply::<P, C, LEVEL>(canvas, map, depth, row * TILE + column, &alpha);
         }
@@ -317,14 +367,15 @@ mod tests {
         let balls = Balls::new(middle_depth(0.99).unwrap()).unwrap();
         for step in 0..200 {
             let radius = 0.2 * libm::exp2(f64::from(step) / 37.0);
-            let sprite = Balls::sprite([32.5, 32.5], [0.0, 0.0], radius, 1.0, 1.0).unwrap();
+            let round = &Outline::ROUND;
+            let sprite = Balls::sprite([32.5, 32.5], [0.0, 0.0], radius, 1.0, 1.0, round).unwrap();
             let mut through = [1.0; PIXELS];
             ball::<f32, _, { crate::base::simd::PORTABLE }>(
                 &mut through,
                 None,
                 &sprite,
                 [0.0; 2],
-                &balls,
+                (&balls, round),
             );
             assert!(through.iter().all(|&through| through > 0.0), "{radius}");
         }

@@ -5,12 +5,10 @@
 //! binning is parallel, a run stays in the L2 cache, and a tile that walks the runs one after another
 //! meets its flakes in the same order on any machine.
 
-use std::iter::Zip;
 use std::ops::Range;
-use std::slice::Iter;
 
 use super::sprite::Sprite;
-use crate::base::error::{Error, reserve};
+use crate::base::error::{Error, pushed, reserve};
 use crate::base::pixel::pixels;
 
 /// Side of a tile, px. Its transmittance in float64 is 32 KiB: the L1 cache.
@@ -53,22 +51,17 @@ impl Grid {
     }
 }
 
-/// Sprites with their flakes' numbers.
-pub type Numbered<'a> = Zip<Iter<'a, Sprite>, Iter<'a, i32>>;
-
-/// The sprites of one run of flakes, by tile.
+/// The sprites of one run of flakes with the flakes' numbers, by tile.
 ///
 /// They are copied into the order in which tiles read them. An index instead would make every flake
 /// of a tile a cache miss, which costs more than drawing it.
 #[derive(Default)]
 pub struct Bins {
     /// The sprites of tile k are sprites[starts[k]..starts[k + 1]], by index of the flake.
-    sprites: Vec<Sprite>,
-    numbers: Vec<i32>,
+    sprites: Vec<(Sprite, i32)>,
     starts: Vec<u32>,
-    /// Those that span many tiles, by index.
-    large: Vec<Sprite>,
-    large_numbers: Vec<i32>,
+    /// Those that lie in many tiles, by index.
+    pub large: Vec<(Sprite, i32)>,
     /// The next free place of each tile.
     next: Vec<u32>,
 }
@@ -91,24 +84,20 @@ impl Bins {
         grid: &Grid,
         scratch: &mut Scratch,
     ) -> Result<(), Error> {
-        let Self { sprites, numbers, starts, large, large_numbers, next } = self;
+        let Self { sprites, starts, large, next } = self;
         let Scratch { projected, pairs } = scratch;
         projected.clear();
         pairs.clear();
         reserve(projected, count)?;
         reserve(pairs, count)?;
         large.clear();
-        large_numbers.clear();
         starts.clear();
         reserve(starts, grid.len() + 1)?;
         starts.resize(grid.len() + 1, 0);
         for (sprite, number) in images {
             let Some((rows, columns)) = grid.reached(&sprite) else { continue };
             if rows.len() * columns.len() > MOST_TILES {
-                reserve(large, 1)?;
-                large.push(sprite);
-                reserve(large_numbers, 1)?;
-                large_numbers.push(number);
+                pushed(large, (sprite, number))?;
                 continue;
             }
             reserve(pairs, MOST_TILES)?;
@@ -129,37 +118,27 @@ impl Bins {
         }
         // What another run left there is written over.
         reserve(sprites, pairs.len().saturating_sub(sprites.len()))?;
-        sprites.resize(pairs.len(), Sprite::NONE);
-        reserve(numbers, pairs.len().saturating_sub(numbers.len()))?;
-        numbers.resize(pairs.len(), 0);
+        sprites.resize(pairs.len(), (Sprite::NONE, 0));
         next.clear();
         reserve(next, grid.len())?;
         next.extend_from_slice(&starts[..grid.len()]);
         for &(tile, place) in pairs.iter() {
             let slot = &mut next[tile as usize];
-            (sprites[*slot as usize], numbers[*slot as usize]) = projected[place as usize];
+            sprites[*slot as usize] = projected[place as usize];
             *slot += 1;
         }
         Ok(())
     }
 
     pub fn bytes(&self) -> usize {
-        size_of::<Sprite>() * (self.sprites.capacity() + self.large.capacity())
+        size_of::<(Sprite, i32)>() * (self.sprites.capacity() + self.large.capacity())
             + size_of::<u32>() * (self.starts.capacity() + self.next.capacity())
-            + size_of::<i32>() * (self.numbers.capacity() + self.large_numbers.capacity())
     }
 
-    /// The sprites that lie in few tiles, of which this is one, with their flakes' numbers.
+    /// The sprites that lie in few tiles, of which this is one.
     #[inline]
-    pub fn small(&self, tile: usize) -> Numbered<'_> {
-        let range = self.starts[tile] as usize..self.starts[tile + 1] as usize;
-        self.sprites[range.clone()].iter().zip(&self.numbers[range])
-    }
-
-    /// The sprites that lie in many tiles, perhaps in this one.
-    #[inline]
-    pub fn large(&self) -> Numbered<'_> {
-        self.large.iter().zip(&self.large_numbers)
+    pub fn small(&self, tile: usize) -> &[(Sprite, i32)] {
+        &self.sprites[self.starts[tile] as usize..self.starts[tile + 1] as usize]
     }
 }
 

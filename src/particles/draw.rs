@@ -9,7 +9,7 @@
 //! Loops over lanes are plain loops with a fixed count: a closure would not inherit the instruction
 //! set that the function is compiled for, and would run many times slower.
 
-use super::balls::{Balls, ball};
+use super::balls::{Balls, Outline, ball};
 use super::bins::{PIXELS, TILE};
 use super::canvas::{Canvas, LANES, begin};
 use super::profile::{self, Profile};
@@ -23,7 +23,7 @@ pub fn one<P: Profile, C: Canvas, const LEVEL: u8>(
     depth: Option<&[P; PIXELS]>,
     sprite: &Sprite,
     origin: [f64; 2],
-    balls: Option<&Balls>,
+    balls: Option<(&Balls, &Outline)>,
 ) {
     if let Some(balls) = balls {
         ball::<P, C, LEVEL>(canvas, depth, sprite, origin, balls);

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
-use super::balls::Balls;
+use super::balls::{Balls, Outline};
 use super::bins::{Bins, Grid, PIXELS, Scratch, TILE, touches};
 use super::canvas::{Canvas, NONE, Numbered};
 use super::draw::one;
@@ -46,6 +46,8 @@ pub struct Sorted {
     pub grid: Grid,
     /// What sprites are the images of; None where they are Gaussians.
     pub balls: Option<Arc<Balls>>,
+    /// Of balls by their numbers; those without one are round.
+    pub outlines: Vec<Outline>,
 }
 
 /// Flakes between two looks at the cancel flag.
@@ -67,8 +69,8 @@ fn draw<const LEVEL: u8, P: Profile, C: Canvas>(
     let farthest = depth.map(|map| map.iter().fold(P::of(0.0), |a, &b| if b > a { b } else { a }));
     for bins in &sorted.runs {
         let mut drawn = 0_usize;
-        for (list, whole) in [(bins.small(tile), true), (bins.large(), false)] {
-            for (sprite, &number) in list {
+        for (list, whole) in [(bins.small(tile), true), (&bins.large[..], false)] {
+            for (sprite, number) in list {
                 let hidden = farthest.is_some_and(|far| far < P::of(sprite.depth));
                 if hidden || !whole && !touches(sprite, row, column) {
                     continue;
@@ -77,8 +79,8 @@ fn draw<const LEVEL: u8, P: Profile, C: Canvas>(
                 if drawn.is_multiple_of(LOOK) {
                     cancel.check()?;
                 }
-                canvas.next(number);
-                one::<P, _, LEVEL>(canvas, depth, sprite, origin, sorted.balls.as_deref());
+                canvas.next(*number);
+                one::<P, _, LEVEL>(canvas, depth, sprite, origin, sorted.ball(*number));
             }
         }
         cancel.check()?;
@@ -127,7 +129,14 @@ impl Sorted {
             SCRATCH.set(scratch);
             Ok(())
         })?;
-        Ok(Self { runs, grid, balls })
+        Ok(Self { runs, grid, balls, outlines: Vec::new() })
+    }
+
+    /// What a sprite of a number is the image of.
+    #[inline(always)]
+    pub fn ball(&self, number: i32) -> Option<(&Balls, &Outline)> {
+        let outline = self.outlines.get(number as usize).unwrap_or(&Outline::ROUND);
+        self.balls.as_deref().map(|balls| (balls, outline))
     }
 
     pub fn shape(&self) -> (usize, usize) {

@@ -91,24 +91,7 @@ pub fn splat<P: Profile, M: Real>(
     sorted(flakes, lens, shape, cancel)?.draw(out, whole, depth, cancel)
 }
 
-/// A rough estimate of the work in nanoseconds, from a sample of the flakes.
-pub fn estimate(shape: (usize, usize), flakes: &Flakes<'_>, lens: &Lens) -> f64 {
-    let pixels = shape.0 as f64 * shape.1 as f64;
-    let count = flakes.points.nrows();
-    if flakes.check(lens).is_err() {
-        return 0.0;
-    }
-    let stride = count.div_ceil(256).max(1);
-    let area: f64 = (0..count)
-        .step_by(stride)
-        .filter_map(|index| Sprite::of(&flakes.get(index), lens))
-        .map(|sprite| {
-            let (low, high) = sprite.bounds();
-            let side = |axis: usize, limit: usize| {
-                (high[axis].min(limit as f64) - low[axis].max(0.0)).max(0.0)
-            };
-            side(0, shape.1) * side(1, shape.0)
-        })
-        .sum();
-    pixels + count as f64 * 100.0 + 2.0 * area * stride as f64
+/// A rough estimate of the work in nanoseconds.
+pub fn estimate(shape: (usize, usize), flakes: &Flakes<'_>) -> f64 {
+    2.0 * (shape.0 * shape.1) as f64 + 300.0 * flakes.points.nrows() as f64
 }

@@ -56,7 +56,7 @@ pub fn particle_splat(
 ) -> PyResult<()> {
     let (flakes, lens) = (flakes.flakes(), lens_of(lens));
     gate::each_precision!(out, view => {
-        let nanoseconds = splat::estimate(view.dim(), &flakes, &lens);
+        let nanoseconds = splat::estimate(view.dim(), &flakes);
         each_map!(&depth, map => gate::run(py, nanoseconds, |cancel| {
             splat::splat(view, &flakes, &lens, map, cancel)
         }))
@@ -74,7 +74,7 @@ pub fn particle_ids(
 ) -> PyResult<()> {
     let (flakes, lens) = (flakes.flakes(), lens_of(lens));
     let out = out.as_array_mut();
-    let nanoseconds = 2.0 * splat::estimate(out.dim(), &flakes, &lens);
+    let nanoseconds = 2.0 * splat::estimate(out.dim(), &flakes);
     if i32::try_from(flakes.points.nrows()).is_err() {
         return Err(Error::invalid("points", "must be fewer than 2^31").into());
     }

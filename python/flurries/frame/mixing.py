@@ -8,7 +8,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
-from flurries.frame.layer import Layer
+from flurries.frame.layer import Layer, Shade
 from flurries.frame.planes import plane
 from flurries.io import color as io_color
 
@@ -127,17 +127,12 @@ class Mix:
         return plain and plate.dtype == np.uint8 and plate.shape[2] == 3
 
     def in_bytes(self, layer: Layer, plate: Array, into: Array | None) -> Array:
-        """Return a layer of a shade over bytes in one pass, with the same bits."""
-        assert layer.shade is not None
-        fits = into is not None and into.flags.c_contiguous
-        result = into if into is not None and fits else np.empty(plate.shape, np.uint8)
+        """Return a layer of a shade or one color over bytes in one pass, with the same bits."""
+        shade = layer.shade or Shade(np.array([[self.light(layer.color)]]), 1.0, (0, 0))
+        result = np.empty(plate.shape, np.uint8) if into is None else into
         plate = np.ascontiguousarray(plate)
         coding = io_color.decoding_table(1), io_color.encoding_edges()
-        given = layer.shade.given()
-        _core.shade_over(result, plate, layer.alpha, given, layer.glow, *coding)
-        if into is not None and into is not result:
-            into[...] = result
-            return into
+        _core.shade_over(result, plate, layer.alpha, shade.given(), layer.glow, *coding)
         return result
 
     def rgba(self, layer: Layer) -> Array:

@@ -80,11 +80,10 @@ class Picture:
             plate, front = crop(plate, place), front and front.window(place)
             part = part and common(band, part)
         part = part if self.asks else None
-        # Only what is lit by places may go over bytes at once: else its layer waits in memory.
-        lit = [bool(ask.frame.lights) or "plate" in ask.needs.reads for ask in self.asks]
-        if part is not None and front is None and lit == [True] and mix.bytes_of(plate):
+        # The only layer goes over bytes at once.
+        if part is not None and front is None and len(self.asks) == 1 and mix.bytes_of(plate):
             ready = self._layers(0, part)
-            if len(ready) == 1 and ready[0].shade is not None:
+            if len(ready) == 1 and ready[0].rgb is None:
                 with stage("composite"):
                     done = mix.in_bytes(ready[0], plate, into)
                 if self.shown is not None:

@@ -154,12 +154,12 @@ fn sprites<const LEVEL: u8>(
     let origin = [(tile.column * TILE) as f64, (tile.row * TILE) as f64];
     for bins in &scene.sorted.runs {
         cancel.check()?;
-        let large = bins.large().filter(|(sprite, _)| touches(sprite, tile.row, tile.column));
-        let drawn: Vec<_> = bins.small(number).chain(large).collect();
-        let colors = scene.colors(drawn.iter().map(|&(sprite, &it)| (scene.place(sprite), it)));
-        for ((sprite, _), color) in drawn.into_iter().zip(colors) {
+        let large = bins.large.iter().filter(|(sprite, _)| touches(sprite, tile.row, tile.column));
+        let drawn: Vec<_> = bins.small(number).iter().chain(large).collect();
+        let colors = scene.colors(drawn.iter().map(|(sprite, it)| (scene.place(sprite), *it)));
+        for ((sprite, number), color) in drawn.into_iter().zip(colors) {
             lit.color = color;
-            one::<f32, _, LEVEL>(lit, tile.map, sprite, origin, scene.sorted.balls.as_deref());
+            one::<f32, _, LEVEL>(lit, tile.map, sprite, origin, scene.sorted.ball(*number));
         }
     }
     Ok(())

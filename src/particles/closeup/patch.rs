@@ -50,8 +50,8 @@ fn normalize<const LEVEL: u8>(alpha: &mut [f32], energy: f64) {
 
 impl Patch {
     /// The picture of a flake, or None if nothing of it can be seen in a picture of `shape`.
-    pub fn of(flake: &Near, look: &Look, shape: (usize, usize)) -> Option<Self> {
-        let blur = look.blur.as_ref();
+    pub fn of(flake: &Near, look: &Look<'_>, shape: (usize, usize)) -> Option<Self> {
+        let blur = look.closeup.blur.as_ref();
         let &Near { number, energy, diameter, depth, seen: [now, first, last], .. } = flake;
         let sigma = diameter / 8.0_f64.sqrt();
         let circle = blur.map_or(0.0, |blur| blur.circle(depth));
@@ -68,7 +68,7 @@ impl Patch {
         let mut scale = 1_usize;
         while circle / scale as f64 > FINE
             || longest / scale as f64 > MOST
-            || diameter / scale as f64 > 96.0
+            || diameter / scale as f64 > 64.0
         {
             scale *= 2;
             if scale > 1 << 12 {
@@ -98,12 +98,12 @@ impl Patch {
         }
         normalize(&mut alpha, look.share * energy);
         if look.share < 1.0 {
-            let mut sprite = ball(&place, wide / side * 8.0_f64.sqrt());
+            let mut sprite = ball(&place, wide / side * 8.0_f64.sqrt(), flake, look);
             normalize(&mut sprite, (1.0 - look.share) * energy);
             alpha.iter_mut().zip(&sprite).for_each(|(a, b)| *a += b);
         }
         let way = Way { half: half.map(|v| v / side), bend: bend.map(|v| v / side) };
-        let flutter = look.tumble.flutter(number, flake.own, look.kind == Kind::Aggregate);
+        let flutter = look.closeup.tumble.flutter(number, flake.own, look.kind == Kind::Aggregate);
         let (mut alpha, part) = spread(&alpha, columns, &along(&way, flutter), None)?;
         alpha.iter_mut().for_each(|v| *v = if *v > 0.0 { v.min(1.0) } else { 0.0 });
         let [top, bottom, left, right] = part;

@@ -1,9 +1,10 @@
 //! A flake at rest and in focus, as texels: an aggregate that tumbles, a drop, or a dot.
 
-use super::aperture::Blur;
 use super::bank::{self, SHAPES, Silhouette};
+use super::near::Closeup;
 use crate::base::random::Hash;
 use crate::base::simd::dispatch;
+use crate::particles::balls::Outline;
 
 /// What a flake looks like from near.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,6 +49,25 @@ impl Tumble {
 const FLUTTER: f64 = 0.2;
 const FASTEST: f64 = 60.0;
 
+/// Diameters in px between which a flake that is too small for its crystals takes an outline of its own.
+const FORMS: (f64, f64) = (3.0, 6.0);
+
+impl Closeup {
+    /// The outline of a flake of a diameter in px.
+    pub fn outline(&self, number: i64, diameter: f64) -> Outline {
+        let part = ((diameter - FORMS.0) / (FORMS.1 - FORMS.0)).min(1.0);
+        if part <= 0.0 || self.kind != Some(Kind::Aggregate) {
+            return Outline::ROUND;
+        }
+        let hash = Hash::seeded(self.tumble.seed).word(number).word(0x666F_726D);
+        let unit = |word: i64| hash.word(word).unit();
+        let turns = unit(0) + (unit(1) - 0.5) * self.tumble.seconds;
+        let aspect = 1.0 - part * (0.1 + 0.4 * unit(2));
+        let curve = part * (unit(3) - 0.5);
+        Outline::of(aspect, std::f64::consts::TAU * turns, curve, 1.0 + 0.25 * part * unit(4))
+    }
+}
+
 /// How much of the lamps' light comes in glints, and the mean of the 16th power of a cosine.
 const GLINT: f64 = 0.5;
 const PULSE: f64 = 6435.0 / 32768.0;
@@ -71,13 +91,11 @@ pub struct Near {
 }
 
 #[derive(Debug, Clone, Copy)]
-pub struct Look {
+pub struct Look<'a> {
     pub kind: Kind,
     /// How much of it has that shape and a sharp disc; the rest is the image of a sprite.
     pub share: f64,
-    /// The lens, if it has an opening.
-    pub blur: Option<Blur>,
-    pub tumble: Tumble,
+    pub closeup: &'a Closeup,
 }
 
 /// A dot ends here, in sigma.
@@ -97,17 +115,17 @@ pub struct Place {
 }
 
 /// The silhouette of a flake; `diameter` in texels.
-pub fn silhouette(place: &Place, diameter: f64, flake: &Near, look: &Look) -> Vec<f32> {
+pub fn silhouette(place: &Place, diameter: f64, flake: &Near, look: &Look<'_>) -> Vec<f32> {
     match look.kind {
         Kind::Drop if diameter >= LEAST => drop(place, diameter, flake.own),
         Kind::Aggregate if diameter >= LEAST => aggregate(place, diameter, flake.number, look),
-        _ => ball(place, diameter),
+        _ => ball(place, diameter, flake, look),
     }
 }
 
 /// An aggregate of crystals, as far as it has tumbled.
-fn aggregate(place: &Place, diameter: f64, number: i64, look: &Look) -> Vec<f32> {
-    let tumble = look.tumble;
+fn aggregate(place: &Place, diameter: f64, number: i64, look: &Look<'_>) -> Vec<f32> {
+    let tumble = look.closeup.tumble;
     let unit = |word: i64| Hash::seeded(tumble.seed).word(number).word(0x7475_6D62 + word).unit();
     let phase = unit(0) + (0.3 + unit(1)) * tumble.seconds;
     let swing = 0.6 * libm::sin(std::f64::consts::TAU * phase);
@@ -146,14 +164,17 @@ const MIDDLE: f32 = 4.3;
 
 struct Ball {
     diameter: f32,
+    along: [f32; 2],
+    outline: Outline,
 }
 
 impl Shape for Ball {
     #[inline(always)]
     fn at(&self, x: f32, y: f32) -> f32 {
         // A texel wide at its border, as a pixel sees it.
-        let soft = 1.0 / self.diameter;
-        let r = (x * x + y * y).sqrt();
+        let (soft, [ux, uy]) = (1.0 / self.diameter, self.along);
+        let [u, v] = self.outline.at(2.0 * (x * ux + y * uy), 2.0 * (y * ux - x * uy));
+        let r = 0.5 * (u * u + v * v).sqrt();
         let edge = ((0.5 - r) / soft + 0.5).clamp(0.0, 1.0);
         let inside = (1.0 - 4.0 * r * r).max(soft * soft);
         let depth = MIDDLE * inside.sqrt();
@@ -164,10 +185,15 @@ impl Shape for Ball {
     }
 }
 
-pub fn ball(place: &Place, diameter: f64) -> Vec<f32> {
+pub fn ball(place: &Place, diameter: f64, flake: &Near, look: &Look<'_>) -> Vec<f32> {
     // One that is smaller is hardly told from it.
     let diameter = diameter.max(LEAST);
-    filled(place, diameter, 0.5 + 1.0 / diameter, &Ball { diameter: diameter as f32 })
+    let [_, open, close] = flake.seen;
+    let angle = libm::atan2(close[1] - open[1], close[0] - open[0]);
+    let along = [libm::cos(angle) as f32, libm::sin(angle) as f32];
+    let outline = look.closeup.outline(flake.number, flake.diameter);
+    let reach = 0.5 * outline.reach() + 1.0 / diameter;
+    filled(place, diameter, reach, &Ball { diameter: diameter as f32, along, outline })
 }
 
 /// A drop: its half axes in diameters, and texels in a diameter.
@@ -201,17 +227,19 @@ fn filled(place: &Place, diameter: f64, reach: f64, shape: &impl Shape) -> Vec<f
     let mut alpha = vec![0.0; columns * rows];
     let middle = place.middle.map(|v| v as f32 - 0.5);
     let reach = (reach * diameter) as f32;
-    let range = |middle: f32, count: usize| {
+    let range = |middle: f32, count: usize, reach: f32| {
         let limit = count as f32;
         let first = (middle - reach).floor().clamp(0.0, limit) as usize;
         first..(middle + reach + 1.0).ceil().clamp(0.0, limit) as usize
     };
     let inverse = (1.0 / diameter) as f32;
-    for row in range(middle[1], rows) {
-        let across = range(middle[0], columns);
+    for row in range(middle[1], rows, reach) {
+        // No shape fills the corners.
+        let y = row as f32 - middle[1];
+        let across = range(middle[0], columns, (reach * reach - y * y).max(0.0).sqrt());
         let start = across.start as f32 - middle[0];
         let line = &mut alpha[row * columns..][across];
-        paint(line, start, (row as f32 - middle[1]) * inverse, inverse, shape);
+        paint(line, start, y * inverse, inverse, shape);
     }
     alpha
 }
