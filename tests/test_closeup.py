@@ -12,7 +12,7 @@ import measure
 from flurries import _core
 from flurries.camera.optics import Blur
 from flurries.effects.air import Air, Class, Closeup, Eye, images_of
-from measure import cover, picture, scene
+from measure import picture, scene
 
 Array = np.ndarray[Any, Any]
 SHAPE = (300, 400)
@@ -155,14 +155,6 @@ def test_a_point_out_of_focus_is_an_even_disc_of_the_circle_s_area(blades: int):
 def flakes(**more: Any) -> fl.Scene:
     snow = fl.Snow("heavy", color=1.0, wind=(0.0, 0.0, 0.0))
     return fl.Scene(np.zeros((256, 384, 3), np.float32), effects=[snow], seed=2, **more)
-
-
-def test_a_lens_keeps_what_snow_covers():
-    def thickness(film: fl.Scene) -> float:
-        return sum(-np.log1p(-cover(film, t).clip(0.0, 0.999)).mean() for t in range(0, 160, 20))
-
-    sums = [thickness(flakes(lens=one)) for one in (None, fl.camera.Lens(focus=3.0, f_stop=2.0))]
-    assert abs(sums[1] / sums[0] - 1.0) < 0.05
 
 
 def test_a_focus_that_is_pulled_and_a_second_eye():

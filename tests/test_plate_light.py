@@ -305,10 +305,8 @@ def test_lamps_light_snow_and_leave_opacity():
 
 
 def test_a_lamp_without_a_place_and_a_spot_without_an_angle_are_refused():
-    for given, said in (
-        ({}, "needs a place, a d"),
-        ({"place": (0, 0, 1), "direction": (0, 0, 1)}, "a spot has a place"),
-        ({"direction": (0, 0, 0)}, "direction must not be"),
-    ):
+    spot, none = {"place": (0, 0, 1), "direction": (0, 0, 1)}, {"direction": (0, 0, 0)}
+    wrong = {"needs a place, a d": {}, "a spot has a place": spot, "direction must not be": none}
+    for said, given in wrong.items():
         with pytest.raises(ValueError, match=said):
             fl.scene.Lamp(**given)

@@ -35,11 +35,11 @@ class Edges(NamedTuple):
         two = (share > 0.0) & (near * np.float32(_ALIKE) < back)
         if not two.any():
             return None
-        share, near = np.where(two, share, 0.0), np.where(two, near, NOTHING)
-        planes = back, np.asarray(share, np.float32), np.asarray(near, np.float32)
-        for plane in planes:
+        planes = back, np.where(two, share, 0.0), np.where(two, near, NOTHING)
+        back, share, near = (np.asarray(plane, np.float32) for plane in planes)
+        for plane in (back, share, near):
             plane.flags.writeable = False
-        return Edges(planes[0], Deep(planes[1], planes[2]))
+        return Edges(back, Deep(share, near))
 
 
 def edges_of(depth: Array, *, inverse: bool = False) -> Edges | None:
@@ -57,6 +57,19 @@ def edges_of(depth: Array, *, inverse: bool = False) -> Edges | None:
     return None if near is None or share is None else Edges.of(near, back, share)
 
 
+def edges_by(cover: Array, depth: Array, edges: Edges | None) -> Edges | None:
+    """Return edges where a plate with alpha ends before nothing, and those of its depth."""
+    two = (cover > 0.0) & (cover < 1.0)
+    if not two.any():
+        return edges
+    # What lies behind is seen beside it.
+    near, far = (_grown(depth, _REACH, pick) for pick in (np.minimum, np.maximum))
+    two &= near * np.float32(_ALIKE) < far
+    back, front = edges or (depth, Deep(np.zeros_like(depth), np.full_like(depth, NOTHING)))
+    pairs = (near, front.depth), (far, back), (cover, front.cover)
+    return Edges.of(*(np.where(two, *pair) for pair in pairs))
+
+
 def _sides(depth: Array, *, inverse: bool) -> tuple[Array, Array, Array]:
     """Return the depths of both sides, and the share of the near one, 0 where there is one."""
     # A pixel shows two depths if the nearest and the farthest around it are farther from its own
@@ -66,11 +79,11 @@ def _sides(depth: Array, *, inverse: bool) -> tuple[Array, Array, Array]:
         close = np.float32(1.0) / depth
         # A pixel with a share of infinity is infinite, so others have none of it.
         means = close if inverse else np.where(np.isinf(depth), -depth, depth)
-        nearest, more = _around(close, np.maximum)
-        two = nearest - close > _SLOPE * (more - nearest)
+        nearest = _grown(close, _REACH, np.maximum)
+        two = nearest - close > _SLOPE * (_grown(nearest, 1, np.maximum) - nearest)
         pick: Any = np.minimum if inverse else np.maximum
-        farthest, more = _around(means, pick)
-        two &= abs(farthest - means) > _SLOPE * abs(more - farthest)
+        farthest = _grown(means, _REACH, pick)
+        two &= abs(farthest - means) > _SLOPE * abs(_grown(farthest, 1, pick) - farthest)
         two &= means != -np.inf
         near = np.float32(1.0) / nearest
         share = (farthest - means) / (farthest - (nearest if inverse else near))
@@ -85,13 +98,8 @@ def _steps(depth: Array) -> bool:
     return any(bool(((one > few * two) | (two > few * one)).any()) for one, two in pairs)
 
 
-def _around(plane: Array, pick: Callable[..., Array]) -> tuple[Array, Array]:
-    """Return the largest or least of the pixels up to `_REACH` px away, and of one px more."""
-    inner = _grown(plane, _REACH, pick)
-    return inner, _grown(inner, 1, pick)
-
-
 def _grown(plane: Array, reach: int, pick: Callable[..., Array]) -> Array:
+    """Return the largest or least of the pixels up to so many px away."""
     for axis in (0, 1):
         source, plane = np.swapaxes(plane, 0, axis), plane.copy()
         grown = np.swapaxes(plane, 0, axis)

@@ -13,7 +13,7 @@ from flurries._contract import Array
 # The planes that a layer may have beside its opacity, and the numbers that each has for a pixel.
 _NUMBERS: dict[str, tuple[int, ...]] = {
     "rgb": (3,), "glow": (3,), "depth": (), "motion": (2,), "backward": (2,), "coverage": (),
-    "ids": (),
+    "ids": (), "near": (),
 }  # fmt: skip
 
 
@@ -67,6 +67,7 @@ class Layer:
     ids: Array | None = None
     shade: Shade | None = None
     glow: Array | None = None
+    near: Array | None = None  # Where pixels show two depths the opacity before the near one.
 
     def planes(self) -> dict[str, Array]:
         found = {name: getattr(self, name) for name in ("alpha", *_NUMBERS)}

@@ -35,8 +35,7 @@ class Matte:
     def rgba(self, *, linear: bool) -> Array:
         """Return its picture (H, W, 4), premultiplied, in linear light or in display values."""
         assert self.light is not None
-        cover = self.light[..., 3:]
-        colors = self.light[..., :3]
+        colors, cover = self.light[..., :3], self.light[..., 3:]
         if self.linear_light and not linear:
             colors = linear_to_srgb(unmultiply(colors, cover)) * cover
         elif not self.linear_light:
@@ -102,19 +101,17 @@ class Deep:
         at = rows - window[0], columns - window[2]
         there = rows - part[0], columns - part[2]
 
-        found: dict[str, Any] = {}
-        others = near.planes()
-        for name, plane in whole.planes().items():
-            found[name] = None
-            if name in others:
-                far, close = plane[at], others[name][there]
+        found: dict[str, Any] = dict.fromkeys(whole.planes())
+        for name, close in near.planes().items():
+            if name in found:
+                plane = found[name] = getattr(whole, name).copy()
                 own = share[:, None] if plane.ndim == 3 else share
                 if name in ("alpha", "rgb", "glow", "coverage"):
-                    joined = (1.0 - own) * far + own * close
+                    plane[at] = (1.0 - own) * plane[at] + own * close[there]
                 else:
-                    joined = np.where(own >= 0.5, close, far)
-                found[name] = plane.copy()
-                found[name][at] = joined
+                    plane[at] = np.where(own >= 0.5, close[there], plane[at])
+        found["near"] = np.full_like(whole.alpha, np.nan) if whole.near is None else whole.near
+        found["near"][at] = near.alpha[there]
         return replace(whole, **found)
 
 
@@ -128,11 +125,10 @@ class Front:
     @property
     def cover(self) -> Array | None:
         """The share of the weather that masks hide, (H, W); None without masks."""
-        found: Array | None = None
-        for matte in self.flat:
-            if matte.light is None:
-                found = matte.cover if found is None else 1.0 - (1.0 - found) * (1.0 - matte.cover)
-        return found
+        masks = [matte.cover for matte in self.flat if matte.light is None]
+        return (
+            reduce(lambda one, other: 1.0 - (1.0 - one) * (1.0 - other), masks) if masks else None
+        )
 
     @cached_property
     def visible(self) -> Visible | None:
@@ -167,8 +163,5 @@ class Front:
 
     def rgba(self, *, linear: bool) -> Array | None:
         """Return the pictures before all weather as one, (H, W, 4) premultiplied."""
-        found: Array | None = None
-        for matte in self.pictures:
-            front = matte.rgba(linear=linear)
-            found = front if found is None else front + (1.0 - front[..., 3:]) * found
-        return found
+        found = [picture.rgba(linear=linear) for picture in self.pictures]
+        return reduce(lambda a, b: b + (1.0 - b[..., 3:]) * a, found) if found else None

@@ -101,22 +101,17 @@ class Mix:
         """Return a layer over what lies behind it, in `into` if given: another array."""
         result = np.empty_like(working) if into is None else into
         kinds = {working.dtype.name, result.dtype.name}
-        coding: tuple[Array, ...] | None = None
-        if kinds == {"float32"} and self.primaries is None:
-            coding = ()
-        elif kinds == {"uint8"} and not self.linear:
-            # Display values over bytes: read and rounded as they are.
-            coding = _BYTES
-        opaque = working.shape[2] == 3
-        if layer.shade is None and layer.rgb is None and opaque:
+        single = kinds == {"float32"} and self.primaries is None
+        # Display values over bytes: read and rounded as they are.
+        coding = () if single else _BYTES if kinds == {"uint8"} and not self.linear else None
+        opaque, shade = working.shape[2] == 3, layer.shade
+        plain = opaque and (self.linear or layer.glow is None)
+        if shade is None and layer.rgb is None and opaque:
             _core.snow(result, working, layer.alpha, self.light(layer.color))
-        elif (
-            layer.shade is not None and opaque and coding is not None
-            and (self.linear or layer.glow is None)
-        ):  # fmt: skip
-            colors = None if self.linear else io_color.linear_to_srgb(layer.shade.colors)
-            shade = layer.shade.given(colors)
-            _core.shade_over(result, working, layer.alpha, shade, layer.glow, *coding)
+        elif shade is not None and plain and coding is not None:
+            colors = None if self.linear else io_color.linear_to_srgb(shade.colors)
+            given = shade.given(colors)
+            _core.shade_over(result, working, layer.alpha, given, layer.glow, *coding)
         else:
             _core.over(result, working, self.rgba(layer))
         return result
@@ -189,7 +184,7 @@ def behind(layer: Layer, cover: Array) -> Layer:
     def less(plane: Array) -> Array:
         return np.asarray(plane * (left if plane.ndim == 2 else left[..., None]))
 
-    return layer.turned(less, "alpha", "rgb", "glow", "coverage")
+    return layer.turned(less, "alpha", "rgb", "glow", "coverage", "near")
 
 
 def free_name(name: str, taken: Container[str]) -> str:

@@ -23,8 +23,7 @@ def images(
 ) -> list[Array]:
     """Return the picture of a window for each eye; None is the path's own camera."""
     with current.get().stage("background"):
-        plate = program.backdrop.frame(t)
-        plate = plate if window == program.base.window else crop(plate, window)
+        plate = crop(program.backdrop.frame(t), window)
     cameras = tuple([program.camera(eye, t) for eye in eyes])
     # Where none of the weather can be seen, none is made.
     front = program.front(t)
@@ -91,25 +90,30 @@ class Picture:
                 return done
         with stage("composite"):
             light = mix.decode(plate)
+        edged = light.shape[2] == 4 and any(ask.frame.nearer for ask in self.asks)
+        own = light.copy() if edged else None  # All of what shows is of the near side of edges.
         if front is None:
             # The last layer lies over the rest in the frame itself.
             if part is not None:
-                light = self._over(part, light, None, into if mix.same else None, ready)
+                light = self._over(part, light, None, own, into if mix.same else None, ready)
             with stage("composite"):
                 return mix.encode(light, plate, into)
         light = front.behind(light, linear=mix.linear)
+        if front.deep is not None and front.deep.pictures:
+            own = front.behind(np.zeros((*light.shape[:2], 4), np.float32), linear=mix.linear)
         if part is not None:
             inside = within(part, band)
             cover = None if front.cover is None else crop(front.cover, inside)
-            over = self._over(part, np.ascontiguousarray(crop(light, inside)), cover, None)
+            own = None if own is None else crop(own, inside).copy()
+            over = self._over(part, np.ascontiguousarray(crop(light, inside)), cover, own, None)
             light = light if light.flags.writeable else light.copy()
             crop(light, inside)[...] = over
         with stage("composite"):
             return mix.encode(front.over(light, linear=mix.linear), plate, into)
 
     def _over(
-        self, part: Window, over: Array, cover: Array | None, into: Array | None,
-        ready: tuple[Layer, ...] | None = None,
+        self, part: Window, over: Array, cover: Array | None, own: Array | None,
+        into: Array | None, ready: tuple[Layer, ...] | None = None,
     ) -> Array:  # fmt: skip
         """Return all layers over what lies behind them, the last one in `into` if given."""
         # `ready` are the layers of the only effect, if they are made.
@@ -121,7 +125,9 @@ class Picture:
                     shown = layer if cover is None else behind(layer, cover)
                     if self.shown is not None:
                         self.shown.append(shown)
-                    over = self.mix.over(over, shown, into if last else None)
+                    under, over = over, self.mix.over(over, shown, into if last else None)
+                    if own is not None and shown.near is not None:
+                        _apart(over, under, own, shown.alpha, shown.near)
         return over
 
     def _layers(self, number: int, part: Window) -> tuple[Layer, ...]:
@@ -139,9 +145,22 @@ class Picture:
         return tuple(_cut(layer, within(part, frame.window)) for layer in layers)
 
 
+def _apart(over: Array, under: Array, own: Array, alpha: Array, near: Array) -> None:
+    """Give each side of edges what lies before it; `own` is the near one's light, premultiplied."""
+    at = np.nonzero(np.isfinite(near) & (own[..., 3] > 0.0) & (own[..., 3] < 1.0))
+    most = np.float32(1.0 if over.dtype.kind == "f" else np.iinfo(over.dtype).max)
+    close, both, share = near[at][:, None], alpha[at][:, None], own[at][:, 3:]
+    mine = at[0], at[1], slice(over.shape[2])
+    light, behind, found = own[mine], under[at] / most, over[at] / most
+    sent = share * close / np.maximum(both, 1e-9) * (found - (1.0 - both) * behind)
+    found += (both - close) / (1.0 - share) * (light - share * behind)
+    over[at] = found if most == 1.0 else np.clip(np.rint(most * found), 0.0, most)
+    own[mine] = (1.0 - close) * light + sent
+
+
 def _cut(layer: Layer, place: Window) -> Layer:
     """Return the part of a layer, counted from its own first pixel."""
-    layer = layer.turned(lambda plane: crop(plane, place), "alpha", "rgb", "glow")
+    layer = layer.turned(lambda plane: crop(plane, place), "alpha", "rgb", "glow", "near")
     if layer.shade is None:
         return layer
     first = layer.shade.first[0] + place[0], layer.shade.first[1] + place[2]

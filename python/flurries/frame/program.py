@@ -16,11 +16,12 @@ from flurries._kept import Kept
 from flurries._trace import current
 from flurries.camera.lens import Camera
 from flurries.frame.bands import Window, bands_of
+from flurries.frame.edges import edges_by
 from flurries.frame.matte import Front
 from flurries.frame.mixing import Mix
 from flurries.frame.needs import LeftOut, Needs, has_keys, needs_of, renderer_of
 from flurries.frame.view import Frame
-from flurries.io.color import linear_to_srgb
+from flurries.io.color import linear_to_srgb, to_unit
 from flurries.light.plate import PlateLight, cell_sums, plate_light
 from flurries.light.shot import Light, light_of
 
@@ -127,6 +128,9 @@ class Program:
         depth: Array | None = None
         if "depth" in reads:
             depth, edges = self.depth_at(t), self.distance and self.distance.edges(t)
+            if depth is not None and (plate := self.backdrop.frame(t)).shape[2] == 4:
+                edges = edges_by(to_unit(plate[..., 3]), depth, edges)
+                base = base if self.backdrop.count is None else base.derive(kept=None)
             depth = edges.back if edges else depth
             nearer = edges and edges.front, front and front.deep
             given["depth"] = {"depth": depth, "nearer": tuple(d for d in nearer if d is not None)}

@@ -32,10 +32,8 @@ def jpeg(picture: Array) -> bytes:
     """Return a picture as JPEG; colors at full resolution, since flakes are a pixel or two."""
     from PIL import Image
 
-    target = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(picture)).save(
-        target, "JPEG", quality=QUALITY, subsampling=0
-    )
+    target, image = io.BytesIO(), Image.fromarray(np.ascontiguousarray(picture))
+    image.save(target, "JPEG", quality=QUALITY, subsampling=0)
     return target.getvalue()
 
 

@@ -65,8 +65,9 @@ class Rendered:
 
     Layers are in front of the background and behind the foreground, back to front, premultiplied,
     in the light of the composite: in float32 ``foreground over (layers over background)`` is the
-    image, before it is rounded to integers. If two layers have one name, the second is called
-    "name2", and so on.
+    image, before it is rounded to integers. Where two sides of an edge are known, by alpha or a
+    picture at a depth, the image has each behind its own weather. Of layers of one name the second
+    is called "name2", and so on.
 
     Attributes
     ----------
@@ -133,8 +134,7 @@ def _truth(
     program: Program, t: float, camera: Camera, window: Window, shared: Shared, known: bool
 ) -> Rendered:
     with current.get().stage("background"):
-        plate = program.backdrop.frame(t)
-        plate = plate if window == program.base.window else crop(plate, window)
+        plate = crop(program.backdrop.frame(t), window)
     front, mix = program.front(t), program.mix(plate)
     front = front and front.window(window)
     asks = program.asks(t, camera, window, None)

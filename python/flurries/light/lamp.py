@@ -17,16 +17,6 @@ from flurries.motion.keys import Keys, Number, as_number, as_vector, value_at
 # extinction of the air from the lamp to a particle and from there to the eye.
 ROW = 15
 
-# Asymmetry of snow's crystals and aggregates in visible light, a choice of ours that is less than
-# that of drops, since rough crystals scatter wider: Räisänen et al. 2015, "Parameterization of
-# single-scattering properties of snow" (The Cryosphere 9, 1277), fit rough droxtals, aggregates of
-# plates and distorted fractals to angular measurements of blowing snow.
-SNOW = 0.76
-
-# Of water drops, a choice of ours: cloud droplets have some .85 in visible light ("Asymmetry
-# factor", Glossary of Meteorology, American Meteorological Society), larger ones a little more.
-WATER = 0.87
-
 
 class Optics(NamedTuple):
     """The optics of particles: how they scatter light."""
@@ -35,11 +25,12 @@ class Optics(NamedTuple):
     albedo: float  # Share of the light that goes on.
 
 
-# Ice hardly absorbs visible light: pure snow sends back .96 to .99 of it, with soot down to .15
-# less (Warren and Wiscombe 1980, "A model for the spectral albedo of snow. II", J. Atmos. Sci. 37,
-# 2734). A flake's .9 is a choice of ours among these.
-FLAKES = Optics(SNOW, 0.9)
-DROPS = Optics(WATER, 1.0)
+# Choices of ours. Rough crystals scatter wider than drops: Räisänen et al. 2015 (The Cryosphere 9,
+# 1277) fit droxtals, aggregates and fractals to blowing snow. Pure snow sends back .96 to .99 of
+# visible light, with soot down to .15 less: Warren and Wiscombe 1980 (J. Atmos. Sci. 37, 2734).
+FLAKES = Optics(0.76, 0.9)
+# Cloud droplets have some .85 (AMS, Glossary of Meteorology), larger ones a little more.
+DROPS = Optics(0.87, 1.0)
 
 
 @suggesting

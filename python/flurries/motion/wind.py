@@ -194,8 +194,5 @@ def _waves_of(wind: Wind) -> Waves | None:
     if wind.field is not None:
         parts.append(strongest(wind.field, wind.spacing, wind.duration, wind.modes))
     parts = [part for part in parts if len(part.k)]
-    if not parts:
-        return None
-    return Waves(
-        *(np.concatenate([getattr(p, n) for p in parts]) for n in ("k", "omega", "a", "own"))
-    )
+    each = ([getattr(part, name) for part in parts] for name in ("k", "omega", "a", "own"))
+    return Waves(*map(np.concatenate, each)) if parts else None
