@@ -100,7 +100,6 @@ def start(here: Path, *arguments: str, **more: Any) -> subprocess.Popen[str]:
 
 
 def wait_for(count: int, folder: Path, process: subprocess.Popen[str]) -> None:
-    """Wait until so many frames are there."""
     end = time.monotonic() + 60
     while len(list(folder.glob("[0-9]*"))) < count and time.monotonic() < end:
         assert process.poll() is None, process.communicate()

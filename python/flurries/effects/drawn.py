@@ -105,8 +105,6 @@ class Drawn(ABC):
         return near, glow
 
     def _sorted(self, frame: Frame, amount: float) -> SortedFlakes:
-        """Return the flakes, to be drawn in any band of the frame."""
-
         def fall() -> SortedFlakes:
             return _core.fall(air_of(self, frame, amount, STEPS if frame.whole else ()))
 
