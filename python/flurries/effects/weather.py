@@ -153,8 +153,8 @@ def _film(
 
     even, comes = motion.varied is None, motion.spreads(path, rotation)
     rigid = not (comes or changes) and even and motion.line(path, fps) is not None
-    bent = population.classes(BENT_CLASSES, 4)
-    drops = not rigid and bent[-1].fall > _APART * bent[0].fall
+    bent = [] if rigid else population.classes(BENT_CLASSES, 4)
+    drops = bool(bent) and bent[-1].fall > _APART * bent[0].fall
     # Of drops each half of the drawn classes is what one of the planes' classes stands for.
     sizes = population.classes(CLASSES, 4 if drops else 2)
     apart = bent if drops else sizes if rigid else population.classes(1)
@@ -174,8 +174,8 @@ def _film(
 
     drawn, parts = shares(sizes), list[tuple[Share, Float64]]()
     if rigid:
-        for share, count in zip(drawn, LAYERS[-len(drawn) :], strict=True):
-            _, rate = share.motion.line(path, fps) or ([], [0.0])
+        rates = [(share.motion.line(path, fps) or ([], [0.0]))[1] for share in drawn]
+        for share, count, rate in zip(drawn, LAYERS[-len(drawn) :], rates, strict=True):
             varies = partial(laws.variance_at, share.size, focal, HALF_OPEN * math.hypot(*rate))
             parts.append((share, laws.layer_edges(share.reach, far, count, varies)))
     else:
