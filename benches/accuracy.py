@@ -26,7 +26,6 @@ from matplotlib import pyplot as plt
 # In the order of the page.
 AXES = {found.name: found for found in vars(accuracy_axes).values() if isinstance(found, Axis)}
 
-RUNS = 20
 DOCS = Path(__file__).parents[1] / "docs"
 
 
@@ -38,10 +37,6 @@ class Point(NamedTuple):
     median: float
     fastest: float
     best: bool
-
-
-# An axis with its points.
-Study = tuple[Axis, list[Point]]
 
 
 def measure(ways: Sequence[Way], runs: int) -> list[Point]:
@@ -77,17 +72,15 @@ _AXIS = """
 ## {axis.title}
 
 `python benches/accuracy.py {axis.name}`. Error {axis.unit}. Against: {axis.reference}.
-"""
 
-_TABLE = """
 | setting | error | fastest of {runs}, ms | median, ms | unbeaten |
 | --- | --- | --- | --- | --- |
 """
 
 
-def table(points: Sequence[Point], runs: int) -> str:
+def table(axis: Axis, points: Sequence[Point], runs: int) -> str:
     """Return the points of an axis, the most accurate first."""
-    return _TABLE.format(runs=runs) + "".join(
+    return _AXIS.format(axis=axis, runs=runs) + "".join(
         f"| {p.setting} | {p.error:.2g} | {p.fastest:.3g} | {p.median:.3g} | "
         f"{'yes' if p.best else ''} |\n"
         for p in sorted(points, key=lambda p: p.error)
@@ -95,12 +88,11 @@ def table(points: Sequence[Point], runs: int) -> str:
 
 
 INK, QUIET, FRONT = "#1d2b3a", "#8fa3b5", "#d2691e"
-
 # An error of 0 has no logarithm.
 LEAST = 1e-17
 
 
-def plot(studies: Sequence[Study], file: Path) -> None:
+def plot(studies: Sequence[tuple[Axis, list[Point]]], file: Path) -> None:
     """Write plots side by side, two in a row."""
     rows = -(-len(studies) // 2)
     figure, grid = plt.subplots(rows, 2, figsize=(16.0, 3.6 * rows), dpi=90, squeeze=False)
@@ -141,15 +133,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("axes", nargs="*", metavar="AXIS", help=f"of {', '.join(AXES)}")
     parser.add_argument("--write", action="store_true", help="make the page of all axes")
-    parser.add_argument("--runs", type=int, default=RUNS)
+    parser.add_argument("--runs", type=int, default=20)
     given = parser.parse_args()
     studies = []
     machine = f"{platform.machine()}, {os.cpu_count()} cores"
     parts = [_HEAD.format(machine=machine, threads=fl.settings().threads)]
     for axis in (AXES[name] for name in given.axes or AXES):
         studies.append((axis, measure(list(axis.ways()), given.runs)))
-        parts += [_AXIS.format(axis=axis), table(studies[-1][1], given.runs)]
-        print("".join(parts[-2:]))
+        parts.append(table(*studies[-1], given.runs))
+        print(parts[-1])
     if given.write:
         plot(studies, DOCS / "images/accuracy/accuracy.png")
         (DOCS / "internals/accuracy.md").write_text("".join(parts), encoding="utf-8")

@@ -71,8 +71,7 @@ class Tuned:
         np.sin(turn, out=bins.imag)
         bins *= self.amplitude
         self.spectrum[:, :, self.bins[0], self.bins[1]] = bins
-        shape = (self.tile, self.tile)
-        tiles = scipy.fft.irfft2(self.spectrum, shape, workers=2)
+        tiles = scipy.fft.irfft2(self.spectrum, (self.tile, self.tile), workers=2)
         tiles *= self.window
         length = self.starts[-1] + 2 * self.tile
         total = np.zeros((length, length), np.float32)

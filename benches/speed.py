@@ -18,11 +18,10 @@ from typing import Any
 import layers
 import numpy as np
 import rivals
-from timing import Calls, Times, alone, timed
+from timing import Calls, alone, timed
 
 import flurries as fl
 
-Call = Callable[[], object]
 SIZE = 1024
 SHAPE = (SIZE, SIZE)
 COPY, TEXTURE, DISCS = "copy of the alpha", "texture", "150,000 discs of 1-4 px"
@@ -38,10 +37,9 @@ ASKED = [
 LARGER = {"1920 x 1080": (1080, 1920), "3840 x 2160": (2160, 3840)}
 
 
-def texture(shape: tuple[int, int], dtype: Any = np.float32) -> Call:
+def texture(shape: tuple[int, int], dtype: Any = np.float32) -> Callable[[], object]:
     """Return a call that makes a texture's alpha, every tile with a drift of its own."""
     rows, cols = (len(fl.spectral.tile_starts(length)) for length in shape)
-    # As before a camera that flies forward.
     drift = np.random.default_rng(3).normal(0.0, 5.0, (rows, cols, 2))
     out = np.empty(shape, dtype)
     return lambda: fl.spectral.alpha(shape, drift=drift, seed=1, dtype=dtype, out=out)
@@ -98,13 +96,6 @@ def rivals_of() -> Calls:
     }
 
 
-def measured(level: str, threads: int, runs: int) -> Times:
-    """Return the times of one instruction set, from a process that has only that."""
-    code = "import sys, speed; speed.one(*map(int, sys.argv[1:]))"
-    found: Times = json.loads(alone(code, str(threads), str(runs), FLURRIES_SIMD=level))
-    return found
-
-
 def one(threads: int, runs: int) -> None:
     """Print the times of this process as JSON."""
     fl.set_threads(threads)
@@ -122,7 +113,10 @@ def levels() -> list[str]:
 
 def table(level: str, runs: int) -> list[str]:
     """Return the lines of one instruction set: least and median ms, over a copy, and threads."""
-    single, double = (measured(level, threads, runs) for threads in (1, 2))
+    code = "import sys, speed; speed.one(*map(int, sys.argv[1:]))"
+    single, double = (
+        json.loads(alone(code, threads, str(runs), FLURRIES_SIMD=level)) for threads in "12"
+    )
     lines = [
         f"### {level}\n",
         "| what | least, ms | median, ms | over a copy | one thread over two |",
@@ -149,13 +143,11 @@ def table(level: str, runs: int) -> list[str]:
 
 def imports(runs: int = 12) -> float:
     """Return the least time of importing flurries over that of importing NumPy, in turns."""
-    clock = "time.perf_counter()"
-    times: dict[str, list[float]] = {"flurries": [], "numpy": []}
-    for _ in range(runs):
-        for name, values in times.items():
-            code = f"import time; t = {clock}; import {name}; print({clock} - t)"
-            values.append(float(alone(code)))
-    return min(times["flurries"]) / min(times["numpy"])
+    code = "import time; t = time.perf_counter(); import {0}; print(time.perf_counter() - t)"
+    names = "flurries", "numpy"
+    turns = [[float(alone(code.format(name))) for name in names] for _ in range(runs)]
+    own, numpy = map(min, zip(*turns, strict=True))
+    return own / numpy
 
 
 MEMORY = """
