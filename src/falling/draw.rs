@@ -72,9 +72,9 @@ impl Images {
             let see = &mut |sprite| pushed(&mut sprites, (sprite, number));
             pieces(flake, focal, grown, &outline, see)?;
         }
-        let image = |index: usize| Some(sprites[index]);
+        let some = |range, images: &mut Vec<_>| images.extend_from_slice(&sprites[range]);
         let balls = Some(Arc::clone(balls));
-        let mut sorted = Sorted::new(sprites.len(), image, balls, air.shape, cancel)?;
+        let mut sorted = Sorted::new(sprites.len(), some, balls, air.shape, cancel)?;
         sorted.outlines = outlines;
         let mut patches = collected(kept.iter().map(|_| None))?;
         if let Some(closeup) = closeup {

@@ -69,32 +69,23 @@ pub struct Bins {
 /// Buffers that one run leaves to the next.
 #[derive(Default)]
 pub struct Scratch {
-    projected: Vec<(Sprite, i32)>,
+    pub projected: Vec<(Sprite, i32)>,
     /// (tile, place in `projected`)
     pairs: Vec<(u32, u32)>,
 }
 
 impl Bins {
-    /// Sorts sprites with their flakes' numbers, `count` at most, in place of those of another run.
-    #[inline(always)]
-    pub fn sort(
-        &mut self,
-        count: usize,
-        images: impl Iterator<Item = (Sprite, i32)>,
-        grid: &Grid,
-        scratch: &mut Scratch,
-    ) -> Result<(), Error> {
+    /// Sorts the sprites of a run, in place of those of another one.
+    pub fn sort(&mut self, grid: &Grid, scratch: &mut Scratch) -> Result<(), Error> {
         let Self { sprites, starts, large, next } = self;
         let Scratch { projected, pairs } = scratch;
-        projected.clear();
         pairs.clear();
-        reserve(projected, count)?;
-        reserve(pairs, count)?;
+        reserve(pairs, projected.len())?;
         large.clear();
         starts.clear();
         reserve(starts, grid.len() + 1)?;
         starts.resize(grid.len() + 1, 0);
-        for (sprite, number) in images {
+        for (place, &(sprite, number)) in projected.iter().enumerate() {
             let Some((rows, columns)) = grid.reached(&sprite) else { continue };
             if rows.len() * columns.len() > MOST_TILES {
                 pushed(large, (sprite, number))?;
@@ -107,11 +98,10 @@ impl Bins {
                     if alone || touches(&sprite, row, column) {
                         let tile = row * grid.columns + column;
                         starts[tile + 1] += 1;
-                        pairs.push((tile as u32, projected.len() as u32));
+                        pairs.push((tile as u32, place as u32));
                     }
                 }
             }
-            projected.push((sprite, number));
         }
         for tile in 0..grid.len() {
             starts[tile + 1] += starts[tile];

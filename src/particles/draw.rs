@@ -52,8 +52,10 @@ fn disc<P: Profile, C: Canvas, const LEVEL: u8>(
     let (first_x, first_y) = (P::of(first_x * inverse), P::of(first_y * inverse));
     let (step, amplitude) = (P::of(inverse), P::of(sprite.amplitude));
     let place = Place { map, depth: P::of(sprite.depth), left, top, rows };
-    let across = axis::<P, LEVEL>(first_x, step, P::one(), blocks);
-    let down = axis::<P, LEVEL>(first_y, step, amplitude, row_blocks);
+    // Returned by value they would be copied before they are written.
+    let (mut across, mut down) = ([P::zero(); TILE], [P::zero(); TILE]);
+    axis::<P, LEVEL>(first_x, step, P::one(), &mut across[..blocks * LANES]);
+    axis::<P, LEVEL>(first_y, step, amplitude, &mut down[..row_blocks * LANES]);
     outer::<P, C, LEVEL>(canvas, &place, blocks, &across, &down);
 }
 
@@ -97,17 +99,13 @@ fn outer<P: Profile, C: Canvas, const LEVEL: u8>(
     }
 }
 
-/// The profile at `start`, `start + step`, ... for `blocks` blocks.
+/// The profile at `start`, `start + step`, ... in whole blocks.
 #[inline(always)]
-fn axis<P: Profile, const LEVEL: u8>(start: P, step: P, scale: P, blocks: usize) -> [P; TILE] {
-    let mut values = [P::zero(); TILE];
-    for block in 0..blocks {
-        let values: &mut [P; LANES] =
-            (&mut values[block * LANES..(block + 1) * LANES]).try_into().expect("whole blocks");
+fn axis<P: Profile, const LEVEL: u8>(start: P, step: P, scale: P, values: &mut [P]) {
+    for (block, values) in values.chunks_exact_mut(LANES).enumerate() {
         for k in 0..LANES {
             let offset = P::of((block * LANES + k) as f64);
             values[k] = scale * profile::gaussian::<P, LEVEL>(start + offset * step);
         }
     }
-    values
 }

@@ -3,6 +3,7 @@
 //! A frame made in bands of rows asks for its flakes once and draws each band from them.
 
 use std::cell::Cell;
+use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
@@ -13,7 +14,7 @@ use super::canvas::{Canvas, NONE, Numbered};
 use super::draw::one;
 use super::profile::Profile;
 use super::sprite::Sprite;
-use crate::base::error::{Cancel, Error, layout, pushed};
+use crate::base::error::{Cancel, Error, layout, pushed, reserve};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::dispatch;
@@ -102,10 +103,10 @@ impl Drop for Sorted {
 }
 
 impl Sorted {
-    /// Sorts the images of a frame of `shape`, each with its number; None is no image.
+    /// Sorts the images of a frame of `shape`, each with its number; `images` adds those of some.
     pub fn new(
         count: usize,
-        image: impl Fn(usize) -> Option<(Sprite, i32)> + Sync,
+        images: impl Fn(Range<usize>, &mut Vec<(Sprite, i32)>) + Sync,
         balls: Option<Arc<Balls>>,
         shape: (usize, usize),
         cancel: &Cancel,
@@ -124,7 +125,10 @@ impl Sorted {
                 cancel.check()?;
                 let start = (item * together + i) * length;
                 let range = start..(start + length).min(count);
-                bins.sort(range.len(), range.filter_map(&image), &grid, &mut scratch)?;
+                scratch.projected.clear();
+                reserve(&mut scratch.projected, range.len())?;
+                images(range, &mut scratch.projected);
+                bins.sort(&grid, &mut scratch)?;
             }
             SCRATCH.set(scratch);
             Ok(())

@@ -1,5 +1,7 @@
 //! The image of many flakes of one color: alpha = 1 - prod(1 - alpha_i), whatever their order.
 
+use std::ops::Range;
+
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2};
 
 use super::profile::Profile;
@@ -8,6 +10,7 @@ use super::sprite::{Flake, Lens, Sprite};
 use crate::base::error::{Cancel, Error, finite};
 use crate::base::real::Real;
 use crate::base::scan;
+use crate::base::simd::dispatch;
 
 /// Flakes as arrays: points (n, 3) in camera axes; the others have n rows, or one for all.
 #[derive(Debug, Clone, Copy)]
@@ -66,6 +69,21 @@ impl Flakes<'_> {
     }
 }
 
+/// Adds the images of some flakes, for which there is room.
+#[dispatch]
+fn place<const LEVEL: u8>(
+    flakes: &Flakes<'_>,
+    lens: &Lens,
+    range: Range<usize>,
+    images: &mut Vec<(Sprite, i32)>,
+) {
+    for index in range {
+        if let Some(sprite) = Sprite::of(&flakes.get(index), lens) {
+            images.push((sprite, index as i32));
+        }
+    }
+}
+
 /// Projects and sorts the flakes of a frame of `shape`.
 pub fn sorted(
     flakes: &Flakes<'_>,
@@ -74,8 +92,8 @@ pub fn sorted(
     cancel: &Cancel,
 ) -> Result<Sorted, Error> {
     flakes.check(lens)?;
-    let image = |index| Some((Sprite::of(&flakes.get(index), lens)?, index as i32));
-    Sorted::new(flakes.points.nrows(), image, None, shape, cancel)
+    let images = |range, images: &mut Vec<(Sprite, i32)>| place(flakes, lens, range, images);
+    Sorted::new(flakes.points.nrows(), images, None, shape, cancel)
 }
 
 /// Draws the flakes' alpha into `out`, (H, W), in [0, 1]; see [`Sorted::draw`].

@@ -180,16 +180,11 @@ impl Sprite {
 /// The part of the motion in front of the near plane, in units of the travel, within [-1/2, 1/2].
 #[inline(always)]
 fn kept(depth: f64, travel: f64, near: f64) -> Option<(f64, f64)> {
-    let (first, last) = (depth - 0.5 * travel, depth + 0.5 * travel);
-    if first >= near && last >= near {
-        return Some((-0.5, 0.5));
-    }
     let crossing = ((near - depth) / travel).clamp(-0.5, 0.5);
-    if first >= near {
-        Some((-0.5, crossing))
-    } else if last >= near {
-        Some((crossing, 0.5))
-    } else {
-        None
+    match (depth - 0.5 * travel >= near, depth + 0.5 * travel >= near) {
+        (true, true) => Some((-0.5, 0.5)),
+        (true, false) => Some((-0.5, crossing)),
+        (false, true) => Some((crossing, 0.5)),
+        (false, false) => None,
     }
 }

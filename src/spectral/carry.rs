@@ -140,27 +140,22 @@ fn add<const LEVEL: u8, T: Real>(
 ) {
     let (wy, wx) = weights;
     let (lead_weights, weights) = wx.split_at(lead);
-    // Where neighbours don't reach, weights are 1.
-    let ones = weights.iter().take_while(|&&w| w == T::one()).count() / LANES * LANES;
     for (y, (&wy, pixels)) in wy.iter().zip(pixels.chunks_exact_mut(wx.len())).enumerate() {
         let (head, tail) = pixels.split_at_mut(lead);
         let left = &left[y * lead..][..head.len()];
         for i in 0..head.len() {
             head[i] = multiply_add::<T, LEVEL>(wy * lead_weights[i], head[i], left[i]);
         }
+        let weights = &weights[..tail.len()];
         if y < shared {
             let above = &above[y * span + lead..][..tail.len()];
-            let weights = &weights[..tail.len()];
             for i in 0..tail.len() {
                 tail[i] = multiply_add::<T, LEVEL>(wy * weights[i], tail[i], above[i]);
             }
-            continue;
-        }
-        let from = if wy == T::one() { ones } else { 0 };
-        let (tail, weights) = (&mut tail[from..], &weights[from..]);
-        let weights = &weights[..tail.len()];
-        for i in 0..tail.len() {
-            tail[i] = wy * weights[i] * tail[i];
+        } else {
+            for i in 0..tail.len() {
+                tail[i] = wy * weights[i] * tail[i];
+            }
         }
     }
 }

@@ -137,7 +137,7 @@ class Texture:
             raise ValueError("ring_edges must be None beside envelope or rate, which have all")
         _ = self._own_rate, self.envelope is None or self._own_amplitude  # They refuse.
 
-    @property
+    @cached_property
     def sides(self) -> tuple[int, int]:
         """Rows and columns of a tile."""
         return check.tile_of(self.tile, self.overlap)[0]
