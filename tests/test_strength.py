@@ -147,13 +147,13 @@ def test_a_density_is_the_same_behind_any_lens():
     # Flakes behind a pixel are as many whatever the lens; the nearest and largest ones fade.
     assert np.ptp(covers) < 0.15 * np.mean(covers)
     # As many lie in the pyramid of view, to the distance up to which they are drawn.
-    drawn = fl.Scene(size=(256, 192), effects=[snow], camera=fl.Camera(100.0))
+    drawn = fl.Scene(size=(256, 192), effects=[snow], camera=fl.Camera(500.0))
     counts = []
     for seed in range(6):
         flakes = fl.flakes(drawn.replace(seed=seed), 0.0)
         inside = (flakes["pixel"] > 0.0).all(axis=1) & (flakes["pixel"] < (256, 192)).all(axis=1)
         counts.append((inside & (flakes["depth"] < 11.0)).sum())
-    assert np.mean(counts) == pytest.approx(20.0 * 2.56 * 1.92 * 11.0**3 / 3.0, rel=0.03)
+    assert np.mean(counts) == pytest.approx(20.0 * 0.512 * 0.384 * 11.0**3 / 3.0, rel=0.03)
 
 
 def test_knobs_of_others_and_of_copies_are_refused_by_name():
