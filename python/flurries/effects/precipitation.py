@@ -51,7 +51,7 @@ class Veil:
 
         def before() -> Array:
             # Its optical depth grows with the way.
-            deep = frame.crop(depth)
+            deep = frame.crop(depth).astype(np.float64 if thick > 0.0 else np.float32, copy=False)
             left = (1.0 - haze) ** np.minimum(deep / np.float32(self.far), np.float32(1.0))
             if thick > 0.0:
                 left *= np.exp(-thick * np.clip((deep - near) / (far - near), 0.0, 1.0))
