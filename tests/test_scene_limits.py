@@ -1,7 +1,6 @@
 """Weather in front of a scene that ends: less before a wall than before the sky."""
 
 import math
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,7 @@ def alpha(snow: Any, depth: Any, t: float = 5.0, seed: int = 0, **more: Any) -> 
 
 
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("kind", [Snow, partial(fl.effects.TentRain, drops=500)])
+@pytest.mark.parametrize("kind", [Snow, lambda **how: fl.effects.TentRain(drops=500, **how)])
 def test_what_is_beyond_all_snow_changes_nothing(kind: Any, mode: str):
     snow = kind(depth_mode=mode)
     far = max(snow.parts.texture.field.far_depth, snow.near_depth)
