@@ -137,10 +137,8 @@ fn pieces(
         let radius = 0.5 * grown * focal * flake.diameter * near;
         let (start, end) = (place(from), place(to));
         let way = std::array::from_fn(|a| end[a] - start[a]);
-        let share = amplitude / count;
-        if let Some(sprite) = Balls::sprite(start, way, radius, share, 1.0 / near, outline) {
-            see(sprite)?;
-        }
+        let sprite = Balls::sprite(start, way, radius, amplitude / count, 1.0 / near, outline);
+        sprite.map_or(Ok(()), &mut *see)?;
     }
     Ok(())
 }

@@ -81,8 +81,7 @@ fn summed<S: Light, const N: usize>(sums: &mut [[f32; 4]], line: &[S], cell: usi
             let cover = if N == 4 { pixel[3].cover() } else { 1.0 };
             let rgb = [pixel[0], pixel[1], pixel[2]].map(|own| own.light(table, cover));
             if S::FINITE || rgb.iter().all(|v| v.is_finite()) {
-                let own = [rgb[0], rgb[1], rgb[2], cover];
-                found = std::array::from_fn(|k| found[k] + own[k]);
+                found = std::array::from_fn(|k| found[k] + if k < 3 { rgb[k] } else { cover });
             }
         }
         *sum = std::array::from_fn(|k| sum[k] + found[k]);

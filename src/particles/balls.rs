@@ -84,10 +84,11 @@ impl Outline {
         [self.along * along + (self.lean + self.curve * v) * v - self.curve * MEAN_SQUARE, v]
     }
 
-    /// How far it reaches, in radii of the ball; a little more where it is bent.
-    pub fn reach(&self) -> f64 {
-        let aside = (1.0 + self.lean * self.lean).sqrt() + 0.3 * self.curve.abs();
-        f64::from((aside / self.along).max(1.0 / self.across))
+    /// How far it reaches along its way and across, in radii of the ball; a little more where it is bent.
+    #[inline(always)]
+    pub fn reach(&self) -> [f64; 2] {
+        let ahead = (1.0 + self.lean * self.lean).sqrt() + 0.3 * self.curve.abs();
+        [f64::from(ahead / self.along), f64::from(1.0 / self.across)]
     }
 }
 
@@ -140,12 +141,12 @@ impl Balls {
         depth: f64,
         outline: &Outline,
     ) -> Option<Sprite> {
-        let drawn = radius.max(LEAST);
+        let (drawn, [ahead, aside]) = (radius.max(LEAST), outline.reach());
         let mut sprite = Sprite {
             start,
             along: [1.0, 0.0],
             length: 0.0,
-            sigma: (drawn * outline.reach() + MARGIN) / REACH,
+            sigma: (drawn * ahead.max(aside) + MARGIN) / REACH,
             amplitude: amplitude * (radius / drawn) * (radius / drawn),
             depth,
         };
@@ -262,7 +263,9 @@ pub fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
     let (low, high) = sprite.bounds();
     let Some(rows) = pixels(low[1] - origin[1], high[1] - origin[1], TILE) else { return };
     let wide = REACH * sprite.sigma;
-    let radius = (wide - MARGIN) / outline.reach();
+    let [ahead, aside] = outline.reach();
+    let radius = (wide - MARGIN) / ahead.max(aside);
+    let [ahead, aside] = [ahead, aside].map(|reach| radius * reach + MARGIN);
     let table = balls.table(radius);
     // Of a small ball the pixel is most of the image: it keeps its width, and the amplitude makes up for the radius.
     let small = table.radius < SMALL;
@@ -294,12 +297,12 @@ pub fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
         // Columns whose places lie beside the way, and between its ends.
         let (mut left, mut right) = (low[0] - origin[0], high[0] - origin[0]);
         if uy.abs() > 1e-6 {
-            let (a, b) = ((h * ux - wide) / uy, (h * ux + wide) / uy);
+            let (a, b) = ((h * ux - aside) / uy, (h * ux + aside) / uy);
             left = left.max(x + a.min(b));
             right = right.min(x + a.max(b));
         }
         if ux.abs() > 1e-6 {
-            let (a, b) = ((-wide - h * uy) / ux, (length + wide - h * uy) / ux);
+            let (a, b) = ((-ahead - h * uy) / ux, (length + ahead - h * uy) / ux);
             left = left.max(x + a.min(b));
             right = right.min(x + a.max(b));
         }

@@ -32,8 +32,8 @@ _WIDE_SIGMA = math.sqrt(0.5 * (_NARROW**2 + _WIDE**2)) / math.sqrt(2.0)
 LEVELS = 10
 
 # Cells along the longer side of a picture in which depths are told apart, and how many of them lie
-# along the side of one that is blurred.
-FINE, COARSE = 320, 4
+# along the side of one that is blurred; of their rows each third counts.
+FINE, COARSE, STEP = 320, 4, 3
 
 # The light from outside the picture counts as so much where hardly anything of a level is near.
 _REST = 1e-3
@@ -86,10 +86,10 @@ class Levels:
 
 
 def _pooled(plane: Array, cell: int, of: np.ufunc) -> Array:
-    """Return what a function makes of cells of a plane, (rows, columns)."""
+    """Return what a function makes of the rows of a plane's cells that count, (rows, columns)."""
     more = [(0, -count % cell) for count in plane.shape]
     plane = np.pad(plane, more, mode="edge") if np.any(more) else plane
-    rows = of.reduce(plane.reshape(-1, cell, plane.shape[1]), axis=1)
+    rows = of.reduce(plane.reshape(-1, cell, plane.shape[1])[:, ::STEP], axis=1)
     return np.asarray(of.reduce([rows[:, k::cell] for k in range(cell)]))
 
 
@@ -183,6 +183,6 @@ def plate_light(
         sums, cell = cell_sums(picture, encoding)
         return PlateLight(cells_of(sums), cell, sky, ground)
     # Cells are small, and blurred: a third of their rows says as much.
-    sums, cell = cell_sums(picture, encoding, FINE, step=3)
-    more = np.float32(cell / math.ceil(cell / 3))
+    sums, cell = cell_sums(picture, encoding, FINE, step=STEP)
+    more = np.float32(cell / math.ceil(cell / STEP))
     return PlateLight(np.empty((0, 0, 3)), cell, sky, ground, Levels.of(more * sums, cell, depth))

@@ -68,7 +68,7 @@ impl Patch {
         let mut scale = 1_usize;
         while circle / scale as f64 > FINE
             || longest / scale as f64 > MOST
-            || diameter / scale as f64 > 64.0
+            || diameter / scale as f64 > 40.0
         {
             scale *= 2;
             if scale > 1 << 12 {

@@ -192,7 +192,7 @@ pub fn ball(place: &Place, diameter: f64, flake: &Near, look: &Look<'_>) -> Vec<
     let angle = libm::atan2(close[1] - open[1], close[0] - open[0]);
     let along = [libm::cos(angle) as f32, libm::sin(angle) as f32];
     let outline = look.closeup.outline(flake.number, flake.diameter);
-    let reach = 0.5 * outline.reach() + 1.0 / diameter;
+    let reach = 0.5 * outline.reach().into_iter().fold(1.0, f64::max) + 1.0 / diameter;
     filled(place, diameter, reach, &Ball { diameter: diameter as f32, along, outline })
 }
 
