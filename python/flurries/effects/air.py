@@ -23,7 +23,7 @@ NEAREST = 0.1
 NEAR_FADE = 1.25
 
 # Sigma of a flake's image in px between which it gets a shape: below, no shape can be told.
-SWITCH = (3.7, 4.1)
+SWITCH = (4.4, 4.8)
 
 # Places along the view at which a wind of depth is looked up, and heights at which the amount of
 # flakes is while they begin or cease to fall.
