@@ -278,7 +278,7 @@ def test_memory_stays_flat(leak: int):
 
 HUGE = {
     "frame": "fl.Scene(size=(100_000, 100_000))",
-    "flakes": "fl.Scene(size=(64, 64), effects=[fl.effects.TentSnow(flakes=2 * 10**7)]).render(0)",
+    "flakes": "fl.Scene(size=(9, 9), effects=[fl.Snow(density=200, method='simulated')]).render(0)",
     "tile of the scene":
         "fl.Scene(size=(64, 64), effects=[fl.effects.TentSnow(tile=2**15, flakes=0)]).render(0)",
     "nothing huge": "fl.Scene(size=(9, 9), effects=[fl.Snow()]).render(0); raise MemoryError",
