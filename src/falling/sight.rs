@@ -183,10 +183,14 @@ impl Sight {
                 let (first, end) = within[a];
                 low.max(2 * first - base[a] as i64)..(high + 1).min(2 * end - base[a] as i64)
             };
-            let layers = cells(deep, low[deep] - room, high[deep] + room);
-            if (layers.end - layers.start) as f64 > MOST {
+            let all = [deep, down, across].map(|a| cells(a, low[a] - room, high[a] + room));
+            let lengths = all.each_ref().map(|cells| (cells.end - cells.start).max(0) as f64);
+            // A cell has at most 8 flakes; too many are refused before any is looked at.
+            flakes += f64::from(parts) * lengths.iter().product::<f64>();
+            if flakes > MOST {
                 return Err(too_many());
             }
+            let [layers, ..] = all;
             for (layer, part) in layers.flat_map(|layer| (0..parts).map(move |part| (layer, part)))
             {
                 let from = layer as f64 * side + f64::from(part) * thick - rest[deep];
@@ -199,11 +203,6 @@ impl Sight {
                     .map(|a| cells(a, low[a] - room - carried[a], high[a] + room - carried[a]));
                 if rows.is_empty() || columns.is_empty() {
                     continue;
-                }
-                // A layer has at most 8 flakes a cell.
-                flakes += (rows.end - rows.start) as f64 * (columns.end - columns.start) as f64;
-                if flakes > MOST {
-                    return Err(too_many());
                 }
                 let place = |row: i64, column: i64| {
                     let mut place = [middle; 3];
