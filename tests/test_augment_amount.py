@@ -58,7 +58,7 @@ def lost_by(weather: Any, size: int, count: int, depth: Any = None) -> np.ndarra
 @EACH
 @pytest.mark.parametrize("profile", ["natural", "hard"])
 @pytest.mark.parametrize("severity, size, count", [
-    (1, 64, 12), (1, 512, 6), (3, 64, 12), (3, 224, 8), (3, 2160, 2), (5, 64, 12), (5, 512, 6),
+    (1, 64, 96), (1, 512, 24), (3, 64, 96), (3, 224, 48), (3, 2160, 2), (5, 64, 96), (5, 512, 24),
 ])  # fmt: skip
 def test_a_severity_takes_its_share_at_every_size(
     kind: str, profile: str, severity: int, size: int, count: int

@@ -38,7 +38,7 @@ def test_each_layer_hides_its_share(kind: str, profile: str, amount: float):
     for layer, own in zip(here.layers, here.sheets[1], strict=True):
         columns, rows = own[0].period
         plane = np.empty((rows, columns), np.float32)
-        _core.sheet_read(plane, (0, 0), [layer], None, True)
+        _core.sheet_read(plane, (0, 0), [(*layer[:2], (0.0, 1.0), *layer[3:])], None, True)
         taken = -math.log(1.0 - plane.mean(dtype=np.float64))
         total += taken
         if own[1] > 1.1:

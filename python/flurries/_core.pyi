@@ -128,7 +128,7 @@ class FlakeSheet:
     def bytes(self) -> int: ...
     @property
     def mean(self) -> float: ...
-    def factor(self, wanted: float, strong: _Pair, leans: bool) -> float: ...
+    def factor(self, wanted: float, strong: _Pair) -> float: ...
 
 def sheet_bent(
     out: _Array, corner: tuple[int, int],
@@ -137,7 +137,7 @@ def sheet_bent(
 ) -> None: ...  # fmt: skip
 def sheet_read(
     out: _Array, origin: tuple[int, int],
-    sheets: Sequence[tuple[FlakeSheet, _Pair, float, _Pair, float, float]], depth: _Array | None,
+    sheets: Sequence[tuple[FlakeSheet, _Pair, _Pair, _Pair, float, float]], depth: _Array | None,
     opacity: bool, drawn: tuple[_Array, float] | None = None, veil: _Array | None = None,
     haze: float = 0.0, gains: tuple[_Array, Sequence[int], tuple[int, int]] | None = None,
 ) -> None: ...  # fmt: skip

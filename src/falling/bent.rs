@@ -325,8 +325,8 @@ mod tests {
             let got =
                 picture(&sheet, &nodes(|_, _| [x, y, 0.7, 0.0]), &rest(), (0..300, 0..200), None);
             let shift = [f64::from(-x), f64::from(-y)];
-            let (lean, gain) = (0.0, 0.7);
-            let layer = Layer { sheet: &sheet, shift, lean, gain, base: 0.0, near: 0.0, far: 1.0 };
+            let (lean, gain) = ((0.0, 1.0), (0.7, 0.0));
+            let layer = Layer { sheet: &sheet, shift, lean, gain, near: 0.0, far: 1.0 };
             let mut want = Array2::zeros((300, 200));
             let others = Some(Others::default());
             layers::read(want.view_mut(), [0, 0], &[layer], None, others, None, &CANCEL).unwrap();

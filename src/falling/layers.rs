@@ -24,16 +24,18 @@ const OPAQUE: f32 = 80.0;
 const RUN: usize = 64;
 const BLOCK: usize = 64 * RUN;
 
+/// Pixels that are read at once, and that sheets have more at their ends.
+pub const LANES: usize = 16;
+
 #[derive(Clone, Copy)]
 pub struct Layer<'a> {
     pub sheet: &'a Sheet,
     /// Pixels, x and y, by which they have moved.
     pub shift: [f64; 2],
-    /// Pixels to the right by which they lean for each row down.
-    pub lean: f64,
+    /// Pixels to the right by which they lean for each row down, and rows of the sheet in one of the picture's.
+    pub lean: (f64, f64),
     /// Factor of the optical depth, and what is added to it.
-    pub gain: f32,
-    pub base: f32,
+    pub gain: (f32, f32),
     /// Depths between which they lie, evenly.
     pub near: f32,
     pub far: f32,
@@ -101,7 +103,9 @@ struct Sight<'a> {
     period: (usize, usize),
     shear: usize,
     from: (usize, usize),
-    lean: f64,
+    /// Half pixels to the right and rows of the sheet for each row, in parts of 2^-32.
+    lean: i64,
+    scale: u64,
     /// Optical depth of a step, and of none.
     gain: f32,
     base: f32,
@@ -131,15 +135,16 @@ impl<'a> Sight<'a> {
         let (shear, cols) = (sheet.law.shear, period.1 as i64);
         let aside = (rounds.rem_euclid(cols) * shear as i64).rem_euclid(cols);
         let col = (col as i64 - aside).rem_euclid(cols) as usize;
-        let half = if layer.lean == 0.0 { right } else { right | 2 };
+        let half = if layer.lean.0 == 0.0 { right } else { right | 2 };
         Ok(Self {
             bytes: [sheet.place(4 * down + right, cancel)?, sheet.place(4 * down + half, cancel)?],
             period,
             shear,
             from: (row, col),
-            lean: 2.0 * layer.lean,
-            gain: layer.gain * sheet.stamps.unit,
-            base: layer.base,
+            lean: (8_589_934_592.0 * layer.lean.0) as i64,
+            scale: (4_294_967_296.0 * layer.lean.1) as u64,
+            gain: layer.gain.0 * sheet.stamps.unit,
+            base: layer.gain.1,
             near: layer.near,
             far: layer.far,
             slope: 1.0 / (layer.far - layer.near),
@@ -149,8 +154,9 @@ impl<'a> Sight<'a> {
     /// The row of a torus that a row of the picture reads, and the column of it for one of the picture's.
     #[inline(always)]
     fn row(&self, (row, col): (usize, usize)) -> (&'a [u8], usize) {
-        let ((rows, cols), mut at) = (self.period, self.from.0 + row);
-        let halves = libm::floor(self.lean * row as f64 + 0.5) as i64;
+        let (rows, cols) = self.period;
+        let mut at = self.from.0 + ((self.scale * row as u64) >> 32) as usize;
+        let halves = (self.lean * row as i64 + (1 << 31)) >> 32;
         let mut col = (self.from.1 + col) as i64 - (halves >> 1);
         // Divisions would take longer than to read a short row.
         if at >= rows {
@@ -160,7 +166,7 @@ impl<'a> Sight<'a> {
         if !(0..cols as i64).contains(&col) {
             col = col.rem_euclid(cols as i64);
         }
-        (&self.bytes[(halves & 1) as usize][at * cols..][..cols], col as usize)
+        (&self.bytes[(halves & 1) as usize][at * cols..][..cols + LANES], col as usize)
     }
 }
 
@@ -216,8 +222,8 @@ fn block<const LEVEL: u8>(
     gains: Option<Gains<'_>>,
     beside: Option<(f32, f32)>,
 ) -> Option<()> {
-    let (wide, mut out, mut sums) = (out.ncols(), out, [0.0; BLOCK]);
-    let sums = &mut sums[..out.len()];
+    let (wide, mut out, mut sums) = (out.ncols(), out, [0.0; BLOCK + LANES]);
+    let sums = &mut sums[..out.len() + LANES];
     let [depth, drawn, veil] = planes;
     let mut rest = sights;
     let counts = [sights.len()];
@@ -225,7 +231,7 @@ fn block<const LEVEL: u8>(
     for (group, &count) in counts.iter().enumerate() {
         let (own, after) = rest.split_at(count);
         depths::<LEVEL>(sums, (wide, at), own, depth)?;
-        for (row, sums) in sums.chunks_exact(wide).enumerate() {
+        for (row, sums) in (0..out.nrows()).zip(sums.chunks_exact(wide)) {
             let out = out.row_mut(row).into_slice()?;
             let Some(gains) = gains else {
                 out.copy_from_slice(sums);
@@ -281,18 +287,17 @@ fn depths<const LEVEL: u8>(
         }
     }
     for sight in sights {
-        let lines = sums.chunks_exact_mut(wide).zip(bounds.chunks(each));
-        for (down, (out, bounds)) in lines.enumerate() {
+        for (down, bounds) in (0..(sums.len() - LANES) / wide).zip(bounds.chunks(each)) {
             let from = sight.row((at.0 + down, at.1));
             let depth = depth.map(|depth| line(depth, down)).transpose().ok()?;
-            added::<LEVEL>(out, from, sight, depth, bounds);
+            added::<LEVEL>(&mut sums[down * wide..][..wide + LANES], from, sight, depth, bounds);
         }
     }
     Some(())
 }
 
 /// Adds a layer's optical depth along a row: `bytes` are a row of its sheet, from a column on, and
-/// `bounds` the nearest and the farthest depth of each run.
+/// `bounds` the nearest and the farthest depth of each run. Both slices have some lanes more.
 #[inline(always)]
 fn added<const LEVEL: u8>(
     out: &mut [f32],
@@ -301,46 +306,47 @@ fn added<const LEVEL: u8>(
     depth: Option<&[f32]>,
     bounds: &[(f32, f32)],
 ) {
-    let mut done = 0;
-    while done < out.len() {
-        let mut run = (out.len() - done).min(bytes.len() - col);
+    let (wide, cols, mut done) = (out.len() - LANES, bytes.len() - LANES, 0);
+    while done < wide {
+        let mut run = (wide - done).min(cols - col);
+        let mut open = true;
         if let Some(depth) = depth {
             let (near, far) = bounds[done / RUN];
-            let open = bounds[done / RUN..].iter().take_while(|bound| bound.0 >= sight.far);
-            run = run.min(open.count().max(1) * RUN - done % RUN);
-            if near < sight.far {
-                if far > sight.near {
-                    let depth = &depth[done..done + run];
-                    let (out, own) = (&mut out[done..done + run], &bytes[col..col + run]);
-                    weighed::<LEVEL>(out, own, depth, sight);
-                }
-                (done, col) = (done + run, (col + run) % bytes.len());
-                continue;
+            open = near >= sight.far;
+            let alike = bounds[done / RUN..].iter().take_while(|bound| bound.0 >= sight.far);
+            run = run.min(alike.count().max(1) * RUN - done % RUN);
+            if !open && far > sight.near {
+                let depth = &depth[done..done + run];
+                weighed::<LEVEL>(&mut out[done..], &bytes[col..], depth, sight);
             }
         }
-        let (out, own) = (&mut out[done..done + run], &bytes[col..col + run]);
-        let rest = blocks::<64, LEVEL>((&mut *out, own), sight.gain);
-        blocks::<1, LEVEL>(blocks::<8, LEVEL>(rest, sight.gain), sight.gain);
-        if depth.is_some() && sight.base != 0.0 {
-            out.iter_mut().for_each(|out| *out += sight.base);
+        if open {
+            let out = &mut out[done..done + run + LANES];
+            summed::<LEVEL>(out, &bytes[col..col + run + LANES], sight.gain);
+            if depth.is_some() && sight.base != 0.0 {
+                out[..run].iter_mut().for_each(|out| *out += sight.base);
+            }
         }
-        (done, col) = (done + run, (col + run) % bytes.len());
+        done += run;
+        col = if col + run == cols { 0 } else { col + run };
     }
 }
 
-/// Adds bytes times a factor in whole blocks, and returns the rest: a loop would add its odd end one by one.
+/// Adds bytes times a factor, and nothing to the lanes that both slices have more: no odd end is added one by one.
 #[inline(always)]
-fn blocks<'a, const N: usize, const LEVEL: u8>(
-    (out, bytes): (&'a mut [f32], &'a [u8]),
-    gain: f32,
-) -> (&'a mut [f32], &'a [u8]) {
-    let ((blocks, out), (own, bytes)) = (out.as_chunks_mut::<N>(), bytes.as_chunks::<N>());
-    for (out, bytes) in blocks.iter_mut().zip(own) {
-        for i in 0..N {
-            out[i] = multiply_add::<f32, LEVEL>(f32::from(bytes[i]), gain, out[i]);
+fn summed<const LEVEL: u8>(out: &mut [f32], bytes: &[u8], gain: f32) {
+    let run = out.len() - LANES;
+    let lines = out.as_chunks_mut::<LANES>().0.iter_mut().zip(bytes.as_chunks::<LANES>().0);
+    for (done, (out, bytes)) in (0..run).step_by(LANES).zip(lines) {
+        let mut bytes = *bytes;
+        if run - done < LANES {
+            let there = u128::MAX >> (8 * (LANES - (run - done)));
+            bytes = (u128::from_le_bytes(bytes) & there).to_le_bytes();
+        }
+        for lane in 0..LANES {
+            out[lane] = multiply_add::<f32, LEVEL>(f32::from(bytes[lane]), gain, out[lane]);
         }
     }
-    (out, bytes)
 }
 
 /// The light that an optical depth leaves.
@@ -365,7 +371,6 @@ fn ln<const LEVEL: u8>(x: f32) -> f32 {
 /// Of a run of depths; NaN hides nothing, as what is infinitely far.
 #[inline(always)]
 fn nearest_and_farthest(depth: &[f32]) -> (f32, f32) {
-    const LANES: usize = 16;
     let (mut near, mut far) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
     let take = |near: &mut f32, far: &mut f32, depth: f32| {
         let depth = if depth.is_nan() { f32::INFINITY } else { depth };

@@ -170,14 +170,14 @@ impl FlakeSheet {
     }
 
     /// The factor with which it takes a mean optical depth of light.
-    fn factor(&self, py: Python<'_>, wanted: f64, strong: [f64; 2], leans: bool) -> PyResult<f64> {
-        gate::run(py, 1e6, |cancel| self.0.factor(wanted, strong, leans, cancel))
+    fn factor(&self, py: Python<'_>, wanted: f64, strong: [f64; 2]) -> PyResult<f64> {
+        gate::run(py, 1e6, |cancel| self.0.factor(wanted, strong, cancel))
     }
 }
 
-/// A sheet, the displacement (x, y) px of its flakes, px that they lean by, a gain and what is added, and the depths
-/// between which it lies.
-type LayerValues<'py> = (PyRef<'py, FlakeSheet>, [f64; 2], f64, (f32, f32), f32, f32);
+/// A sheet, the displacement (x, y) px of its flakes, px that they lean by and its rows in a row, a gain and what is
+/// added, and the depths between which it lies.
+type LayerValues<'py> = (PyRef<'py, FlakeSheet>, [f64; 2], (f64, f64), (f32, f32), f32, f32);
 
 /// Factors (groups, rows, columns) of optical depths, how many layers each group has, and the picture's row and column
 /// of the first pixel.
@@ -200,14 +200,9 @@ pub fn sheet_read(
     haze: f32,
     gains: Option<GainValues<'_>>,
 ) -> PyResult<()> {
-    let layers = sheets.iter().map(|&(ref sheet, shift, lean, (gain, base), near, far)| Layer {
-        sheet: &sheet.0,
-        shift,
-        lean,
-        gain,
-        base,
-        near,
-        far,
+    let layers = sheets.iter().map(|&(ref sheet, shift, lean, gain, near, far)| {
+        let sheet = &sheet.0;
+        Layer { sheet, shift, lean, gain, near, far }
     });
     let given: Vec<Layer<'_>> = layers.collect();
     let (out, depth) = (out.as_array_mut(), depth.as_ref().map(|depth| depth.as_array()));

@@ -111,7 +111,7 @@ class Here:
             return visibility(self.visible)
         if not self.hard or self.amount == 0.0:
             return calibration.natural(self.kind, self.amount)
-        loss = calibration.contrast_loss(self.amount, profile="hard", weather=self.kind)
+        loss = calibration.hard_loss(self.kind, self.amount)
         # Equally likely densities.
         density = np.maximum(1.0 + self.patches * _NORMAL, 0.0) if self.patches else np.ones(1)
         found = calibration.extinction(loss, self._way(self.distances.quantiles), density)
@@ -120,7 +120,8 @@ class Here:
 
     def _way(self, depth: Any) -> Any:
         """Return the way through the weather before some depths, metres."""
-        return depth if self.kind == "fog" else np.clip(depth, self.near, self.far) - self.near
+        fog = self.kind == "fog"
+        return depth if fog else np.minimum(np.maximum(depth, self.near), self.far) - self.near
 
     def drift(self, fps: float) -> Float64:
         """Return the motion of fog's patches, (2,) pixels per frame: the mean of their waves."""
@@ -187,19 +188,14 @@ class Here:
     @cached_property
     def layers(self) -> list[Any]:
         """The sheets where this picture reads them, for `_core.sheet_read`."""
-        layers, near = self.sheets[1] if self.thickness > 0.0 else [], self.near
-        if not layers:
-            return []
-        places = uniforms(self.seed, _STREAM, 2 * len(layers)).reshape(-1, 2)
-        shifts = np.floor(places * [layer[0].period for layer in layers])
-        if self.moving:
-            depths = near * np.sqrt([[layer[1] * layer[2]] for layer in layers])
-            moved = np.array(self.velocity) * self.time - (self.view.aside, 0.0)
-            shifts += self.view.focal / depths * moved
-        return [
-            (sheet.made, shift, lean, gain, near * first, near * last)
-            for (sheet, first, last, lean, gain), shift in zip(layers, shifts.tolist(), strict=True)
-        ]
+        layers, near, found = self.sheets[1] if self.thickness > 0.0 else [], self.near, []
+        x, y = self.velocity[0] * self.time - self.view.aside, self.velocity[1] * self.time
+        u = iter(uniforms(self.seed, _STREAM, 2 * len(layers)).tolist())
+        for sheet, first, last, lean, gain in layers:
+            pace, (wide, high) = self.view.focal / (near * math.sqrt(first * last)), sheet.period
+            shift = math.floor(wide * next(u)) + x * pace, math.floor(high * next(u)) + y * pace
+            found.append((sheet.made, shift, lean, gain, near * first, near * last))
+        return found
 
     def write(self, out: Array, haze: float = 0.0, veil: Array | None = None) -> None:
         """Write the opacity of all that falls, and of a veil."""
@@ -214,7 +210,8 @@ class Here:
         """Return the flakes that are drawn, with places at steps of seconds; None without any."""
         if self.thickness == 0.0 or self.sheets[0] <= 1.0:
             return None
-        near, law, (x, y), half = self.near, self.falling.law, self.velocity, 0.5 * self.exposure
+        law = calibration.sizes_of(*self.falling[:2])
+        near, (x, y), half = self.near, self.velocity, 0.5 * self.exposure
         reached = near * self.sheets[0]
         times = [self.time + s for s in (0.0, -half, half, *steps)]
         end = reached if reached > 0.9 * self.far else reached * (1.0 + FADE)

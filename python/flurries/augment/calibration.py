@@ -77,7 +77,7 @@ def contrast_loss(amount: float, *, profile: Profile = "natural", weather: Kind 
     wanted = real("amount", amount, low=0.0, high=1.0)
     kind: Kind = choice("weather", weather, tuple(_HARD))  # type: ignore[assignment]
     if choice("profile", profile, PROFILES) == "hard":
-        return _between(_HARD[kind], wanted)
+        return hard_loss(kind, wanted)
     way = BACKDROP if kind == "fog" else FAR - NEAR
     return -math.expm1(-natural(kind, wanted) * way)
 
@@ -107,11 +107,19 @@ def depths_of(kind: Kind, profile: Profile, focal: float) -> tuple[float, float]
     return (near, far) if profile == "hard" else (NEAR, FAR)
 
 
+@kept(256)
+def hard_loss(kind: Kind, amount: float) -> float:
+    return _between(_HARD[kind], amount)
+
+
+@kept(256)
 def natural(kind: Kind, amount: float) -> float:
     """Return the extinction of natural weather, per metre."""
     if kind == "fog":
         return _between((0.0, *(gas.visibility(seen) for seen in VISIBILITIES)), amount)
-    return _extinction(kind, _rate(kind, amount))
+    matter, rate = MATTERS[kind], _rate(kind, amount)
+    sizes = matter.sizes(max(rate, LOWEST))
+    return rate / matter.flux(sizes) * area_of(sizes)
 
 
 def sizes_of(kind: Kind, tenths: int) -> Sizes:
@@ -134,13 +142,6 @@ def _rate(kind: Kind, amount: float) -> float:
 
 def _between(levels: Sequence[float], amount: float) -> float:
     return float(np.interp(SEVERITIES * amount, range(SEVERITIES + 1), levels))
-
-
-@kept(256)
-def _extinction(kind: Kind, rate: float) -> float:
-    matter = MATTERS[kind]
-    sizes = matter.sizes(max(rate, LOWEST))
-    return rate / matter.flux(sizes) * area_of(sizes)
 
 
 # `way` (n,): metres through the air before equally many pixels each. `density` (m,): factors of the

@@ -38,20 +38,22 @@ _TURN, _TURNS = (0.16, 0.8), 1.5
 _LEAN = 0.6
 
 # Flakes that are drawn for each pixel of a picture, by itself and of a film or pair; pictures by
-# themselves that are no larger than this have all their flakes from sheets.
-_DRAWN, _DRAWN_MOVING, _SHEETS_ALONE = 0.0001, 0.0015, 600
-
-# A picture by itself has none where so many would reach less far, of the nearest depth.
-_NONE = 0.75
+# themselves that are no larger than this have all their flakes from sheets, and those where so many
+# would reach less far, of the nearest depth.
+_DRAWN, _DRAWN_MOVING, _SHEETS_ALONE, _NONE = 0.0001, 0.0015, 600, 0.75
 
 # Diameter in px of the largest flakes of sheets, and their longest streak.
 _LARGEST, _LONGEST = 30.0, 192.0
 
-# Large pictures, and those up to so many pixels, have sheets of their own. Those of small ones are
-# fewer, sooner made, and read oftener: ends of a side, pixels; ratios of two rungs of streaks and
-# of the number of flakes, and how many times those of a sheet there are at least.
-_SMALL, _SIDES = 160, ((240.0, 512.0), (144.0, 200.0))
-_STREAKS, _COUNTS, _READS = (1.7, 2.0), (1.15, 3.5), (0.93, 1.25)
+# Large pictures and small ones have sheets of their own, whose sides have so many pixels at least
+# and at most; ratios of two rungs of streaks, and of those that are stretched as they are read.
+_SIDES, _LARGEST_SIDE, _STREAKS, _STRETCHED = (240.0, 144.0), 512.0, (1.7, 2.0), 2.5
+
+# Up to which size a picture is small; the ratio of two rungs of the number of flakes; how many
+# times those of a sheet there are at least, and what this is rounded up by: drops may be fainter.
+_SHARED = {
+    "snow": (160, (1.15, 3.5), (0.93, 1.25), 0.0), "rain": (256, (2.0, 3.0), (0.47, 0.95), 0.55),
+}  # fmt: skip
 
 # Where hard weather has more flakes for each pixel than the first, they are fewer and denser.
 _FEWER = 0.01, 0.66
@@ -76,10 +78,6 @@ class Falling(NamedTuple):
     exposure: float  # Seconds.
 
     @property
-    def law(self) -> Sizes:
-        return _laws(self.kind, self.tenths)[0]
-
-    @property
     def density(self) -> float:
         """Flakes per square metre and unit of depth."""
         one = self.gain * _laws(self.kind, self.tenths)[1]
@@ -92,20 +90,19 @@ class Look(NamedTuple):
     kind: Kind
     hard: bool
     width: int  # Rung of it.
-    streak: int  # Rung of it over the width; -1 for none.
+    streak: float  # Over the width, of one pixel at least; 0 for none.
     turn: float  # Of the streak, radians.
     flakes: int  # Rung of their number for each pixel.
     small: bool  # Whether it is for small pictures.
-    leans: bool  # Whether it is read so.
 
     def make(self) -> "Sheet":
-        """Return the sheet."""
-        width, longer = _WIDTHS[self.hard] ** self.width, _STREAKS[self.small] ** self.streak
-        length = max(width, 1.0) * longer if self.streak >= 0 else 0.0
-        count = _COUNTS[self.small] ** self.flakes
-        least, most = _SIDES[self.small]
-        side = min(max(math.sqrt(_FLAKES / count), least), most)
-        number = 1 + self.width + 5 * self.streak - 3 * self.flakes
+        width = _WIDTHS[self.hard] ** self.width
+        length, count = (
+            max(width, 1.0) * self.streak,
+            _SHARED[self.kind][1][self.small] ** self.flakes,
+        )
+        side = min(max(math.sqrt(_FLAKES / count), _SIDES[self.small]), _LARGEST_SIDE)
+        number = 1 + self.width + round(8.0 * self.streak) - 3 * self.flakes
         rows, columns = (
             round(side * (1.0 + part * ((step * number) % 1.0)))
             for part, step in ((0.2, 0.618_034), (0.3, 0.414_214))
@@ -129,53 +126,65 @@ class Sheet(NamedTuple):
         return self.made.bytes
 
 
-# A sheet, the depths of the slab whose flakes it stands for, pixels to the right that it leans by
-# for each row down, a factor of its optical depth, and an even part.
-Layer: TypeAlias = tuple[Sheet, float, float, float, tuple[float, float]]
+# A sheet, the depths of its slab, pixels to the right that it leans by for each row down and its
+# rows in one of the picture's, a factor of its optical depth, and an even part.
+Layer: TypeAlias = tuple[Sheet, float, float, tuple[float, float], tuple[float, float]]
 
 
 def sheets_of(falling: Falling, longer: int, moving: bool) -> tuple[float, list[Layer]]:
-    """Return the depth up to which flakes are drawn, and the layers of all others.
-
-    For a picture of a longer side in pixels, by itself or of a film or pair.
-    """
+    """Return the depth up to which a picture's flakes are drawn, and the layers of all others."""
     kind, tenths, deep, _, thickness, lens, (across, down), exposure = falling
-    small, hard = longer <= _SMALL and not moving, tenths == 0
-    wide, lean, way = _laws(kind, tenths)[2], 0.0, math.hypot(across, down) * exposure
-    reach = _reach_of(falling, way, longer, moving)
+    size, counts, times, more = _SHARED[kind]
+    small, hard = longer <= size and not moving, tenths == 0
+    lean, way = 0.0, math.hypot(across, down) * exposure
+    reach, density = _reach_of(falling, way, longer, moving), falling.density
     if reach >= deep:
         return deep, []
-    angle = math.atan2(across, down)
-    if kind == "rain" and not moving and abs(across) <= _LEAN * down:
-        lean, angle, way = across / down, 0.0, down * exposure
-    found, density = list[Layer](), falling.density
-    for near, far in _edges(reach, deep):
-        pixels = lens / math.sqrt(near * far)
-        # Those of one depth that have the slab's coverage and variance.
-        count, width, ratio = density * (far - near) / pixels**2, pixels * wide, _WIDTHS[hard]
-        rung = round(math.log(max(width, _NARROW)) / math.log(ratio))
-        if hard and count > _FEWER[0]:
-            count *= _FEWER[1]
-        if width > _NARROW:
-            # Flakes of another size are as many others.
-            count *= (width / ratio**rung) ** 2
-        length, turn = max(pixels * way / max(ratio**rung, 1.0), 1e-9), 0.0
-        streak = max(round(math.log(length) / math.log(_STREAKS[small])), -1)
-        if streak >= 0 and angle:
-            turn = min(max(_TURNS / _STREAKS[small] ** streak, _TURN[0]), _TURN[1])
+    angle, ratio = math.atan2(across, down), _STREAKS[small]
+    if leans := kind == "rain" and not moving and abs(across) <= _LEAN * down:
+        lean, angle, way, ratio = across / down, 0.0, down * exposure, _STRETCHED
+    found, mode = list[Layer](), reproducible()
+    for near, far, pixels, rung, few, many in _slabs(kind, tenths, density, lens, reach, deep):
+        length, turn = max(pixels * way / max(_WIDTHS[hard] ** rung, 1.0), 1e-9), 0.0
+        step, scale = round(math.log(length, ratio)), 1.0
+        streak = ratio**step if step >= 0 else 0.0
+        if leans and streak:
+            scale = streak / length
+        elif streak and angle:
+            turn = min(max(_TURNS / streak, _TURN[0]), _TURN[1])
             turn *= round(angle / turn)
-        most = _MOST[width > 2.0 * _NARROW]
-        few = max(min(count, most), 1e-12)
-        number = math.floor(math.log(few / _READS[small]) / math.log(_COUNTS[small]))
-        leans = lean != 0.0 and streak >= 0
-        look = Look(kind, hard, rung, streak, turn, min(number, 0), small, leans)
-        sheet: Sheet = _SHEETS.once((look, reproducible()), look.make)
-        reads, many = max(round(few / sheet.flakes), 1), max(count / most, 1.0)
+        few = max(few / scale, _FLAKES / _LARGEST_SIDE**2)
+        number = min(math.floor(math.log(few / times[small], counts[small])), 0)
+        look = Look(kind, hard, rung, streak, turn, number, small)
+        sheet: Sheet = _SHEETS.once((look, mode), look.make)
+        reads = max(round(few / sheet.flakes + more), 1)
         # Fewer flakes that vary as much as all, and an even part that the others make.
         each, even = many**0.5, (many - many**0.5) * sheet.made.mean
-        factor = sheet.made.factor(thickness * (far - near) / reads, (each, even), leans)
-        found += [(sheet, near, far, lean * leans, (factor * each, factor * even))] * reads
+        factor = sheet.made.factor(thickness * (far - near) / reads, (each, even))
+        own, gain = (lean if streak else 0.0, scale), (factor * each, factor * even)
+        found += [(sheet, near, far, own, gain)] * reads
     return reach, found
+
+
+@kept(64)
+def _slabs(
+    kind: Kind, tenths: int, density: float, lens: float, reach: float, deep: float
+) -> list[tuple[float, float, float, int, float, float]]:
+    """Return slabs' depths, pixels of a metre, and of their flakes rung, number and strength."""
+    hard, found = tenths == 0, []
+    edges = layer_edges(reach * (1.0 + 0.5 * FADE), deep, _LAYERS).tolist()
+    for near, far in itertools.pairwise(edges):
+        pixels = lens / math.sqrt(near * far)
+        # Those of one depth that have the slab's coverage and variance.
+        count, width = density * (far - near) / pixels**2, pixels * _laws(kind, tenths)[2]
+        rung = round(math.log(max(width, _NARROW), _WIDTHS[hard]))
+        count *= _FEWER[1] if hard and count > _FEWER[0] else 1.0
+        if width > _NARROW:
+            # Flakes of another size are as many others.
+            count *= (width / _WIDTHS[hard] ** rung) ** 2
+        most = _MOST[width > 2.0 * _NARROW]
+        found.append((near, far, pixels, rung, min(count, most), max(count / most, 1.0)))
+    return found
 
 
 @kept(64)
@@ -195,18 +204,11 @@ def _shape(kind: Kind, hard: bool) -> Float64:
     return np.asarray(np.sqrt(means / squares.mean()))
 
 
-@kept(64)
-def _edges(reach: float, deep: float) -> list[tuple[float, float]]:
-    edges = layer_edges(reach * (1.0 + 0.5 * FADE), deep, _LAYERS).tolist()
-    return list(itertools.pairwise(edges))
-
-
 def _reach_of(falling: Falling, way: float, longer: int, moving: bool) -> float:
     """Return the depth up to which flakes are drawn; then sheets take over."""
     lens, wide = falling.lens, _laws(falling.kind, falling.tenths)[2]
     largest = wide * float(_shape(falling.kind, falling.tenths == 0)[-1])
     images = lens * max(largest / _LARGEST, way / _LONGEST)
-    # Half of the way over which they fade in.
     first = 1.0 / (1.0 + 0.5 * FADE)
     share = _DRAWN_MOVING if moving else _DRAWN
     cost = (3.0 * share * lens**2 / falling.density) ** (1.0 / 3.0)

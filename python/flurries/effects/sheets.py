@@ -127,7 +127,7 @@ def read_sheets(
     each = zip(sheets, moved.tolist(), film.many, film.slabs, own, strict=True)
     for sheet, way, many, slab, part in each:
         gain = (part * many**0.5, part * (many - many**0.5) * sheet.mean)
-        layers.append((sheet, way, 0.0, gain, slab.near, slab.far))
+        layers.append((sheet, way, (0.0, 1.0), gain, slab.near, slab.far))
     depth = None if frame.depth is None else frame.crop(frame.depth)
     gains = gains_of(weather, frame, film.slabs)
     _core.sheet_read(result, (row, column), layers, depth, True, gains=gains)
