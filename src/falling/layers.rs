@@ -336,16 +336,21 @@ fn added<const LEVEL: u8>(
 #[inline(always)]
 fn summed<const LEVEL: u8>(out: &mut [f32], bytes: &[u8], gain: f32) {
     let run = out.len() - LANES;
-    let lines = out.as_chunks_mut::<LANES>().0.iter_mut().zip(bytes.as_chunks::<LANES>().0);
-    for (done, (out, bytes)) in (0..run).step_by(LANES).zip(lines) {
-        let mut bytes = *bytes;
-        if run - done < LANES {
-            let there = u128::MAX >> (8 * (LANES - (run - done)));
-            bytes = (u128::from_le_bytes(bytes) & there).to_le_bytes();
-        }
-        for lane in 0..LANES {
-            out[lane] = multiply_add::<f32, LEVEL>(f32::from(bytes[lane]), gain, out[lane]);
-        }
+    let (lines, own) = (out.as_chunks_mut::<LANES>().0, bytes.as_chunks::<LANES>().0);
+    for (out, bytes) in lines[..run / LANES].iter_mut().zip(own) {
+        lanes::<LEVEL>(out, bytes, gain);
+    }
+    if !run.is_multiple_of(LANES) {
+        let there = u128::MAX >> (8 * (LANES - run % LANES));
+        let bytes = (u128::from_le_bytes(own[run / LANES]) & there).to_le_bytes();
+        lanes::<LEVEL>(&mut lines[run / LANES], &bytes, gain);
+    }
+}
+
+#[inline(always)]
+fn lanes<const LEVEL: u8>(out: &mut [f32; LANES], bytes: &[u8; LANES], gain: f32) {
+    for lane in 0..LANES {
+        out[lane] = multiply_add::<f32, LEVEL>(f32::from(bytes[lane]), gain, out[lane]);
     }
 }
 
