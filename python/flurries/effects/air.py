@@ -97,6 +97,7 @@ def air_of(weather: Any, frame: Frame, amount: float, steps: tuple[float, ...] =
     clumps, path, fps = clumps_of(weather, frame), frame.path, frame.fps
     motion = weather.motion
     exposure, wind = motion.exposure(frame), motion.varied
+    gusts = None if wind is None else wind.waves
     after = (0.0, -0.5 * exposure, 0.5 * exposure, *steps)
     times, clock = motion.clocks(frame.t, after)
     slope, shares, opacity = weather.law.slope, weather.shares(frame), weather.opacity_at(frame.t)
@@ -124,7 +125,6 @@ def air_of(weather: Any, frame: Frame, amount: float, steps: tuple[float, ...] =
     classes = []
     for number, (share, at) in enumerate(zip(shares, ways, strict=True)):
         end = share.reach * (1.0 + FADE)
-        waves: Float64 | None = None
         profile, there = [], [weather.emission]
         if isinstance(weather.emission, Keys):
             there = amounts_at(weather, frame, share, np.linspace(-end, end, _HEIGHTS)).tolist()
@@ -132,20 +132,18 @@ def air_of(weather: Any, frame: Frame, amount: float, steps: tuple[float, ...] =
             ahead = np.linspace(0.0, end, _DEPTHS)
             moved = (carried_by_profile(share.motion, path, fps, t, ahead) for t in times)
             profile = [(one[:, 0].tolist(), one[:, 1].tolist()) for one in moved]
-        if wind is not None and wind.waves is not None:
-            waves = wave_weights(share.motion, fps, times, np.array(at[0]))
+        start = np.array(at[0])
         classes.append(Class(
             number=number, density=share.size.density * (1.0 + weather.clumps),
             sizes=(share.size.smallest, share.size.largest), slope=slope,
             shown=share.shown, by_size=weather.by_size, heights=(-end, end),
             amounts=[min(amount * one / (1.0 - part), 1.0) for one in there], ranks=(part, 1.0),
-            at=at, swung=swung, waves=waves, depths=(0.0, end), profile=profile,
-            placed=share.placed,
+            at=at, swung=swung, depths=(0.0, end), profile=profile, placed=share.placed,
+            waves=None if gusts is None else wave_weights(share.motion, fps, times, start),
         ))  # fmt: skip
     return Air(
         seed=frame.seed, opacity=opacity, images=images_of(opacity), classes=classes, eyes=eyes,
-        sway=weather.sway[0],
-        waves=None if wind is None or wind.waves is None else cycles_of(wind.waves),
+        sway=weather.sway[0], waves=None if gusts is None else cycles_of(gusts),
         clumps=clumps, notes=weather.notes and weather.notes.asked(frame, times),
         shape=frame.shape,
         window=frame.window if frame.shared is None else frame.shared.window,

@@ -72,7 +72,6 @@ class Density:
 
     @cached_property
     def rays(self) -> Rays:
-        """The rays of the coarse grid."""
         return Rays(self.frame, COARSE, MARGIN)
 
     @cached_property
@@ -257,7 +256,6 @@ class Waves:
         return out, self.spread * math.sqrt(_variances(self._tiles[0], outer)[1])
 
     def _outer(self, depth: float) -> float:
-        """Return the outer scale at a depth, px."""
         return float(self.frame.camera.focal * self.scale / depth)
 
     def _fill(

@@ -44,11 +44,9 @@ LONGEST, _FAINTEST = 114.0, 0.0014
 _ROUND = 36
 _TURN, _ZOOM = math.tau / _ROUND, math.log(1.15)
 
-# A plane gives way to the next within so many frames, or at most this part of its time.
-_CHANGE, _LONGEST_CHANGE = 3.0, 0.2
-
-# Less than this of a plane is not seen.
-_LEAST_SEEN = 0.02
+# A plane gives way to the next within so many frames, or at most this part of its time; and so
+# little of one is not seen.
+_CHANGE, _LONGEST_CHANGE, _LEAST_SEEN = 3.0, 0.2, 0.02
 
 # Layers change their planes at places of their own along each of these.
 _PHASES = (0.6180339887, 0.7548776662, 0.5698402910, 0.4331)
@@ -200,8 +198,7 @@ def _rungs(
         heights = layer.slab.depth * eyes.rays.mean(axis=0)[..., 1]
         there = amounts_at(weather, frame, layer.share, heights).reshape(heights.shape)
     shares = [np.asarray(np.interp(amount * there, LADDER, row)) for row in np.eye(len(LADDER))]
-    pairs = zip(LADDER, shares, strict=True)
-    return [(rung, part) for rung, part in pairs if rung and part.any()]
+    return [(rung, part) for rung, part in zip(LADDER, shares, strict=True) if rung and part.any()]
 
 
 def _eyes_of(frame: Frame, film: Film, times: tuple[float, float]) -> Eyes:

@@ -137,8 +137,7 @@ def effect(
                 raise TypeError(f"{kind.__name__} takes one preset and its fields by name")
             for name in {*others, preset} - {None}:
                 given = kind.of_preset(name, given)
-            asked = {name: given.pop(name, None) for name in knobs}
-            turned = {name: value for name, value in asked.items() if value is not None}
+            turned = {name: value for name in knobs if (value := given.pop(name, None)) is not None}
             if turned and {f.name for f in fields(kind)} <= set(given):
                 raise TypeError(
                     f"{next(iter(turned))} sets fields of a new effect, {kind.__name__}(...); in a "

@@ -28,11 +28,9 @@ Hex = NewType("Hex", str)
 Color: TypeAlias = float | tuple[float, float, float] | Keys | Hex | Literal["ambient"]
 PlacedColor: TypeAlias = Color | Literal["local"]
 
-# What `color` says instead of a color: the background's own light.
-AMBIENT = "ambient"
-
-# The same by places: what lies behind and around each flake.
-LOCAL = "local"
+# What `color` says instead of a color: the background's own light, or the same by places, that is
+# what lies behind and around each flake.
+AMBIENT, LOCAL = "ambient", "local"
 
 # A clear sun by day lights what lies across its rays some two times as much as the sky does.
 SUN = 2.0
@@ -70,7 +68,6 @@ def reads_of(color: object) -> frozenset[str]:
 
 
 def color_at(color: Any, frame: Frame) -> RGB:
-    """Return the display values, (r, g, b), at a frame."""
     if isinstance(color, str):
         return frame.ambient or (1.0, 1.0, 1.0)
     now = value_at(color, frame.t)
@@ -91,7 +88,6 @@ def shade_of(frame: Frame, colors: Array, cell: float = 1.0) -> Shade:
 
 
 def even_shade(frame: Frame, color: RGB) -> Shade:
-    """Return one color, display values, for the whole frame."""
     return shade_of(frame, srgb_to_linear(np.asarray(color, np.float64)).reshape(1, 1, 3))
 
 

@@ -104,13 +104,10 @@ def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
     courses = air_course(fps, motion.fall, motion.mean_wind), path.course(fps)
     shutter: Any = motion.shutter
     at, exposures = shutter.columns if isinstance(shutter, Keys) else ([0.0], [shutter])
-    knots = np.concatenate(
-        [*(one.knots for one in courses), at if isinstance(shutter, Keys) else []]
-    )
     # Frames between the first and the last knot, at which the axis is looked at; what lies outside
     # does not change.
-    ends = np.array([*knots, 0.0])
-    frames = np.union1d(np.arange(np.floor(ends.min()), np.ceil(ends.max()) + 1.0), knots)
+    knots = np.concatenate([*(one.knots for one in courses), at, [0.0]])
+    frames = np.union1d(np.arange(np.floor(knots.min()), np.ceil(knots.max()) + 1.0), knots)
     # Both sides of every time, since a velocity may jump.
     twice = np.repeat(frames, 2)
     inside = twice + np.tile([-1e-6, 1e-6], len(frames))
@@ -300,8 +297,8 @@ slope, tile, look, seed
             number=self.flakes, reach=self.radius, sizes=self.flake_size,
             opacity=self.flake_opacity, sway=self.sway,
         )  # fmt: skip
-        shown = make if self.texture_flakes else None
-        return self._parts(shown, mean, (0.8, 1.0, 1.0, 1.0), flakes)
+        gains = (0.8, 1.0, 1.0, 1.0)
+        return self._parts(make if self.texture_flakes else None, mean, gains, flakes)
 
 
 @kept(16)

@@ -81,11 +81,9 @@ class FlakeTexture:
         return Needs((Step("texture", once=still),), most=1.0 - 1e-6)
 
     def alpha(self, frame: Frame, amount: float) -> Array:
-        film = self.weather.film(frame)
-        read = read_sheets if film.rigid else read_bent
-        if (notes := self.weather.notes) is None:
-            return read(self.weather, frame, film, amount)
-        return notes.thinned(frame, film, partial(read, self.weather, frame, film, amount))
+        film, notes = self.weather.film(frame), self.weather.notes
+        read = partial(read_sheets if film.rigid else read_bent, self.weather, frame, film, amount)
+        return read() if notes is None else notes.thinned(frame, film, read)
 
     def _covers(self, frame: Frame) -> Any:
         """Return what each layer covers, (L,)."""
@@ -93,7 +91,6 @@ class FlakeTexture:
         return film.covers if notes is None else film.covers * notes.parts(film)
 
     def lamp_shade(self, frame: Frame, optics: Optics) -> Shade:
-        """Return the light of the frame's lamps on it, by places."""
         film = self.weather.film(frame)
         return lamp_shade(frame, film.depths, self._covers(frame), optics)
 
@@ -198,8 +195,7 @@ class Falling(metaclass=checks.Described):
         if isinstance(density, Keys):
             amount = product(amount, times(density, 1.0 / most)) if most > 0.0 else 0.0
         speed = self.MATTER.speed
-        mean = float(speed(np.array([law.mean]))[0])
-        fall = mean if self.fall is None else self.fall
+        fall = float(speed(np.array([law.mean]))[0]) if self.fall is None else self.fall
         motion = Motion(fall, self.wind, self.shutter, self.time)
         air = Population(most, law, self.opacity, speed, self.MATTER.weighed)
         gain = getattr(self, "gain", 1.0)

@@ -117,8 +117,7 @@ class Field:
         if visible is not None:
             # No waves are left of tiles of which nothing can be seen.
             shown = visible.tiles(*layout.tiling)
-            base = np.zeros(shown.shape) if shortest is None else shortest
-            shortest = np.where(shown, base, band[1])
+            shortest = np.where(shown, 0.0 if shortest is None else shortest, band[1])
         texture = Texture(
             tile=tile, overlap=overlap, blend=self.blend, wavelengths=band, exponent=self.exponent,
             jitter=self.jitter, ring_edges=edges, alias=self.alias, shutter=way.shutter,
@@ -133,8 +132,8 @@ class Field:
     ) -> tuple[Float64, Float64]:
         """Return drift and velocity (rows, cols, rings, 2) px beyond those of the mean wind."""
         camera, longest = frame.camera, self.band(frame.shape)[1]
-        waves = np.sqrt(edges[1:] * edges[:-1])
-        depth = wave_depth(waves, near_depth=self.near_depth, longest=longest)
+        waves, near = np.sqrt(edges[1:] * edges[:-1]), self.near_depth
+        depth = wave_depth(waves, near_depth=near, longest=longest)
         rows, cols, z = np.meshgrid(y, x, depth, indexing="ij")
         fx, fy = camera.focals
         ahead = np.stack([cols * z / fx, rows * z / fy, z], axis=-1)
@@ -143,8 +142,7 @@ class Field:
         moved, rate = wind_at(self.motion, frame, ahead)
         # The air moves, so the camera moves the other way through it.
         drift, velocity = (
-            (camera.focals * v[..., :2] - v[..., 2:] * aside) / self.near_depth
-            for v in (moved, rate)
+            (camera.focals * v[..., :2] - v[..., 2:] * aside) / near for v in (moved, rate)
         )
         return drift, velocity
 
@@ -160,10 +158,8 @@ class Field:
         depth = wave_depth(length, near_depth=self.near_depth, longest=longest)
         top, bottom, left, right = frame.window
         (down, _), (across, _) = self.shares(frame)
-        rows, columns = (
-            np.ascontiguousarray(part, np.float32)
-            for part in (down[top:bottom], across[left:right].T)
-        )
+        rows = np.ascontiguousarray(down[top:bottom], np.float32)
+        columns = np.ascontiguousarray(across[left:right].T, np.float32)
         far = plane(frame.size)
         moves = [plane((*far.shape, 2)) for _ in others]
         for given, out in [(depth[..., None], far[..., None]), *zip(motions, moves, strict=True)]:
@@ -252,7 +248,6 @@ class Layout(NamedTuple):
         return len(starts(height, tall, overlap)), len(starts(width, wide, overlap))
 
     def farthest(self, depth: Array) -> Array:
-        """Return the farthest depth of each tile, (rows, cols)."""
         return by_tiles(depth, *self.tiling, np.max)
 
 

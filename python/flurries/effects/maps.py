@@ -231,10 +231,9 @@ def _solve(guess: Float64, power: float, wanted: Float64) -> Float64:
         by_scale = (errors(guess + np.array([[0.0], [tiny]])) - now) / tiny
         det = by_mean[0] * by_scale[1] - by_mean[1] * by_scale[0]
         det = np.where(np.abs(det) < 1e-12, 1e-12, det)
-        steps = (
-            now[0] * by_scale[1] - now[1] * by_scale[0], now[1] * by_mean[0] - now[0] * by_mean[1]
-        )  # fmt: skip
-        step = np.stack(steps) / det
+        of_mean = now[0] * by_scale[1] - now[1] * by_scale[0]
+        of_scale = now[1] * by_mean[0] - now[0] * by_mean[1]
+        step = np.stack([of_mean, of_scale]) / det
         step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=0), 1e-300))
         guess = guess - step * np.stack([scale, np.ones_like(scale)])
         now = errors(guess)

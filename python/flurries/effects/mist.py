@@ -160,9 +160,8 @@ class Mist(metaclass=checks.Described):
     def __post_init__(self, *_: Any) -> None:
         keep = partial(object.__setattr__, self)
         own = [name for name in PARTICLES if getattr(self, name) is not None]
-        method: Any = self.method
-        if method is None:
-            method = "particles" if own else "slices"
+        usual: Any = "particles" if own else "slices"
+        method = usual if self.method is None else self.method
         for name in own if method == "slices" else ("visibility", "top", "structure", "depths"):
             if getattr(self, name) not in (None, 0.0):
                 does = "is not of particles" if method == "particles" else "is of particles alone"

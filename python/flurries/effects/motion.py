@@ -118,10 +118,8 @@ class Motion:
 
     def spreads(self, path: CameraPath, rotation: tuple[float, float, float]) -> bool:
         """Whether the air ever comes nearer a camera or recedes: the flow of tiles then differs."""
-        if path.turns or path.zooms:
-            return True
-        axis = axes_of(rotation)[:, 2]
-        return comes_nearer(path, axis, self.fall, self.mean_wind)
+        bends, axis = path.turns or path.zooms, axes_of(rotation)[:, 2]
+        return bends or comes_nearer(path, axis, self.fall, self.mean_wind)
 
     def fastest(self, path: CameraPath, fps: float) -> float:
         """Return the largest speed of the camera through the air, metres per frame."""

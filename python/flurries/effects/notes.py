@@ -225,14 +225,12 @@ class Notes:
     edges: tuple[float, ...] = (0.0,)  # The nearest depths of all layers, metres.
 
     def asked(self, frame: Frame, times: Sequence[float]) -> Asked:
-        mask = None
-        if self.where is not None:
-            mask = Mask(self.where.shares(frame.shape, frame.t), self.where.depths)
+        where = self.where
+        mask = None if where is None else Mask(where.shares(frame.shape, frame.t), where.depths)
         bodies, eyes = [], [frame.path.place(t, fps=frame.fps) for t in times]
         for body in self.wakes:
-            ways = [value_at(body.place, t) - eye for t, eye in zip(times, eyes, strict=True)]
-            at = [way.tolist() for way in ways]
-            bodies.append(Wake(at, body.half.tolist(), np.ndim(body.size) == 0))
+            at = np.subtract([value_at(body.place, t) for t in times], eyes)
+            bodies.append(Wake(at.tolist(), body.half.tolist(), np.ndim(body.size) == 0))
         return Asked(self.between, sorted(self.hide), mask, bodies)
 
     def reach(self, path: CameraPath, fps: float) -> float:
@@ -251,11 +249,10 @@ class Notes:
             return np.zeros(frame.size, np.float32)
         left = self._left(film, read, np.ones(len(film.depths)))
         if self.where is not None:
-            shares = self.where.shares(frame.shape, frame.t)
             counts = (film.depths >= self.where.near) & (film.depths < self.where.far)
             thin = left if counts.all() else np.clip(self._left(film, read, counts), left, 1.0)
             rest = np.divide(left, thin, out=np.zeros_like(left), where=thin > 0.0)
-            left = rest * thin ** frame.crop(shares)
+            left = rest * thin ** frame.crop(self.where.shares(frame.shape, frame.t))
         return np.asarray(1.0 - left)
 
     def _left(self, film: Film, read: Any, counts: Array) -> Array:
@@ -267,8 +264,6 @@ class Notes:
         whole = np.asarray(1.0 - read(counts))
         beyond = own = np.ones_like(whole)
         for low in [depth for depth in reversed(self.edges) if depth >= self.between[0]]:
-            from_there = whole
-            if low > 0.0:
-                from_there = 1.0 - read(self.parts(film, (low, math.inf)) * counts)
+            from_there = 1.0 - read(self.parts(film, (low, math.inf)) * counts) if low else whole
             beyond, own = own, np.clip(from_there, whole, own)
         return np.asarray(np.divide(own, beyond, out=np.ones_like(own), where=beyond > 0.0))

@@ -32,8 +32,8 @@ _PERIOD, _LARGEST = (0.82, 0.86), 5_000_000
 # sooner; a sheet has at least so many pixels.
 _FAINT, _SOONER, _LEAST = 0.018, 0.4, 96
 
-# Bytes that all sheets of a process take at most, but for those of one frame.
-MOST_BYTES = 512 << 20
+# Bytes that all sheets of a process take at most, but for those of one frame, and those of a film.
+MOST_BYTES, _FILM_BYTES = 512 << 20, 384 << 20
 
 # The part of a sheet's columns by which a flake that leaves it below comes in again aside.
 SHEAR = 0.382
@@ -43,9 +43,6 @@ SHEAR = 0.382
 _STEP, _LEAST_BLUR, _WIDEST_BLUR = 0.125, 0.25, 32.0
 
 _STREAM = 0x5368656574
-
-# Bytes that the sheets of a film take at most.
-_FILM_BYTES = 384 << 20
 
 # Pixels a frame above which a layer is read at half pixels, and at whole ones: it moves by many.
 _FAST = (3.0, 12.0)

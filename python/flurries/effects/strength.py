@@ -22,7 +22,6 @@ from flurries.particles.sizes import Matter, Sizes
 # Of the severities 1 to 5: rates, mm/h, and visibilities, metres.
 RATES = {"snow": (0.5, 1.0, 2.5, 5.0, 10.0), "rain": (2.5, 10.0, 25.0, 50.0, 100.0)}
 VISIBILITIES = (1000.0, 500.0, 200.0, 100.0, 50.0)
-
 SEVERITIES = len(VISIBILITIES)
 
 # Rates that are taken, mm/h.
@@ -196,9 +195,8 @@ class _Numbers:
             ends = LOWEST, HIGHEST[self.kind]
             return self._found("visibility", extinction, "", thick, ends, self.matter.sizes)
         del left["visibility"]
-        return self._found(
-            "visibility", extinction, f"rate {rate:g}", lambda _, sizes: thick(rate, sizes)
-        )
+        beside = f"rate {rate:g}"
+        return self._found("visibility", extinction, beside, lambda _, sizes: thick(rate, sizes))
 
     def _last(self, name: str, value: float) -> None:
         """Set the fall or the opacity so that a knob holds, or refuse it."""
@@ -230,10 +228,8 @@ class _Numbers:
             raise _refused(name, wanted, about, first, last)
         for _ in range(100):
             middle = math.sqrt(low * high)
-            if (law(middle, sizes(middle)) > wanted) == (last > first):
-                high = middle
-            else:
-                low = middle
+            below = (law(middle, sizes(middle)) > wanted) == (last > first)
+            low, high = (low, middle) if below else (middle, high)
         return sizes(math.sqrt(low * high))
 
 

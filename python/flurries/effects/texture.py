@@ -53,9 +53,8 @@ class Texture:
         visible, out = frame.visible, []
         if visible is not None:
             hidden = int((~visible.tiles(*self.field.layout(frame).tiling)).sum())
-            out = [LeftOut(f"{hidden} tiles", "they are behind what stands in front")] * bool(
-                hidden
-            )
+            if hidden:
+                out = [LeftOut(f"{hidden} tiles", "they are behind what stands in front")]
         return Needs((Step("texture", once=still),), tuple(out), most=opacity)
 
     def map(self, frame: Frame, amount: float, way: Way) -> Map:
@@ -112,8 +111,7 @@ def before_scene(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool, 
         return field.pixels(frame, way, mapped, keep)
     waves, remap = (_by_tile if mode == "tile" else _by_pixel)(field, frame, way, mapped)
     layout = field.layout(frame)
-    # The values that the map of a depth is made of, besides the depth.
-    # Rounding of a frame's time makes no other map.
+    # What the map of a depth is made of, besides that; rounding of a time makes no other map.
     key = mapped, round(field.cycles(frame, way), 9), way.shutter, layout.tiling, layout.band
     scale, base, lost = frame.standing(field, key, remap)
     waves *= scale
@@ -209,9 +207,9 @@ def _remap(
     kept = kept_power(round(field.cycles(frame, way), 9), field.alias, shutter=way.shutter)
     deviation = max(0.5 / spread * math.sqrt(kept), 1e-6)
     maps = wall_maps((mean, deviation, exponent), least, exact, left)
-    full, blurred = (
-        mean_opacity(part * maps.roots**2, mean, spread, exponent) for part in (1.0, kept)
-    )
+    squares = maps.roots**2
+    gone = mean_opacity(squares, mean, spread, exponent)
+    gone = gone - mean_opacity(kept * squares, mean, spread, exponent)
     scales, base, lost = np.empty((3, bottom - top, last - first), np.float32)
     step = max(_HELD // (last - first), 1)
     for start in range(0, bottom - top, step):
@@ -220,9 +218,7 @@ def _remap(
         root = np.sqrt(np.outer(tall[top:bottom][rows], wide[first:last])) if seams else None
         base[rows], scale = maps.at(air, root)
         scale *= 0.5 / spread
-        some = power > 0.0
-        scales[rows] = np.divide(scale, np.sqrt(power), out=np.zeros(air.shape), where=some)
-        gone = full - blurred
+        scales[rows] = np.divide(scale, np.sqrt(power), out=np.zeros(air.shape), where=power > 0.0)
         lost[rows] = air * (gone if root is None else np.interp(root, maps.roots, gone))
     return scales, base, lost
 

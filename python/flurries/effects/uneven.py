@@ -37,7 +37,15 @@ def wind_at(motion: Motion, frame: Frame, ahead: Float64) -> tuple[Float64, Floa
         # What is behind what would change.
         raise ValueError("wind: a profile over depth needs a camera that does not turn")
     points = np.ascontiguousarray(ahead.reshape(-1, 3))
-    moved, rate = _profile_at(wind, frame, points[:, 2])
+    moved, rate = np.zeros((2, *points.shape))
+    if wind.profile is not None:
+        factor, own = wind.extra(points[:, 2])
+        mean = integral_to(wind.steady, frame.t) / frame.fps
+        blows = np.array(value_at(wind.steady, frame.t)) / frame.fps
+        moved = frame.to_camera(factor[:, None] * mean + own * (frame.t / frame.fps))
+        rate = frame.to_camera(factor[:, None] * blows + own / frame.fps)
+        # Without the part along the view.
+        moved[:, 2] = rate[:, 2] = 0.0
     if wind.waves is not None:
         waves, path, fps = wind.waves, frame.path, frame.fps
         world = path.place(frame.t, fps=fps) + points @ frame.camera.matrix().T
@@ -102,20 +110,6 @@ def _complex(parts: Float64) -> Any:
     """Return numbers whose real parts come first, then their imaginary ones."""
     half = len(parts) // 2
     return parts[:half] + 1j * parts[half:]
-
-
-def _profile_at(wind: Wind, frame: Frame, depth: Float64) -> tuple[Float64, Float64]:
-    """Return the profile's displacement and velocity at fixed depths (n,), each (n, 3)."""
-    if wind.profile is None:
-        return np.zeros((len(depth), 3)), np.zeros((len(depth), 3))
-    factor, own = wind.extra(depth)
-    mean = integral_to(wind.steady, frame.t) / frame.fps
-    now = np.array(value_at(wind.steady, frame.t)) / frame.fps
-    moved = frame.to_camera(factor[:, None] * mean + own * (frame.t / frame.fps))
-    rate = frame.to_camera(factor[:, None] * now + own / frame.fps)
-    # Without the part along the view.
-    moved[:, 2] = rate[:, 2] = 0.0
-    return moved, rate
 
 
 def _middles(t: float) -> Iterator[tuple[Float64, Float64]]:

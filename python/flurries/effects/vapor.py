@@ -35,7 +35,6 @@ MOST = 2_000_000
 
 
 def optics_of(mist: Any) -> Optics:
-    """Return the optics of the particles, for the light of lamps."""
     return Optics(mist.asymmetry, 1.0) if mist.scatter == "henyey" else DROPS
 
 
@@ -131,8 +130,7 @@ class Vapor:
 
     def _rounds(self, frame: Frame, count: int) -> list[tuple[float, Any]]:
         """Return the times that are shown, of a loop two, and how much of each particle then."""
-        lap = frame.lap
-        if lap is None:
+        if (lap := frame.lap) is None:
             return [(frame.t, 1.0)]
         # One by one particles give way to those of the next round, which begins with all of them.
         rank = np.empty(count)
