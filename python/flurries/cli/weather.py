@@ -15,7 +15,7 @@ from flurries.camera.path import CameraPath
 from flurries.cli.options import FILE, Bare, join, numbers, option, switch
 from flurries.effects import Mist, Rain, Snow
 from flurries.io import open_background
-from flurries.io.files import file_of
+from flurries.io.files import file_of, path_text
 from flurries.io.sequences import EXTEND
 from flurries.scene.arguments import parse_size
 from flurries.scene.foreground import Foreground
@@ -166,7 +166,8 @@ def _new(source: str, changes: dict[str, Any], options: dict[str, Any]) -> Scene
         raise click.UsageError(MISSING)
     background: Any = source
     if not source.startswith("#"):
-        background = open_background(source, overscan=options["size"] is None)
+        background = path_text("background", source)
+        background = open_background(background, overscan=options["size"] is None)
     return Scene(background, effects=effects, **changes)
 
 

@@ -17,7 +17,7 @@ from flurries.camera.path import CameraPath
 from flurries.frame.view import Frame
 from flurries.io import fit, open_background
 from flurries.io.color import to_unit
-from flurries.io.files import file_of
+from flurries.io.files import file_of, path_text
 from flurries.io.pictures.reader import luminance
 from flurries.io.sources import Source
 from flurries.motion.keys import Keys, Vector, as_number, as_vector, value_at
@@ -92,7 +92,7 @@ def as_where(name: str, value: Any) -> Where:
 @kept(16)
 def _opened(path: str) -> Source:
     with file_of("where"):
-        return open_background(path)
+        return open_background(path_text("where", path))
 
 
 def _share_of(plane: Array) -> Array:

@@ -123,7 +123,6 @@ def hidden_name(suffix: str) -> str:
 
 
 def owner_in(name: str) -> str:
-    """Return whose file of a hidden name it is."""
     return name.removeprefix(PREFIX)[:_OWNER]
 
 
@@ -142,7 +141,6 @@ def has_ended(owner: str) -> bool | None:
 
 
 def is_left(file: Path, owner: str) -> bool:
-    """Whether the owner of a file is gone."""
     try:
         found, left = file.lstat(), has_ended(owner)
         if left is None:

@@ -168,10 +168,9 @@ def decoding_table(itemsize: int) -> Array:
 @kept(1)
 def encoding_edges() -> Array:
     """Return the least linear light that `to_integer` makes each byte from 1 to 255 of, (255,)."""
-    low, high = np.zeros(255, np.float32), np.ones(255, np.float32)
     wanted = np.arange(1, 256)
     # Floats of one sign have the order of their bits.
-    bits = [part.view(np.int32) for part in (low, high)]
+    bits = [np.zeros(255, np.int32), np.ones(255, np.float32).view(np.int32)]
     while (bits[1] - bits[0] > 1).any():
         middle = (bits[0] + bits[1]) // 2
         enough = to_integer(linear_to_srgb(middle.view(np.float32)), 8) >= wanted

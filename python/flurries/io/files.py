@@ -142,9 +142,8 @@ def read_bytes(path: str | os.PathLike[str], most: int, kind: str) -> bytes:
 
 def read_text(path: str | os.PathLike[str], most: int, kind: str) -> str:
     """Return the UTF-8 text of a file of at most `most` bytes, without a byte order mark."""
-    data = read_bytes(path, most, kind)
     try:
-        return data.decode("utf-8-sig").replace("\r\n", "\n")
+        return read_bytes(path, most, kind).decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         raise ValueError(f"{os.fspath(path)}: a {kind} is UTF-8 text: {error}") from None
 

@@ -42,9 +42,7 @@ def _range(part: str, text: str) -> range:
             f"frames {_short(text)} must read like '1-60', '7', '1-100x2' or '1-10,20'; "
             f"{_short(part)} does not"
         )
-    first = int(matched[1])
-    last = first if matched[2] is None else int(matched[2])
-    step = 1 if matched[3] is None else int(matched[3])
+    first, last, step = int(matched[1]), int(matched[2] or matched[1]), int(matched[3] or 1)
     if step == 0:
         raise ValueError(f"frames {part!r} have a step of 0; it must be at least 1")
     return range(first, last + 1, step) if first <= last else range(first, last - 1, -step)
@@ -118,24 +116,19 @@ class Pattern:
         folder, name = os.path.split(os.path.join(start, self.text))  # noqa: PTH118
         token = _TOKEN.search(name)
         assert token is not None  # As __post_init__ made sure.
-        digits = re.compile(
-            f"{re.escape(name[: token.start()])}(-?[0-9]{{1,18}}){re.escape(name[token.end() :])}"
-        )
+        before, after = re.escape(name[: token.start()]), re.escape(name[token.end() :])
+        digits = re.compile(f"{before}(-?[0-9]{{1,18}}){after}")
         try:
             names = os.listdir(folder or ".")  # noqa: PTH208 -- names are all that is needed
         except (FileNotFoundError, NotADirectoryError):
             return []
-        found = (digits.fullmatch(candidate) for candidate in names)
+        found = [match for match in map(digits.fullmatch, names) if match]
         # "7" is not a frame of %04d: only what this pattern would write counts.
-        return sorted(
-            int(match[1]) for match in found if match and name % int(match[1]) == match[0]
-        )
+        return sorted(int(match[1]) for match in found if name % int(match[1]) == match[0])
 
     def _check_inside(self, path: Path) -> None:
-        if self.inside is None:
-            return
-        folder = Path(self.inside).resolve()
-        if folder not in path.resolve().parents:
+        folder = None if self.inside is None else Path(self.inside).resolve()
+        if folder is not None and folder not in path.resolve().parents:
             raise ValueError(f"pattern {_short(self.text)} leads outside {self.inside}")
 
 

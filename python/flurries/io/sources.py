@@ -70,7 +70,6 @@ class Source(ABC):
             return self._kept.once(number, lambda: self._read_or_hold(number))
 
     def file(self, i: int) -> Path:
-        """Return the file that holds frame `i`, see `frame`."""
         return Path(self.spec)
 
     def gaps(self, span: Sequence[int]) -> list[int]:
@@ -88,8 +87,7 @@ class Source(ABC):
         return 0 if self.count is None else min(number, self.count - 1)
 
     @abstractmethod
-    def _read(self, number: int) -> Picture:
-        """Read the picture of a frame that exists."""
+    def _read(self, number: int) -> Picture: ...
 
     def _read_or_hold(self, number: int) -> Picture:
         """Return a picture that the next caller may get as well."""
@@ -246,10 +244,10 @@ def open_background(
     """
     choice("damaged", damaged, ("stop", "hold"))
     given("budget", budget, Budget)
-    path = _place("background", spec)
+    path = _place("spec", spec)
     if path.suffix.lower() not in READABLE or _is_pattern(path):
         read = partial(read_picture, budget=budget, overscan=overscan)
-        return PictureSource("background", spec, damaged, read, overscan=overscan)
+        return PictureSource("spec", spec, damaged, read, overscan=overscan)
     film = VideoSource(str(path), damaged, budget)
     # ITU-R BT.2100's curves.
     hdr = {16: "PQ", 18: "HLG"}.get(film.tags.transfer)

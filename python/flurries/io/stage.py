@@ -51,22 +51,18 @@ class PointStage:
             self.prims[name] = geom.Points.Define(self.stage, f"/flurries/{name}")
         prim = self.prims[name]
         self.total += len(flakes)
-        places, moves, widths, opacities = (
-            kind.FromNumpy(np.ascontiguousarray(values, np.float32))
-            for kind, values in (
-                (vt.Vec3fArray, flakes["place"] * _UP),
-                (vt.Vec3fArray, speed * _UP),
-                (vt.FloatArray, flakes["diameter"]),
-                (vt.FloatArray, flakes["opacity"]),
-            )
-        )
-        ids = vt.Int64Array.FromNumpy(np.ascontiguousarray(flakes["id"].astype(np.int64)))
-        prim.GetPointsAttr().Set(places, time)
-        prim.GetVelocitiesAttr().Set(moves, time)
-        prim.GetWidthsAttr().Set(widths, time)
-        prim.GetIdsAttr().Set(ids, time)
+
+        def put(attribute: Any, kind: Any, values: Array, dtype: Any = np.float32) -> Any:
+            given = kind.FromNumpy(np.ascontiguousarray(values, dtype))
+            attribute.Set(given, time)
+            return given
+
+        places = put(prim.GetPointsAttr(), vt.Vec3fArray, flakes["place"] * _UP)
+        put(prim.GetVelocitiesAttr(), vt.Vec3fArray, speed * _UP)
+        widths = put(prim.GetWidthsAttr(), vt.FloatArray, flakes["diameter"])
+        put(prim.GetIdsAttr(), vt.Int64Array, flakes["id"], np.int64)
         prim.SetWidthsInterpolation(geom.Tokens.vertex)
-        prim.CreateDisplayOpacityPrimvar(geom.Tokens.vertex).Set(opacities, time)
+        put(prim.CreateDisplayOpacityPrimvar(geom.Tokens.vertex), vt.FloatArray, flakes["opacity"])
         prim.GetExtentAttr().Set(geom.Points.ComputeExtent(places, widths), time)
 
     def see(

@@ -29,7 +29,6 @@ Line: TypeAlias = "dict[str, Any]"
 
 
 def store_of(place: str) -> tuple[Store, str]:
-    """Return the store of a place, and the way in it."""
     if "://" not in place:
         return Store(), place
     if "::" in place:
@@ -68,7 +67,6 @@ class Store:
         return os.path.lexists(path)
 
     def missing(self, paths: list[Path]) -> list[Path]:
-        """Return those that are not there now."""
         return [path for path in paths if not self.exists(path)]
 
     def held(self, path: Path, lines: list[Line]) -> list[Line]:
@@ -93,7 +91,6 @@ class Store:
         return found
 
     def read(self, path: Path, most: int) -> bytes | None:
-        """Return what is in a file; None if there is none."""
         with suppress(FileNotFoundError):
             return read_bytes(path, most, "journal")
         return None
@@ -250,9 +247,8 @@ class Bucket(Store):
     @contextmanager
     def elsewhere(self, path: Path) -> Iterator[Path]:
         """Give a place on this machine for a file that is sent later."""
-        with tempfile.TemporaryDirectory(
-            prefix=atomic.PREFIX + atomic.owner_of_new_files()
-        ) as room:
+        own = atomic.PREFIX + atomic.owner_of_new_files()
+        with tempfile.TemporaryDirectory(prefix=own) as room:
             try:
                 yield Path(room) / path.name
             except OSError as error:

@@ -16,6 +16,7 @@ from flurries.camera.lens import expect_camera
 from flurries.camera.path import CameraPath
 from flurries.effects import Snow
 from flurries.io import linear_to_srgb, open_background, srgb_to_linear
+from flurries.io.files import path_text
 from flurries.light.shot import Light
 from flurries.matching.direction import WINDOW, direction, spectra
 from flurries.matching.fan import FAR, NEAR, OPACITY, Lens
@@ -198,7 +199,7 @@ def match(
 def _opened(name: str, given: Any) -> tuple[Callable[[int], Array], int, float | None]:
     """Return what reads a frame, their number, and the film's rate."""
     if isinstance(given, (str, os.PathLike)):
-        source = open_background(given)
+        source = open_background(path_text(name, given))
         return lambda n: source.frame(n).pixels, source.count or 1, source.fps
     pictures = [given] if getattr(given, "ndim", 0) == 3 else [np.asarray(one) for one in given]
     came = {one.shape for one in pictures if one.ndim != 3 or one.shape[2] < 3} or "none"

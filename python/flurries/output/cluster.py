@@ -132,10 +132,8 @@ class _Watch:
         address = self.client.scheduler.address
         if not there and waited >= min(_QUIET, self.patience / 2) and not self._said:
             self._said = True
-            warnings.warn(
-                f"dask: waiting for a worker at {address}, {self.patience:g} s at most",
-                stacklevel=2,
-            )
+            waiting = f"dask: waiting for a worker at {address}, {self.patience:g} s at most"
+            warnings.warn(waiting, stacklevel=2)
         if waited >= self.patience:
             raise TimeoutError(
                 f"dask: no worker at {address} for {waited:.0f} s; start one, or wait longer"

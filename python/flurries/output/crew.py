@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from flurries._threads import reproducible, scope
+from flurries.io.stores import Line
 from flurries.output import sequence
-from flurries.output.journal import Entry, Journal
+from flurries.output.journal import Journal
 from flurries.output.sequence import Fates, Job, Progress
 
 # Tasks that are under way for each thread, so that none waits and memory stays flat.
@@ -59,7 +60,7 @@ def make(
         _require_here(job, made)
 
 
-def _make(job: Job, plain: bool, group: list[int], run: str, known: list[Entry]) -> Fates:
+def _make(job: Job, plain: bool, group: list[int], run: str, known: list[Line]) -> Fates:
     fates, journal = Fates(), Journal(job.store, job.folder, run=run, known=known)
     with on_one_core(plain):
         sequence.make(job, group, journal, lambda frames: frames, fates)

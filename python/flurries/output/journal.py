@@ -15,12 +15,12 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from threading import RLock
-from typing import Any, TypeAlias
+from typing import Any
 
 from flurries import __version__
 from flurries.io.atomic import before_renaming, owner_of_new_files
 from flurries.io.files import hash_of
-from flurries.io.stores import Bucket, Store, md5, store_of
+from flurries.io.stores import Bucket, Line, Store, md5, store_of
 from flurries.scene.fingerprint import BITS
 
 __all__ = ["check"]
@@ -39,9 +39,6 @@ BATCH = 8
 
 def is_journal(name: str) -> bool:
     return name == NAME or PART.fullmatch(name) is not None
-
-
-Entry: TypeAlias = "dict[str, Any]"
 
 
 class Refused(ValueError):
@@ -65,7 +62,7 @@ class Mark:
     bits: int = BITS  # See :data:`flurries.scene.fingerprint.BITS`.
 
     @property
-    def facts(self) -> Entry:
+    def facts(self) -> Line:
         """The values of a line, and of a header for people."""
         return {key: value for key, value in asdict(self).items() if value != ""}
 
@@ -85,15 +82,15 @@ class Journal:
     """Lines about files by their names, the ways from the folder."""
 
     def __init__(
-        self, store: Store, folder: Path, *, run: str = "", known: Iterable[Entry] | None = None
+        self, store: Store, folder: Path, *, run: str = "", known: Iterable[Line] | None = None
     ) -> None:
         self._store, self._folder = store, folder
         self.run = run or os.urandom(4).hex()  # A token in the names of this run's own files.
-        self._lines: dict[str, dict[bytes, Entry]] = {}
+        self._lines: dict[str, dict[bytes, Line]] = {}
         self._stamps: dict[str, Any] = {}  # Of the files that were read.
         self._lock = RLock()
         # Files that are to be sent with others: their bytes and lines.
-        self._waiting: list[tuple[Path, bytes, Entry]] = []
+        self._waiting: list[tuple[Path, bytes, Line]] = []
         # Lines of what the files that this run has written have replaced.
         self._old: set[bytes] = set()
         if known is None:
@@ -109,11 +106,10 @@ class Journal:
     def names(self) -> list[str]:
         return sorted(self._lines)
 
-    def lines(self, name: str) -> list[Entry]:
+    def lines(self, name: str) -> list[Line]:
         return list(self._lines.get(name, {}).values())
 
-    def last(self) -> dict[str, Entry]:
-        """Return what is said of each file last."""
+    def last(self) -> dict[str, Line]:
         return {name: self.lines(name)[-1] for name in self.names()}
 
     def refresh(self) -> list[str]:
@@ -155,13 +151,13 @@ class Journal:
     def name_of(self, path: Path) -> str:
         return path.relative_to(self._folder).as_posix()
 
-    def entry(self, path: Path, local: Path, facts: Mapping[str, Any]) -> Entry:
+    def entry(self, path: Path, local: Path, facts: Mapping[str, Any]) -> Line:
         """Return the line of a file that is still elsewhere."""
         who = f"{socket.gethostname()} {os.getpid()}"
         said = {"bytes": local.stat().st_size, "sha256": hash_of(local)}
         return {"file": self.name_of(path), **facts, **said, "version": __version__, "by": who}
 
-    def append(self, *entries: Entry) -> None:
+    def append(self, *entries: Line) -> None:
         """Write lines; when this returns they are on the disk."""
         lines = [_bytes(entry) for entry in entries]
         with self._lock:
@@ -181,7 +177,7 @@ class Journal:
             self._waiting.append((path, data, entry))
             self.send(BATCH)
             return
-        written: list[Entry] = []
+        written: list[Line] = []
 
         def note(temporary: Path) -> None:
             written.append(self.entry(path, temporary, facts))
@@ -195,7 +191,6 @@ class Journal:
         self._place(*written)
 
     def send(self, least: int = 1) -> None:
-        """Send what is waiting."""
         store = self._store
         with self._lock:
             if len(self._waiting) < least or not isinstance(store, Bucket):
@@ -206,7 +201,7 @@ class Journal:
             store.put(data, path)
             self._place(entry)
 
-    def _place(self, entry: Entry) -> None:
+    def _place(self, entry: Line) -> None:
         """Note that a file has its name: lines about what was there before are done with."""
         with self._lock:
             lines = self._lines[entry["file"]]
@@ -215,7 +210,7 @@ class Journal:
             for line in old:
                 del lines[line]
 
-    def settled(self, path: Path, mark: Mark, *, scratch: bool = False) -> Entry | None:
+    def settled(self, path: Path, mark: Mark, *, scratch: bool = False) -> Line | None:
         """Return the line of a file that is there and right, None if it is to be made."""
         if not self._store.exists(path):
             return None
@@ -281,7 +276,7 @@ def _common(scene: object) -> str:
     return str(scene).partition("+")[0]
 
 
-def _bytes(entry: Entry) -> bytes:
+def _bytes(entry: Line) -> bytes:
     return json.dumps(entry).encode()
 
 

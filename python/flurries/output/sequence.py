@@ -70,7 +70,6 @@ Spread: TypeAlias = "Callable[[Job, list[int], Journal, Progress, Fates], None]"
 
 
 def run(job: Job, indices: list[int], progress: Progress, spread: Spread | None = None) -> Fates:
-    """Make the files that are missing."""
     store, first = job.store, job.path_of(indices[0])
     # Before anything is made: in a place that can be written to.
     store.require_usable(first)
@@ -126,10 +125,9 @@ class _Work:
         return missing
 
     def _is_kept(self, index: int, mark: Mark) -> bool:
-        job = self.job
-        if job.overwrite:
+        if self.job.overwrite:
             return False
-        line = self.journal.settled(job.path_of(index), mark, scratch=job.scratch)
+        line = self.journal.settled(self.job.path_of(index), mark, scratch=self.job.scratch)
         if line is not None:
             self._note(index, "kept", line)
         return line is not None

@@ -14,7 +14,7 @@ from flurries._warnings import warn, warn_of_levels
 from flurries.io import fit, open_background
 from flurries.io.color import parse_hex
 from flurries.io.colorspace import ColorSpace
-from flurries.io.files import file_of
+from flurries.io.files import file_of, path_text
 from flurries.scene.numbered import Display, Planes, pixels_of, read_only
 
 Size = tuple[int, int]
@@ -79,7 +79,7 @@ def backdrop(background: Any, size: Size | None, **numbers: Any) -> Backdrop:
         return _plain(parse_hex("background", background), np.uint8, size)
     if isinstance(background, (str, os.PathLike)):
         with file_of("background"):
-            opened = open_background(background, overscan=True)
+            opened = open_background(path_text("background", background), overscan=True)
         if opened.display is not None and size not in (None, tuple(opened.size)):
             # Another size that is asked for is one of the display window.
             opened = open_background(background)

@@ -15,7 +15,7 @@ from flurries._kept import Kept
 from flurries._warnings import warn_of_levels
 from flurries.frame.matte import Deep, Front, Matte
 from flurries.io import fit, open_background
-from flurries.io.files import file_of
+from flurries.io.files import file_of, path_text
 from flurries.io.pictures.reader import Picture, luminance
 from flurries.io.sources import open_matte
 from flurries.scene.depth import distance_of
@@ -129,7 +129,7 @@ def mattes_of(
             with file_of(name):
                 over = display is not None
                 source: Any = open_matte(one.source, overscan=over)
-                source = source or open_background(one.source, overscan=over)
+                source = source or open_background(path_text(name, one.source), overscan=over)
             of_picture = partial(_of_picture, shape=shape, display=display, flat=flat)
             matte = Planes.of(name, source, of_picture, **numbers)
             if matte.still:

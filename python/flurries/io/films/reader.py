@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from importlib.util import find_spec
@@ -23,9 +23,8 @@ from flurries.io.files import Budget, given
 from flurries.io.timecode import TimeCode
 
 READABLE = (
-    *(".mp4", ".m4v", ".mov", ".webm", ".mkv", ".avi"),
-    *(".mpg", ".mpeg", ".ts", ".mts", ".m2ts", ".wmv"),
-)
+    ".mp4", ".m4v", ".mov", ".webm", ".mkv", ".avi", ".mpg", ".mpeg", ".ts", ".mts", ".m2ts", ".wmv"
+)  # fmt: skip
 
 # A playlist or a concatenation script is text that makes the library open other files, or the
 # network. Only real containers in real files are let in.
@@ -117,8 +116,7 @@ def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
         # One thread: renderers have the others.
         context.thread_count = 1
         # Codecs have whole blocks of pixels.
-        room = limits.pixels + limits.pixels // 8 + 2**16
-        context.options = {"max_pixels": str(room)}
+        context.options = {"max_pixels": str(limits.pixels + limits.pixels // 8 + 2**16)}
         if context.width and context.height:
             limits.admit(path, (context.width, context.height), 3)
         opened.pop_all()
@@ -153,22 +151,21 @@ class _Index:
         # When each frame is shown, those that build on no other, and each one's place in the file.
         self.times: Sequence[int] = range(_count_frames(path, budget)) if self.counted else times
         self.keys: list[int] = [0]
-        order: Sequence[int] = self.times
+        self.order: Sequence[int] = self.times
         if not self.counted:
             # What comes before the first key frame builds on frames that were cut away.
             key_times = {time for time, is_key in packets if is_key} or {*times[:1]}
             self.times = times = [time for time in times if time >= min(key_times)]
             self.keys = [number for number, time in enumerate(times) if time in key_times]
             stored = {time: place for place, (time, _) in enumerate(packets)}
-            order = [stored[time] for time in times]
-        self.order = order
+            self.order = [stored[time] for time in times]
         if not self.times:
             raise OSError(f"{path}: the video holds no frames")
         # The frame that is shown at each time.
         self.numbers: dict[int | None, int] = {time: n for n, time in enumerate(self.times)}
         # The last of the frames that are decoded no later than each frame.
         self.reach, last = [0] * len(self.times), 0
-        for number in sorted(range(len(self.times)), key=order.__getitem__):
+        for number in sorted(range(len(self.times)), key=self.order.__getitem__):
             self.reach[number] = last = max(last, number)
 
     def key_of(self, number: int) -> int:
@@ -187,10 +184,8 @@ def _count_frames(path: Path, budget: Budget) -> int:
     count = 0
     with closing(container):
         for packet in container.demux(stream):
-            try:
+            with suppress(av.FFmpegError):
                 count += len(packet.decode())
-            except av.FFmpegError:
-                continue
     return count
 
 
@@ -231,8 +226,7 @@ class Decoder:
             self._seeks = False
             self._go_to(key)
             self._read_to(self._index.reach[number], key)
-        for past in [place for place in self._ready if place < number]:
-            del self._ready[past]
+        self._ready = {place: one for place, one in self._ready.items() if place >= number}
         found = self._ready.get(number)
         if found is None or any(self._index.builds_on(number, place) for place in self._broken):
             raise OSError(f"{self.path}: frame {number} of the video is damaged")
@@ -279,7 +273,7 @@ class Decoder:
         """Yield decoded frames from where the file stands; note what cannot be decoded."""
         import av
 
-        try:
+        with suppress(av.FFmpegError):
             for packet in self._container.demux(self._stream):
                 try:
                     yield from packet.decode()
@@ -288,8 +282,6 @@ class Decoder:
                     # Without a time, the frame that comes next is as near as can be told.
                     last = len(self._index.times) - 1
                     self._broken.add(min(self._next, last) if place is None else place)
-        except av.FFmpegError:
-            return
 
 
 def _to_rgb(frame: Any) -> Array:

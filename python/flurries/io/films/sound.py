@@ -50,8 +50,7 @@ class SoundTrack:
             self._stream = container.add_stream(encoder, rate=rate)
             layout = stream.codec_context.layout
             # Files that only count their channels have no name for them.
-            named = _LAYOUTS.get(layout.nb_channels, layout.name)
-            self._stream.codec_context.layout = named
+            self._stream.codec_context.layout = _LAYOUTS.get(layout.nb_channels, layout.name)
             self._stream.codec_context.thread_count = 1
             self._packets = self._encoded(stream)
         self._next = next(self._packets, None)
@@ -76,8 +75,7 @@ class SoundTrack:
                 return
             if time < self._from:
                 continue
-            shift = round(self._from / packet.time_base)
-            packet.pts -= shift
+            packet.pts -= round(self._from / packet.time_base)
             packet.dts = packet.pts
             packet.stream = self._stream
             yield time - self._from, packet

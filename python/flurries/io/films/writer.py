@@ -213,7 +213,6 @@ class Film:
                 self._track = SoundTrack(plan.sound, self._container, plan.path.suffix.lower())
 
     def join(self, times: Array, data: Array) -> None:
-        """Append a group."""
         from av import Packet
 
         first, place = self._joined, 0

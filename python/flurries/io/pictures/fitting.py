@@ -73,8 +73,7 @@ def fit_nearest(plane: npt.ArrayLike, size: Sequence[int]) -> Array:
     places = []
     for length, stored in ((height, rows), (width, columns)):
         scaled = _scaled(stored * scale, length)
-        first = (scaled - length) // 2
-        at = (np.arange(length) + first + 0.5) * (stored / scaled)
+        at = (np.arange(length) + (scaled - length) // 2 + 0.5) * (stored / scaled)
         places.append(np.clip(at.astype(np.int64), 0, stored - 1))
     return np.ascontiguousarray(array[np.ix_(*places)])
 
@@ -94,8 +93,7 @@ def _lit(planes: Array, encoding: str) -> tuple[Any, Array, Array]:
     low, high = np.full((2, channels), np.nan, np.float32)
     step = max(_CHUNK // columns, 1)
     for top in range(0, rows, step):
-        light = light_of(planes[top : top + step], encoding)
-        light = np.ascontiguousarray(light, np.float32)
+        light = np.ascontiguousarray(light_of(planes[top : top + step], encoding), np.float32)
         buffer.set_pixels(library.ROI(0, columns, top, top + len(light), 0, 1, 0, channels), light)
         # One channel after the other: three numbers at a time take ten times as long.
         each = [light[..., channel].reshape(-1) for channel in range(channels)]

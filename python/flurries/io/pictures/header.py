@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -278,14 +278,10 @@ def _channels(spec: Any) -> tuple[tuple[int, ...], int | None]:
 def rate_of(specification: Any) -> Fraction | None:
     for name in RATES:
         value = specification.getattribute(name)
-        if value is None:
-            continue
-        try:
+        with suppress(TypeError, ValueError, ZeroDivisionError, OverflowError):
             rate = Fraction(*value) if isinstance(value, tuple) else Fraction(float(value))
-        except (TypeError, ValueError, ZeroDivisionError, OverflowError):
-            continue
-        if 0 < rate <= 1000:
-            return rate.limit_denominator(100_000)
+            if 0 < rate <= 1000:
+                return rate.limit_denominator(100_000)
     return None
 
 

@@ -129,11 +129,9 @@ class Slate:
                 specification.attribute(name, openimageio().TypeDesc(kind), given)
         if exr and (self.display is not None or self.origin != (0, 0)):
             specification.x, specification.y = self.origin
-            specification.full_x, specification.full_y = self.origin
+            specification.full_x, specification.full_y = (self.display or self.origin)[:2]
             if self.display is not None:
-                left, top, width, height = self.display
-                specification.full_x, specification.full_y = left, top
-                specification.full_width, specification.full_height = width, height
+                specification.full_width, specification.full_height = self.display[2:]
 
 
 def read_slate(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Slate:

@@ -40,17 +40,13 @@ class Format:
         return "uint8" if bits == 8 else "uint16"
 
 
-_JPEG = Format("jpeg", bits=(8,), alpha=False, lossless=False)
-_TIFF = Format("tiff", bits=(8, 16), floats=("float",))
 FORMATS = {
     ".dpx": Format("dpx", bits=(8, 10, 16), alpha=False),
     ".exr": Format("openexr", floats=("half", "float")),
     ".hdr": Format("hdr", floats=("float",), alpha=False, lossless=False),
-    ".jpeg": _JPEG,
-    ".jpg": _JPEG,
+    **dict.fromkeys((".jpeg", ".jpg"), Format("jpeg", bits=(8,), alpha=False, lossless=False)),
     ".png": Format("png", bits=(8, 16)),
-    ".tif": _TIFF,
-    ".tiff": _TIFF,
+    **dict.fromkeys((".tif", ".tiff"), Format("tiff", bits=(8, 16), floats=("float",))),
 }
 
 # How EXR packs pixels, and whether all bits survive it.
