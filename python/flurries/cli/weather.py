@@ -127,7 +127,6 @@ scene_options: Callable[[Any], Any] = join(
 
 
 def scene_of(source: str, **options: Any) -> Scene:
-    """Return the scene that `scene_options` describe."""
     for name in ("down", "camera_scale"):
         if options[name] is not None and options["camera"] is None:
             option = name.replace("_", "-")
@@ -187,7 +186,6 @@ def _changed(scene: Scene, changes: dict[str, Any], options: dict[str, Any]) -> 
 
 
 def _seen(scene: Scene, options: dict[str, Any]) -> Scene:
-    """Return the scene as the camera of the options sees it."""
     lens, center = scene.camera.camera, options["center"]
     if center is not None:
         lens = replace(lens, center=center)

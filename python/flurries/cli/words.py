@@ -26,12 +26,8 @@ def count(number: int, noun: str) -> str:
 @contextmanager
 def plain_warnings() -> Iterator[None]:
     """Show warnings as sentences, without the line of source that they come from."""
-
-    def show(message: Warning | str, *_: Any, **__: Any) -> None:
-        say(f"warning: {message}")
-
     with warnings.catch_warnings():
-        warnings.showwarning = cast(Any, show)
+        warnings.showwarning = cast(Any, lambda message, *_, **__: say(f"warning: {message}"))
         yield
 
 

@@ -74,7 +74,6 @@ class Deep:
 
     @cached_property
     def seen(self) -> Visible:
-        """The pixels where it stands."""
         return Visible(1.0 - self.cover)
 
     @cached_property
@@ -126,9 +125,7 @@ class Front:
     def cover(self) -> Array | None:
         """The share of the weather that masks hide, (H, W); None without masks."""
         masks = [matte.cover for matte in self.flat if matte.light is None]
-        return (
-            reduce(lambda one, other: 1.0 - (1.0 - one) * (1.0 - other), masks) if masks else None
-        )
+        return reduce(lambda a, b: 1.0 - (1.0 - a) * (1.0 - b), masks) if masks else None
 
     @cached_property
     def visible(self) -> Visible | None:

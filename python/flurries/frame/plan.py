@@ -32,8 +32,6 @@ PROBED = 5
 _Key = tuple[int, str]
 _COMPOSITE: _Key = (-1, "composite")
 
-_Table = tuple[str, list[tuple[str, ...]]]
-
 
 @dataclass(frozen=True)
 class PlannedStep:
@@ -115,7 +113,7 @@ class Plan:
         tables = [f"<b>{title}</b>{listing(rows)}" for title, rows in [(title, rows), *more]]
         return f"<div>{''.join(tables)}</div>"
 
-    def _tables(self) -> list[_Table]:
+    def _tables(self) -> list[tuple[str, list[tuple[str, ...]]]]:
         def row(name: str, what: str, time: float | None, size: int | None, when: str = "") -> Any:
             taken = "" if time is None else f"{time:8.3g}"
             return name, what, taken, "" if size is None else f"{size / 2.0**20:8.1f}", when
@@ -137,24 +135,22 @@ class Plan:
             title = f"{size}, {self.threads} thread{'s' * (self.threads > 1)}"
             title += f", measured in frame{'s' * (len(self.probed) > 1)} "
             title += ", ".join(map(str, self.probed))
-        tables: list[_Table] = [(title, [*rows])]
-        if self.strengths:
-            said = [(name, f"frame {frame}", str(one)) for name, frame, one in self.strengths]
-            tables.append(("strength", [*said]))
-        if self.bent:
-            tables.append(("changed for the loop", [(line,) for line in self.bent]))
-        if self.left_out:
-            tables.append(("left out", [(one.what, one.why) for one in self.left_out]))
+        tables: dict[str, list[tuple[str, ...]]] = {
+            title: [*rows],
+            "strength": [(name, f"frame {frame}", str(one)) for name, frame, one in self.strengths],
+            "changed for the loop": [(line,) for line in self.bent],
+            "left out": [(one.what, one.why) for one in self.left_out],
+        }
         found = self.accuracy
         if found is not None and found.settings:
-            settings = [("setting", f"{'ms':>8}", f"{'RMS':>8}", f"{'Euler':>8}")]
-            for one in found.settings:
-                numbers = f"{one.milliseconds:8.3g}", f"{one.rms:8.4f}", f"{one.euler:8d}"
-                settings.append((one.setting, *numbers))
-            tables.append((f"accuracy, frame {found.frame}", [*settings]))
+            tables[f"accuracy, frame {found.frame}"] = [
+                ("setting", f"{'ms':>8}", f"{'RMS':>8}", f"{'Euler':>8}"),
+                *((one.setting, f"{one.milliseconds:8.3g}", f"{one.rms:8.4f}", f"{one.euler:8d}")
+                  for one in found.settings),
+            ]  # fmt: skip
         if found is not None and found.why:
-            tables.append(("accuracy", [(found.why,)]))
-        return tables
+            tables["accuracy"] = [(found.why,)]
+        return [(title, cells) for title, cells in tables.items() if cells]
 
 
 @dataclass(frozen=True)
@@ -262,10 +258,9 @@ def _look(program: Program, number: int) -> _Look:
     reads = frozenset[str]().union(*(ask.needs.reads for ask in asks))
     if program.distance is not None and "depth" not in reads:
         left_out.append(LeftOut("depth", "nothing reads it"))
-    given = {"depth": program.distance is not None and "depth" in reads}
+    given = {"background": True, "depth": program.distance is not None and "depth" in reads}
     given |= {"ambient": "ambient" in reads, "plate light": "plate" in reads}
-    steps: dict[_Key, bool] = {(-1, "background"): False}
-    steps |= {(-1, name): False for name, made in given.items() if made}
+    steps: dict[_Key, bool] = {(-1, name): False for name, made in given.items() if made}
     for ask in asks:
         # Asked again: what was said for the whole film knows neither this time nor this window.
         needs = needs_of(ask.part.effect, ask.frame)
@@ -315,15 +310,14 @@ def _traces(program: Program, probed: Sequence[int]) -> tuple[list[Trace], list[
     own = replace(program, found={})
 
     def traced(number: int, *, memory: bool) -> Trace:
+        if memory:
+            # Memory that is there already would not be seen.
+            planes.forget()
         with tracing(memory=memory) as trace:
             images(own, _time(own, number), [None], own.base.window)
         return trace
 
-    cold = []
-    for number in probed:
-        # Memory that is there already would not be seen.
-        planes.forget()
-        cold.append(traced(number, memory=True))
+    cold = [traced(number, memory=True) for number in probed]
     return cold, [traced(number, memory=False) for number in probed]
 
 

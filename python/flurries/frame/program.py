@@ -57,7 +57,6 @@ class Ask(NamedTuple):
     needs: Needs
 
     def derive(self, **changes: Any) -> Ask:
-        """Return this with another view."""
         return self._replace(frame=self.frame.derive(**changes))
 
 
@@ -135,11 +134,18 @@ class Program:
             nearer = edges and edges.front, front and front.deep
             given["depth"] = {"depth": depth, "nearer": tuple(d for d in nearer if d is not None)}
         if "ambient" in reads:
-            given["ambient"] = {"ambient": self._ambient(t)}
+            # The display values of white snow in the light of the shot.
+            with current.get().stage("ambient"):
+                white = linear_to_srgb(self._light().at(t)[0])
+            given["ambient"] = {"ambient": tuple(white.tolist())}
         if "plate" in reads:
             given["plate"] = {"plate": self._plate(t, depth)}
         visible = None if front is None or dtype is None else front.visible
-        airs = [air_of(part.renderer, t) if base.lights else 0.0 for part, _ in runs]
+        # Extinctions around the camera, per metre; 0 where not known.
+        airs = [
+            float(air(t)) if base.lights and (air := getattr(part.renderer, "air", None)) else 0.0
+            for part, _ in runs
+        ]
         found = []
         for number, (part, needs) in enumerate(runs):
             read_by = {k: v for name in needs.reads for k, v in given.get(name, {}).items()}
@@ -210,12 +216,6 @@ class Program:
         light: Light = self.light or self.found["light"][1]
         return light
 
-    def _ambient(self, t: float) -> tuple[float, float, float]:
-        """Return the display values of white snow in the light of the shot."""
-        with current.get().stage("ambient"):
-            red, green, blue = linear_to_srgb(self._light().at(t)[0]).tolist()
-        return red, green, blue
-
     def _plate(self, t: float, depth: Array | None) -> PlateLight:
         """Return the light by places of the background at `t`; of one that never changes, once."""
         with current.get().stage("plate light"):
@@ -238,12 +238,6 @@ class Program:
             back = (picture[..., :3] @ np.linalg.inv(self.primaries)).astype(np.float32)
             picture = np.concatenate([back, picture[..., 3:]], axis=2)
         return picture, self.backdrop.encoding
-
-
-def air_of(renderer: Any, t: float) -> float:
-    """Return the extinction of an effect's air around the camera, per metre; 0 if not known."""
-    known = getattr(renderer, "air", None)
-    return 0.0 if known is None else float(known(t))
 
 
 def effect_seed(seed: int, index: int) -> int:

@@ -137,8 +137,7 @@ def _truth(
         plate = crop(program.backdrop.frame(t), window)
     front, mix = program.front(t), program.mix(plate)
     front = front and front.window(window)
-    asks = program.asks(t, camera, window, None)
-    asks = [ask.derive(shared=shared, whole=known) for ask in asks]
+    asks = [ask.derive(shared=shared, whole=known) for ask in program.asks(t, camera, window, None)]
     parts: list[Layer] = []
     image = Picture(asks, mix, plate, front, window, window, shown=parts).compose(window, None)
     layers: dict[str, RenderedLayer] = {}

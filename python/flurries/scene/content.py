@@ -178,9 +178,11 @@ def deep_of(scene: Scene, number: float) -> Deep:
     written = {name: np.zeros(limit.size, np.float32) for name in whole}
     begun = {name: np.zeros(limit.size, np.float32) for name in whole}
     pixels, samples, total = [], [], 0
+    far = scene._distance or Distance.of_planes(Planes(np.full(scene._shape, np.inf, np.float32)))
     for edge in [*np.geomspace(FIRST, LAST, SLICES).tolist(), np.inf]:
         last = edge == np.inf
-        layers = whole if last else _before(scene, number, edge)
+        before = scene._derive(depth=edge, _distance=far.up_to(edge))
+        layers = whole if last else _layers(before, number)
         end = np.minimum(limit, edge).ravel()
         for name, layer in whole.items():
             light, past = layer.reshape(-1, 4), written[name]
@@ -212,14 +214,7 @@ def deep_of(scene: Scene, number: float) -> Deep:
     return Deep(counts, values)
 
 
-def _before(scene: Scene, number: float, edge: float) -> dict[str, Array]:
-    """Return the layers of a frame before a wall."""
-    far = scene._distance or Distance.of_planes(Planes(np.full(scene._shape, np.inf, np.float32)))
-    return _layers(scene._derive(depth=edge, _distance=far.up_to(edge)), number)
-
-
 def _layers(scene: Scene, number: float) -> dict[str, Array]:
-    """Return the layers of a frame, without what else is known of them."""
     t = scene._time_of(number)
     (seen,) = truth(scene._program, t, [None], scene._program.base.window, known=False)
     return {name: layer.rgba for name, layer in seen.layers.items()}

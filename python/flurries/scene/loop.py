@@ -7,7 +7,7 @@ changes. What is no crowd of flakes looks at the frame's `lap`: waves turn by wh
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -44,12 +44,18 @@ def looped_scene(scene: Rendering, lap: Lap) -> tuple[Rendering, tuple[str, ...]
     bent: list[str] = []
 
     def close(name: str, thing: Any, *only: str) -> Any:
-        made, back = closed_fields(thing, lap, only)
-        bent.extend(
-            f"{name}: {field} does not end as it begins: from frame {start:g} on it goes back"
-            for field, start in back.items()
-        )
-        return made
+        if not is_dataclass(thing) or isinstance(thing, type):
+            return thing
+        changes = {}
+        for key in only or [f.name for f in fields(thing) if f.init]:
+            value = getattr(thing, key, None)
+            made, back = closed(value, lap)
+            if made is not value:
+                changes[key] = made
+            if back is not None:
+                does = f"does not end as it begins: from frame {back:g} on it goes back"
+                bent.append(f"{name}: {key} {does}")
+        return replace(thing, **changes) if changes else thing
 
     shown: list[Any] = []
     names = [
@@ -59,7 +65,9 @@ def looped_scene(scene: Rendering, lap: Lap) -> tuple[Rendering, tuple[str, ...]
     for index, (name, effect) in enumerate(zip(names, scene.effects, strict=True)):
         own, one = getattr(effect, "seed", None), close(name, effect)
         seed = effect_seed(scene.seed, index) if own is None else own
-        if not (path.still and one_place(one)):
+        # What is drawn of some stays at its place, but for a sway.
+        sways = type(one) in _DRAWN and hasattr(one, "sway")
+        if not (path.still and sways and one.parts.motion.still):
             shown += looped(one, lap, seed)
             continue
         if one.sway[0] != 0.0:
@@ -222,12 +230,6 @@ def looped(effect: Any, lap: Lap, seed: int) -> tuple[Any, ...]:
     return (replace(effect, **without), *rounds) if rest else rounds
 
 
-def one_place(effect: Any) -> bool:
-    """Whether what is drawn of an effect stays at its place, but for a sway."""
-    known = type(effect) in _DRAWN and hasattr(effect, "sway")
-    return known and bool(effect.parts.motion.still)
-
-
 def closed(value: Any, lap: Lap) -> tuple[Any, float | None]:
     """Return a keyed value for two rounds, and the frame from which it goes back to the first."""
     if isinstance(value, Wind):
@@ -246,21 +248,6 @@ def closed(value: Any, lap: Lap) -> tuple[Any, float | None]:
         return begins, None
     ring = [(first, begins), *inside]
     return Keys([(t + n * lap.frames, v) for n in (-2, -1, 0, 1) for t, v in ring]), back
-
-
-def closed_fields(thing: Any, lap: Lap, only: Sequence[str] = ()) -> tuple[Any, dict[str, float]]:
-    """Return a dataclass with its keyed fields closed, and from which frame each goes back."""
-    if not is_dataclass(thing) or isinstance(thing, type):
-        return thing, {}
-    changes, bent = {}, {}
-    for name in only or [f.name for f in fields(thing) if f.init]:
-        value = getattr(thing, name, None)
-        made, back = closed(value, lap)
-        if made is not value:
-            changes[name] = made
-        if back is not None:
-            bent[name] = back
-    return (replace(thing, **changes) if changes else thing), bent
 
 
 def _same(one: Any, other: Any) -> bool:

@@ -212,8 +212,7 @@ class Rendering(Sources):
         for eye in views:
             if eye is not None and not isinstance(eye, Camera):
                 raise TypeError(f"eye must be a Camera, got {eye!r}")
-        window = self._program.base.window
-        window = window if region is None else parse_region(region, self._shape)
+        window = self._program.base.window if region is None else parse_region(region, self._shape)
         eyes = [None if eye is None else self._in_frame(eye) for eye in views]
         time = self._time_of(t)
         if self.camera.extend == "stop":

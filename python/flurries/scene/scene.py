@@ -192,11 +192,8 @@ class Scene(Rendering):
             _distance=planes and Distance.of_planes(planes, inverse=inverse),
         )  # fmt: skip
 
-    def __repr__(self) -> str:
-        return line_of(self)
-
-    def _repr_html_(self) -> str:
-        return page_of(self)
+    __repr__ = line_of
+    _repr_html_ = page_of
 
     @property
     def _arguments(self) -> dict[str, Any]:
@@ -308,9 +305,8 @@ def flakes(scene: Scene, t: float = 0.0) -> npt.NDArray[Any]:
     >>> bool((flakes["depth"] > 0.3).all())
     True
     """
-    expect_scene(scene)
-    program, time = scene._program, scene._time_of(t)
-    frame = program.frame(time)
+    program = expect_scene(scene)._program
+    frame = program.frame(scene._time_of(t))
     found = [drawn_of(part.effect, replace(frame, seed=part.seed)) for part in program.parts]
     known = [one for one in found if one is not None]
     return np.concatenate(known) if known else np.empty(0, FLAKE)

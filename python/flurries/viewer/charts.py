@@ -25,20 +25,17 @@ class Chart:
 
 
 def field_of(effect: object) -> Field | None:
-    """Return the field of waves of an effect's texture, if it has one."""
     return getattr(getattr(getattr(effect, "parts", None), "texture", None), "field", None)
 
 
 def chart(scene: Scene, t: float, index: int, at: tuple[float, float]) -> Chart | None:
-    """Return the chart of the tile of an effect at a place of the picture."""
     if not 0 <= index < len(scene.effects):
         return None
     effect = scene.effects[index]
-    frames = [frame for one, frame in scene._program.views(t) if one is effect]
+    frame = next((frame for one, frame in scene._program.views(t) if one is effect), None)
     field = field_of(effect)
-    if field is None or not frames:
+    if field is None or frame is None:
         return None
-    frame = frames[0]
     asked = field.request(frame, field.motion.way(frame))
     row, top = _nearest(asked.shape[0], asked.tile[0], asked.overlap, at[1])
     col, left = _nearest(asked.shape[1], asked.tile[1], asked.overlap, at[0])

@@ -102,18 +102,16 @@ def color_control(index: int, group: str, scene: Scene) -> Control | None:
     if color is None:
         return None
     words = (AMBIENT, LOCAL) if type(effect).__name__ in _PLACED else (AMBIENT,)
-    stands = color
     if not isinstance(color, str):
-        now = np.broadcast_to(value_at(color, 0.0) if isinstance(color, Keys) else color, 3)
-        stands = "#" + "".join(f"{round(255 * part):02x}" for part in np.clip(now, 0.0, 1.0))
+        now = np.clip(np.broadcast_to(value_at(color, 0.0), 3), 0.0, 1.0)
+        color = "#" + "".join(f"{round(255 * part):02x}" for part in now)
     key = f"{index}.{COLOR}"
-    return Control(key, group, "Color", value=stands, kind="color", choices=words)
+    return Control(key, group, "Color", value=color, kind="color", choices=words)
 
 
 def surroundings(scene: Scene) -> list[Control]:
     """Return the rows of lamp, lens and depth; those alone that change something."""
     found: list[Control] = []
-
     if any(type(effect).__name__ in _FLAKES for effect in scene.effects):
         found += [
             Control(f"{LAMP}.on", LAMP, "Lamp", value=OFF, kind="choice", choices=(OFF, ON)),

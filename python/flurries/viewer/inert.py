@@ -25,7 +25,10 @@ def inert(scene: Scene, values: Mapping[str, Any]) -> dict[str, str]:
     rows, found = [row.key for row in controls.controls_of(scene)], dict[str, str]()
     shown = drawn = moving = blurred = False
     for index, effect in enumerate(scene.effects):
-        prefix, whys, even = f"{index}.", dict[str, str](), _is_even(effect)
+        prefix, whys = f"{index}.", dict[str, str]()
+        shape = (getattr(effect, name, None) for name in ("center", "top", "count"))
+        even = getattr(effect, "structure", None) == 0.0 and all(one is None for one in shape)
+        still = "the mist is even" if even else ""  # Why no motion of the effect shows.
         own = [key.removeprefix(prefix) for key in rows if key.startswith(prefix)]
         # What is keyed may be left out now, and not later.
         needs = None if has_keys(effect) else needs_of(effect, scene._program.frame(0.0))
@@ -37,14 +40,14 @@ def inert(scene: Scene, values: Mapping[str, Any]) -> dict[str, str]:
                 whys.setdefault(name, f"{one.what}: {one.why}")
         veiled = bool(steps) and steps <= {"veil", "join", "local light"}
         if veiled:
-            even = "only a veil is shown"
-            whys |= {name: even for name in own if name not in (*_SWITCHES, controls.COLOR)}
+            still = "only a veil is shown"
+            whys |= {name: still for name in own if name not in (*_SWITCHES, controls.COLOR)}
         if DIRECTION in own and not has_keys(effect) and not any(controls.air_of(effect)[:2]):
             whys.setdefault(DIRECTION, "the speed is 0")
-        if even:
-            whys = dict.fromkeys((DIRECTION, controls.SPEED, controls.SEED), even) | whys
+        if still:
+            whys = dict.fromkeys((DIRECTION, controls.SPEED, controls.SEED), still) | whys
         shown, drawn = shown or bool(steps), drawn or (bool(steps) and not veiled)
-        moving |= bool(steps) and not even
+        moving |= bool(steps) and not still
         blurred |= "flakes" in steps or ("texture" in steps and hasattr(effect, "emission"))
         found |= {prefix + name: why for name, why in whys.items()}
     found |= dict.fromkeys(controls.CAMERA, "" if moving else _NONE)
@@ -57,10 +60,3 @@ def inert(scene: Scene, values: Mapping[str, Any]) -> dict[str, str]:
         found |= {key: why for key in rows if key.startswith(f"{OPENING}.")}
         found[f"{OPENING}.on"] = "" if blurred else why
     return {key: why for key, why in found.items() if why and key in rows}
-
-
-def _is_even(effect: Any) -> str:
-    """Return why no motion of an effect shows; nothing where one does."""
-    shape = (getattr(effect, name, None) for name in ("center", "top", "count"))
-    even = getattr(effect, "structure", None) == 0.0 and all(one is None for one in shape)
-    return "the mist is even" if even else ""

@@ -155,9 +155,5 @@ def open_page(server: Server) -> None:
 
 
 def serve(server: Server) -> None:
-    try:
+    with suppress(KeyboardInterrupt), server:
         server.serve_forever(poll_interval=0.2)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        server.server_close()

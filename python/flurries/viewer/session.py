@@ -21,7 +21,7 @@ from flurries.motion.keys import Keys
 from flurries.motion.wind import Wind
 from flurries.scene.depth import DepthMap
 from flurries.scene.foreground import Foreground
-from flurries.scene.scene import Scene
+from flurries.scene.scene import Scene, expect_scene
 from flurries.viewer.charts import chart, field_of
 from flurries.viewer.controls import EYES, applied, controls_of, fall_of, moves, names, settings
 from flurries.viewer.inert import inert
@@ -51,7 +51,6 @@ class Preview:
 
     @cached_property
     def flat(self) -> Scene:
-        """The small scene without its depth."""
         return self.scene.replace(depth=None)
 
     def shown(self, changes: Mapping[str, Any]) -> Scene:
@@ -82,8 +81,7 @@ def scaled(effect: Any, scale: float) -> Any:
 def _small(value: Any, size: tuple[int, int]) -> Any:
     """Return arrays at a size: a picture filtered, a matte or a depth by its nearest pixels."""
     if isinstance(value, DepthMap) and isinstance(value.source, np.ndarray):
-        law = {key: getattr(value, key) for key in ("near", "far", "white", "law")}
-        return DepthMap(fit_nearest(value.source, size), **law)
+        return replace(value, source=fit_nearest(value.source, size))
     if isinstance(value, Foreground):
         return Foreground(_small(value.source, size), _small(value.depth, size))
     if isinstance(value, (list, tuple)):
@@ -107,8 +105,7 @@ class Session:
     """A scene that is being looked at."""
 
     def __init__(self, scene: Scene, *, size: int = 512, save: str | Path = "tuned.toml") -> None:
-        if not isinstance(scene, Scene):
-            raise TypeError(f"scene must be a flurries.Scene, got {type(scene).__name__}")
+        scene = expect_scene(scene)
         # What plays is a film.
         self.scene = scene = scene.replace(fps=scene.fps) if scene._still else scene
         self.save_path = Path(save)
@@ -123,7 +120,6 @@ class Session:
     def describe(self, values: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the page's parts, as JSON has them, with the looks that were chosen."""
         height, width = self._preview.scene._shape
-        controls = controls_of(self.scene, values)
         return {
             "width": width,
             "height": height,
@@ -132,7 +128,7 @@ class Session:
             "frames": self.scene._backdrop.count,
             "effects": names(self.scene),
             "textured": [field_of(effect) is not None for effect in self.scene.effects],
-            "controls": [asdict(control) for control in controls],
+            "controls": [asdict(row) for row in controls_of(self.scene, values)],
             "save": str(self.save_path),
         }
 
