@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, real
+from flurries._contract import Array, Float64, real
 from flurries.camera import Camera
 from flurries.camera.lens import expect_camera
 from flurries.camera.path import CameraPath
@@ -18,11 +18,10 @@ from flurries.effects import Snow
 from flurries.io import linear_to_srgb, open_background, srgb_to_linear
 from flurries.io.files import path_text
 from flurries.light.shot import Light
+from flurries.matching import candidate
 from flurries.matching.direction import WINDOW, direction, spectra
-from flurries.matching.fan import FAR, NEAR, OPACITY, Lens
-from flurries.matching.fit import fit
-from flurries.matching.light import LUMA, light_of, tinted
-from flurries.matching.watched import LONG, Watched, watch
+from flurries.matching.fit import FAR, NEAR, OPACITY, Lens, fit, sizes_of
+from flurries.matching.watched import LONG, LUMA, Watched, light_of, tinted, watch
 from flurries.particles.sizes import SNOW
 from flurries.scene import Scene
 from flurries.scene.scene import DEFAULT_FOCAL
@@ -30,18 +29,23 @@ from flurries.scene.scene import DEFAULT_FOCAL
 # A film needs so many frames.
 LEAST = 8
 
-# It cannot be told where nothing changes; from this share of the light on that it may be off, or
-# this light; where the motion is less clear, or less sure in radians; from a misfit on; where
-# motion is level; and from an error of the density on.
-_QUIET, _DOUBT, _WHITE = 1e-4, 0.12, 1.04
-_CLEAR, _TURN, _MISFIT, _LEVEL, _FEW = 3.0, 0.15, 0.7, 0.15, 0.5
+# It cannot be told where nothing changes; where the motion is less clear, or less sure in radians;
+# where it is level; where peaks are so unlike; and from such errors of light and density on.
+_QUIET, _CLEAR, _TURN, _LEVEL, _UNLIKE, _DOUBT, _FEW = 1e-4, 3.0, 0.15, 0.15, 1.6, 0.12, 0.5
 
 # Errors of a still are so many times as large, and its light is right by a share: by seven of the
 # loop's frames.
 _STILL, _STILL_LIGHT = 1.5, 0.08
 
-# What number, size and exposure are right by besides: clips 100 to 129 of `docs/make_match.py`.
-_SURE = 0.15, 0.06, 0.06
+# What waves tell, before peaks do, of number, of size, and of size where number goes with its cube;
+# where they fit as well as the last says. What exposure is right by at best.
+_BEFORE, _CUBES, _FITS, _EXPOSED = (0.2, 0.03), 0.1, 0.5, 0.06
+
+# What number, size and light are right by besides: clips 100 to 129 of `docs/make_match.py`.
+_SURE = 0.1, 0.05, 0.02
+
+# Candidates that are tried; the last two count.
+_TRIES = 3
 
 # Below this mean size in metres it is as fast for its size as drops are.
 _DROPS = 0.0015
@@ -174,7 +178,7 @@ def match(
     >>> scene = fl.Scene("#304050", size=(256, 144), effects=[fl.Snow()], fps=30)
     >>> found = fl.match([scene.render(t) for t in range(16)])  # doctest: +SKIP
     """
-    read, count, rate = _opened("frames", frames)
+    read, count, rate, used = _opened("frames", frames)
     fps = real("fps", fps if fps is not None else (rate or 30.0), above=0.0)
     plate = None if clean is None else _opened("clean", clean)[0](0)
     if isinstance(camera, CameraPath):
@@ -193,19 +197,21 @@ def match(
         f"frames are too small: {WINDOW} px are needed, got {width} x {height}",
     )
     lens = Camera(DEFAULT_FOCAL * width) if camera is None else camera.magnified(1.0 / seen.scale)
-    return _matched(seen, lens, fps)
+    return _matched(seen, lens, fps, used / seen.scale**2)
 
 
-def _opened(name: str, given: Any) -> tuple[Callable[[int], Array], int, float | None]:
-    """Return what reads a frame, their number, and the film's rate."""
+def _opened(name: str, given: Any) -> tuple[Callable[[int], Array], int, float | None, float]:
+    """Return what reads a frame, their number, and a film's rate and the bytes of a frame."""
     if isinstance(given, (str, os.PathLike)):
-        source = open_background(path_text(name, given))
-        return lambda n: source.frame(n).pixels, source.count or 1, source.fps
+        path = path_text(name, given)
+        source = open_background(path)
+        used = candidate.leaning(path) if source.fps else 0.0
+        return lambda n: source.frame(n).pixels, source.count or 1, source.fps, used
     pictures = [given] if getattr(given, "ndim", 0) == 3 else [np.asarray(one) for one in given]
     came = {one.shape for one in pictures if one.ndim != 3 or one.shape[2] < 3} or "none"
     if came != "none" or not pictures:
         raise ValueError(f"{name} must have pictures (H, W, 3), got {came}")
-    return pictures.__getitem__, len(pictures), None
+    return pictures.__getitem__, len(pictures), None, 0.0
 
 
 def _refuse(when: bool, why: str) -> None:
@@ -213,7 +219,7 @@ def _refuse(when: bool, why: str) -> None:
         raise Unmatched(why)
 
 
-def _matched(seen: Watched, camera: Camera, fps: float) -> Match:
+def _matched(seen: Watched, camera: Camera, fps: float, used: float) -> Match:
     film = len(seen.frames) > 1
     luma, mean = seen.frames @ LUMA, seen.mean @ LUMA
     _refuse(float(luma.std()) < _QUIET, "no snow: nothing changes in frames")
@@ -229,6 +235,7 @@ def _matched(seen: Watched, camera: Camera, fps: float) -> Match:
         # How opaque the air is on average, by places that differ from the light.
         cover = float(((mean - behind) * (light - behind)).sum() / ((light - behind) ** 2).sum())
         _refuse(not 0.002 < cover < 0.98, "no snow: frames are no nearer to white than clean is")
+    light = min(light, 1.0)
     found = spectra(luma, mean, light)
     way = direction(found, camera.focal)
     turns = "; the camera does more than turn" if np.abs(seen.shifts).max() > 0.5 else ""
@@ -236,45 +243,83 @@ def _matched(seen: Watched, camera: Camera, fps: float) -> Match:
         film and (way.share < _CLEAR or way.error > _TURN),
         f"no snow: what changes in frames has no direction that all of it shares{turns}",
     )
-    few = f"{light:.2f} of white +- {doubt:.2f}; a plate with dark and bright places is needed"
-    _refuse(
-        film and (doubt > _DOUBT * light or light > _WHITE),
-        f"the light of flakes is not told from their number: {few}",
-    )
     level = f"{math.degrees(way.angle):.0f} degrees from right to below: the camera must be upright"
     _refuse(math.sin(way.angle) < _LEVEL, f"no fall: what moves goes {level}")
     lens = Lens(camera.focal, fps, len(seen.frames), (mean.shape[1], mean.shape[0]))
     got = fit(found, way, lens, None if cover is None else -math.log1p(-cover))
-    few = "compression has eaten faint flakes, the background moves, or the camera travels"
-    _refuse(film and got.misfit > _MISFIT, f"what changes is not like falling snow: {few}")
-    _refuse(got.air.sizes.mean < _DROPS, "what falls is as fast for its size as rain is")
-    sizes, wind, shutter = got.air.sizes, got.air.wind, got.air.shutter
-    fall = SNOW.fall(sizes)
-    speed = math.hypot(wind, fall)
-    light = min(light, 1.0)
-    colors = tinted(seen.frames, seen.mean, light)
-    snow = Snow(
-        density=got.density, wind=(wind, 0.0, way.approach * speed), shutter=min(shutter, 1.0),
-        flake_size=(sizes.smallest, sizes.mean, sizes.largest),
-        near=NEAR, far=FAR, opacity=OPACITY,
+    wind, fall = got.air.wind, SNOW.fall(got.air.sizes)
+    speed, size = math.hypot(wind, fall), got.air.sizes.mean
+    _refuse(size < _DROPS, "what falls is as fast for its size as rain is")
+    snow = _snow(
+        Snow(near=NEAR, far=FAR, opacity=OPACITY, shutter=min(got.air.shutter, 1.0),
+             wind=(wind, 0.0, way.approach * speed)),
+        math.log(got.density), math.log(size),
     )  # fmt: skip
-    plate = seen.clean
-    if plate is None:
-        area = 0.25 * math.pi * OPACITY * sizes.moment(2.0)
-        veil = -math.expm1(-got.density * area * (FAR - NEAR))
-        plate = (seen.mean - veil * colors) / (1.0 - veil)
-    # A light that is less by a share makes as much more of a flake's opacity.
-    known = np.hypot(got.errors, _SURE) * (1.0 if film else _STILL)
-    density, size, exposure = np.hypot(known, [2.0 * doubt / light, 0.0, 0.0]).tolist()
+    known = np.array([*_STILL * got.errors[:2], doubt])
+    if film:
+        snow, light, known, unlike = _closer(
+            seen, snow, light, doubt, got.misfit, used, camera, fps
+        )
+        few = "compression has eaten faint flakes, the background moves, or the camera travels"
+        _refuse(unlike > _UNLIKE, f"what changes is not like falling snow: {few}")
+        few = f"{light:.2f} of white +- {known[2]:.2f}; a plate with dark and bright is needed"
+        _refuse(
+            known[2] > _DOUBT * light, f"the light of flakes is not told from their number: {few}"
+        )
+    density, size, doubt = np.hypot(known, _SURE).tolist()
     few = f"too few flakes are seen: their number is right by {density:.0%} only"
     _refuse(density > _FEW * (1.0 if film else 2.0), few)
-    turn = way.error / abs(math.tan(way.angle))
+    turn, colors = way.error / abs(math.tan(way.angle)), tinted(seen.frames, seen.mean, light)
     return Match(
         snow=snow, light=Light(snow=tuple(srgb_to_linear(colors).tolist())), camera=camera,
         fps=fps, direction=math.atan2(fall, wind), speed=camera.focal * speed / fps / _MEDIAN,
         errors={
-            "direction": way.error, "density": density, "size": size, "shutter": exposure,
-            "speed": turn + 0.03, "light": doubt / light,
+            "direction": way.error, "density": density, "size": size, "light": doubt / light,
+            "shutter": math.hypot(got.errors[2], _EXPOSED), "speed": turn + 0.03,
         },
-        plate=np.clip(plate, 0.0, 1.0), _frame=seen.frames[len(seen.frames) // 2] + seen.mean,
+        plate=_plate(seen, snow, colors), _frame=seen.frames[len(seen.frames) // 2] + seen.mean,
     )  # fmt: skip
+
+
+def _snow(like: Snow, number: float, size: float) -> Snow:
+    """Return snow of another density and mean size, of which logarithms are given."""
+    sizes = sizes_of(math.exp(size))
+    wide = sizes.smallest, sizes.mean, sizes.largest
+    return replace(like, density=math.exp(number), flake_size=wide)
+
+
+def _plate(seen: Watched, snow: Any, colors: Float64) -> Array:
+    """Return the plate, which if not given is the mean without a veil, (h, w, 3) float32."""
+    if seen.clean is not None:
+        return np.clip(seen.clean, 0.0, 1.0)
+    area = 0.25 * math.pi * OPACITY * sizes_of(snow.flake_size[1]).moment(2.0)
+    veil = -math.expm1(-snow.density * area * (FAR - NEAR))
+    return np.asarray(np.clip((seen.mean - veil * colors) / (1.0 - veil), 0.0, 1.0), np.float32)
+
+
+def _closer(
+    seen: Watched, snow: Any, light: float, doubt: float, misfit: float, used: float,
+    camera: Camera, fps: float,
+) -> tuple[Snow, float, Float64, float]:  # fmt: skip
+    """Return snow and light that show the clip's peaks, (3,) errors, and how unlike they are."""
+    mean, colors = seen.mean @ LUMA, tinted(seen.frames, seen.mean, light)
+    real, level = candidate.peaks(seen.frames @ LUMA, mean), candidate.LEVEL if used else None
+    # Waves tell a product of number and square of contrast.
+    mixed, unsure = np.eye(3), max(1.0, misfit / _FITS) ** 2
+    mixed[0, 2] = 2.0 / math.sqrt(float(((light - mean) ** 2).mean()))
+    spread = np.diag(np.square([*_BEFORE, max(1.5 * doubt, 0.03) / unsure]))
+    spread[:2, :2] += _CUBES**2 * np.outer((-3.0, 1.0), (-3.0, 1.0))
+    known = mixed.T @ np.linalg.inv(unsure**2 * spread) @ mixed
+    start = at = np.array([math.log(snow.density), math.log(snow.flake_size[1]), light])
+    tried = []
+    for n in range(_TRIES):
+        snow, shade = _snow(snow, *at[:2]), colors + at[2] - light
+        plate = _plate(seen, snow, shade)
+        ours, took = candidate.shown(snow, camera, fps, plate, shade, level, n)
+        by, error, unlike = candidate.nearer(real, ours, at[2], start - at, known)
+        at = np.minimum(at + by, (np.inf, np.inf, 1.0))
+        tried.append(at)
+        if level is not None:
+            level = candidate.level_for(level, took / used)
+    at = np.mean(tried[-2:], axis=0)
+    return _snow(snow, *at[:2]), float(at[2]), np.sqrt(np.diag(error)), unlike
