@@ -104,7 +104,7 @@ def leaning(film: Any) -> float:
 
     with av.open(film) as opened:
         sizes = [one.size for one in opened.demux(video=0) if one.size and not one.is_keyframe]
-    return sum(sizes) / max(len(sizes), 1)
+    return float(sum(sizes)) / max(len(sizes), 1)
 
 
 def level_for(level: float, share: float) -> float:
@@ -116,12 +116,9 @@ def level_for(level: float, share: float) -> float:
 def nearer(
     real: Peaks, ours: Peaks, light: float, usual: Float64, known: Float64
 ) -> tuple[Float64, Float64, float]:
-    """Return by what a candidate changes to show as many peaks of each height as the clip.
-
-    These are (3,) changes of the logarithms of density and size, and of the light, of which `usual`
-    is expected with the inverse covariance `known`; their covariance; and what is left over what
-    is expected, root of the mean square.
-    """
+    """Return how a candidate changes to show the clip's peaks, and how unlike they stay."""
+    # Changes (3,) of the logarithms of density and size, and of the light, with their covariance;
+    # `usual` ones are expected, with the inverse covariance `known`.
     shades = np.quantile(real.behind, np.linspace(0.0, 1.0, _SHADES + 1)[1:-1])
     clip, candidate = (np.searchsorted(shades, part.behind) for part in (real, ours))
     ranks, edges = (_RANKS * real.pixels / _SHADES).astype(int), []
@@ -135,7 +132,7 @@ def nearer(
     def numbers(heights: Array, shade: Array) -> Float64:
         """Return how many peaks of each shade are between limits."""
         counts = [np.histogram(heights[shade == n], ends)[0] for n, ends in enumerate(edges)]
-        return np.maximum(np.concatenate(counts), 0.5)
+        return np.asarray(np.maximum(np.concatenate(counts), 0.5))
 
     def changed(by: Float64) -> Float64:
         """Return numbers of a changed candidate: a peak is as high as its flake covers."""

@@ -69,12 +69,8 @@ def held(shift: Float64) -> Float64:
 def fan(
     air: Air, lens: Lens, angle: float, waves: tuple[Float64, Float64], lags: range
 ) -> tuple[Float64, Float64]:
-    """Return the real part of the spectrum between frames of one flake per m3, px^2.
-
-    It is (lags, n, `GROUPS`), by groups of depths and sizes; waves (n,) are in cycles per pixel,
-    along an angle and across it. The second is the number of flakes in a group: a few near and
-    large ones have most of the power.
-    """
+    """Return spectra of one flake per m3 (lags, n, `GROUPS`), and the flakes of each group."""
+    # Real parts, px^2, at waves (n,) in cycles per pixel, along an angle and across it.
     sizes, cos, sin = air.sizes, math.cos(angle), math.sin(angle)
     edges = np.linspace(sizes.smallest, sizes.largest, _SIZES + 1)
     nodes = [sizes.nodes(low, high) for low, high in pairwise(edges.tolist())]

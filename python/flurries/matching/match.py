@@ -42,7 +42,7 @@ _STILL, _STILL_LIGHT = 1.5, 0.08
 _BEFORE, _CUBES, _FITS, _EXPOSED = (0.2, 0.03), 0.1, 0.5, 0.06
 
 # What number, size and light are right by besides: clips 100 to 129 of `docs/make_match.py`.
-_SURE = 0.1, 0.05, 0.02
+_SURE = 0.15, 0.07, 0.025
 
 # Candidates that are tried; the last two count.
 _TRIES = 3
@@ -60,54 +60,22 @@ class Unmatched(ValueError):
 
 @dataclass(frozen=True)
 class Match:
-    """What falls in a clip, as :func:`flurries.match` finds it; `print` it for a table.
+    """What falls in a clip, as :func:`flurries.match` finds it; `print` it for a table."""
 
-    Attributes
-    ----------
-    snow : Snow
-        What falls as in the clip, in "ambient" light.
-    light : flurries.scene.Light
-        The light of what falls in the clip.
-    camera : Camera
-        The camera that metres hold for.
-    fps : float
-        Frames per second that speeds hold for.
-    direction : float
-        Of the motion in the middle of the picture, radians from +x to +y.
-    speed : float
-        Of flakes at the median depth, half-way to the farthest, px per frame.
-    errors : dict
-        Standard deviations: of "direction" in radians, of "density", "size", "shutter", "speed" and
-        "light" as shares of their values.
-    plate : ndarray
-        (H, W, 3) the clip without snow, display values; large pictures are made smaller.
-    """
-
-    snow: Snow
-    light: Light
-    camera: Camera
-    fps: float
-    direction: float
-    speed: float
+    snow: Snow  # In "ambient" light.
+    light: Light  # Of what falls.
+    camera: Camera  # That metres hold for.
+    fps: float  # Frames a second that speeds hold for.
+    direction: float  # In the middle of the picture, radians from +x to +y.
+    speed: float  # At the median depth, half-way to the farthest, px a frame.
+    # Standard deviations: of "direction" in radians, of "density", "size", "shutter", "speed" and
+    # "light" as shares of their values.
     errors: dict[str, float]
-    plate: Array = field(repr=False)
+    plate: Array = field(repr=False)  # (H, W, 3) without snow, display values; wide ones smaller.
     _frame: Array = field(repr=False)
 
     def scene(self, background: Any = None, **more: Any) -> Scene:
-        """Return a scene of the weather.
-
-        Parameters
-        ----------
-        background : optional
-            As of :class:`flurries.Scene`, which then has its own light and camera. If not given,
-            the clip's plate with the clip's.
-        **more
-            Further arguments of :class:`flurries.Scene`.
-
-        Returns
-        -------
-        Scene
-        """
+        """Return a scene over a background, else the plate with the clip's light and camera."""
         own: dict[str, Any] = {"fps": self.fps, "effects": [self.snow]}
         if background is None:
             background = np.rint(255.0 * self.plate).astype(np.uint8)
@@ -235,7 +203,7 @@ def _matched(seen: Watched, camera: Camera, fps: float, used: float) -> Match:
         # How opaque the air is on average, by places that differ from the light.
         cover = float(((mean - behind) * (light - behind)).sum() / ((light - behind) ** 2).sum())
         _refuse(not 0.002 < cover < 0.98, "no snow: frames are no nearer to white than clean is")
-    light = min(light, 1.0)
+    light = min(light, 1.0) if film else light
     found = spectra(luma, mean, light)
     way = direction(found, camera.focal)
     turns = "; the camera does more than turn" if np.abs(seen.shifts).max() > 0.5 else ""
@@ -255,7 +223,7 @@ def _matched(seen: Watched, camera: Camera, fps: float, used: float) -> Match:
              wind=(wind, 0.0, way.approach * speed)),
         math.log(got.density), math.log(size),
     )  # fmt: skip
-    known = np.array([*_STILL * got.errors[:2], doubt])
+    known, wider = np.array([*got.errors[:2], doubt]), 1.0 if film else _STILL
     if film:
         snow, light, known, unlike = _closer(
             seen, snow, light, doubt, got.misfit, used, camera, fps
@@ -266,16 +234,19 @@ def _matched(seen: Watched, camera: Camera, fps: float, used: float) -> Match:
         _refuse(
             known[2] > _DOUBT * light, f"the light of flakes is not told from their number: {few}"
         )
-    density, size, doubt = np.hypot(known, _SURE).tolist()
-    few = f"too few flakes are seen: their number is right by {density:.0%} only"
-    _refuse(density > _FEW * (1.0 if film else 2.0), few)
+    density, size, bright = (wider * np.hypot(known, _SURE)).tolist()
+    if not film:
+        light = min(light, 1.0)
+        density, bright = math.hypot(density, 2.0 * doubt / light), doubt
+    few = "too few flakes are seen: their number is right by"
+    _refuse(density > _FEW * (1.0 if film else 2.0), f"{few} {density:.0%} only")
     turn, colors = way.error / abs(math.tan(way.angle)), tinted(seen.frames, seen.mean, light)
     return Match(
         snow=snow, light=Light(snow=tuple(srgb_to_linear(colors).tolist())), camera=camera,
         fps=fps, direction=math.atan2(fall, wind), speed=camera.focal * speed / fps / _MEDIAN,
         errors={
-            "direction": way.error, "density": density, "size": size, "light": doubt / light,
-            "shutter": math.hypot(got.errors[2], _EXPOSED), "speed": turn + 0.03,
+            "direction": way.error, "density": density, "size": size, "light": bright / light,
+            "shutter": wider * math.hypot(got.errors[2], _EXPOSED), "speed": turn + 0.03,
         },
         plate=_plate(seen, snow, colors), _frame=seen.frames[len(seen.frames) // 2] + seen.mean,
     )  # fmt: skip
