@@ -30,8 +30,9 @@ from flurries.scene.scene import DEFAULT_FOCAL
 LEAST = 8
 
 # It cannot be told where nothing changes; where the motion is less clear, or less sure in radians;
-# where it is level; where peaks are so unlike; and from such errors of light and density on.
-_QUIET, _CLEAR, _TURN, _LEVEL, _UNLIKE, _DOUBT, _FEW = 1e-4, 3.0, 0.15, 0.15, 1.6, 0.12, 0.5
+# where it is level; where waves or peaks are so unlike; from such errors of light, of density on.
+_QUIET, _CLEAR, _TURN, _LEVEL, _MISFIT, _UNLIKE = 1e-4, 3.0, 0.15, 0.15, 1.5, 1.6
+_DOUBT, _FEW = 0.12, 0.5
 
 # Errors of a still are so many times as large, and its light is right by a share: by seven of the
 # loop's frames.
@@ -229,6 +230,7 @@ def _matched(seen: Watched, camera: Camera, fps: float, used: float) -> Match:
             seen, snow, light, doubt, got.misfit, used, camera, fps
         )
         few = "compression has eaten faint flakes, the background moves, or the camera travels"
+        unlike = max(unlike, _UNLIKE * got.misfit / _MISFIT)
         _refuse(unlike > _UNLIKE, f"what changes is not like falling snow: {few}")
         few = f"{light:.2f} of white +- {known[2]:.2f}; a plate with dark and bright is needed"
         _refuse(
