@@ -22,16 +22,13 @@ from flurries.scene import Scene
 # Frames of a candidate; how bright a camera's noise is; the level (crf) of h264 that is tried
 # first, and shares of the clip's bytes between which it stays.
 COUNT, _NOISE, LEVEL, _ALIKE = 16, np.float32(2.0 / 255.0), 18.0, (0.4, 1.6)
-
 # Shades of the plate; shares of a shade's pixels that are peaks above a height; and the least
 # height, of white, of those that are counted and of those that may grow to it.
 _SHADES, _LEAST, _KEPT = 4, 6.0 / 255.0, 4.0 / 255.0
 _RANKS = np.array([375, 188, 94, 47, 22, 9, 3, 1]) / 230_400.0
-
 # By how many times numbers of peaks spread more than those of chance, as flakes are seen in some
 # frames and at some heights; and what their logarithms are right by at best.
 _SEEN, _SURE = 6.0, 0.09
-
 # By how much is tried, and gone at a time: logarithms of density and mean size, and light.
 _TRIED, _FAR = np.array([0.05, 0.04, 0.02]), np.array([0.5, 0.2, 0.1])
 
@@ -64,13 +61,13 @@ def peaks(frames: Array, mean: Array) -> Peaks:
 
 def shown(
     snow: Snow, camera: Camera, fps: float, plate: Array, colors: Float64, level: float | None,
-    seed: int,
+    seed: int, count: int,
 ) -> tuple[Peaks, float]:  # fmt: skip
     """Return the peaks of a candidate before a plate, and bytes as of `leaning`."""
     flakes, black = replace(snow, color=1.0, seed=seed), np.zeros(plate.shape, np.float32)
     scene = Scene(black, camera=camera, effects=[flakes], fps=fps, lens=None)
     chance, pictures, used = np.random.default_rng(seed), [], 0.0
-    for t in range(COUNT):
+    for t in range(count):
         picture = plate + scene.render(t) * (colors.astype(np.float32) - plate)
         picture += chance.standard_normal(picture.shape, np.float32) * _NOISE
         pictures.append(np.rint(255.0 * np.clip(picture, 0.0, 1.0)).astype(np.uint8))
@@ -131,27 +128,26 @@ def nearer(
 
     def numbers(heights: Array, shade: Array) -> Float64:
         """Return how many peaks of each shade are between limits."""
-        counts = [np.histogram(heights[shade == n], ends)[0] for n, ends in enumerate(edges)]
-        return np.asarray(np.maximum(np.concatenate(counts), 0.5))
+        parts = zip((heights[shade == n] for n in range(_SHADES)), edges, strict=True)
+        counts = [np.diff([np.count_nonzero(part >= end) for end in ends]) for part, ends in parts]
+        return np.asarray(np.maximum(-np.concatenate(counts), 0.5))
 
     def changed(by: Float64) -> Float64:
         """Return numbers of a changed candidate: a peak is as high as its flake covers."""
         heights = flat * math.exp(2.0 * by[1]) * np.abs(light + by[2] - ours.behind)
         return numbers(heights, candidate) * math.exp(by[0]) * share
 
-    many, few = numbers(real.height, clip), changed(np.zeros(3))
+    by = np.zeros(3)
+    many, few = numbers(real.height, clip), changed(by)
     sure = np.sqrt(_SEEN * (1.0 / many + share / few) + _SURE**2)
     used = (many > 8.0) & (few > 4.0)
 
     def left(by: Float64) -> Float64:
         return np.asarray((np.log(changed(by) / many) / sure)[used])
 
-    by = np.zeros(3)
     for _ in range(4):
-        tried = [
-            (left(by + step) - left(by - step)) / (2.0 * step.sum()) for step in np.diag(_TRIED)
-        ]
-        slopes = np.array(tried)
+        tried = [left(by + step) - left(by - step) for step in np.diag(_TRIED)]
+        slopes = np.array(tried) / (2.0 * _TRIED[:, None])
         square = slopes @ slopes.T + known
         change = np.linalg.solve(square, -slopes @ left(by) - known @ (by - usual))
         by = by + np.clip(change, -_FAR, _FAR)

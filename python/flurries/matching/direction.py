@@ -1,5 +1,6 @@
 """Which way flakes move: the line that all planes of the fan share, by places of the picture."""
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -8,16 +9,11 @@ from flurries._contract import Array, Float64
 
 # Px of the windows that spectra are taken of, and how many frames apart they are at most.
 WINDOW, LAGS = 128, 3
-
 # Contrast to the light below which a pixel counts less: codecs keep there what is opaque alone.
-_LEAST = 0.3
-
-# What it is right by at best, radians: clips 100 to 129 of `docs/make_match.py`.
-_SURE = 0.005
-
+# What the direction is right by at best, radians: clips 100 to 129 of `docs/make_match.py`.
+_LEAST, _SURE = 0.3, 0.005
 # Lengths of way between two frames that are looked at, px; and degrees by which rays are smoothed.
 _NEAR, _FAR, _SMOOTH = 2, 44, 3.0
-
 # Angles in degrees and approaches that are tried: all, then such as are near the best.
 _TRIED = (
     (np.arange(0.0, 360.0, 2.0), np.linspace(-1.6, 1.6, 17)),
@@ -57,16 +53,14 @@ def spectra(frames: Array, mean: Array, light: float) -> Spectra:
         for length in (height, width)
     )
     found, places, weights = [], [], []
-    for top in tops.tolist():
-        for left in lefts.tolist():
-            rows, columns = slice(top, top + WINDOW), slice(left, left + WINDOW)
-            taper = float(((window * counts[rows, columns]) ** 2).sum())
-            own = np.fft.rfft2(dense[:, rows, columns] * window).astype(np.complex64)
-            lags = range(min(LAGS, n))
-            means = [(own[lag:] * own[: n - lag].conj()).mean(axis=0) for lag in lags]
-            found.append(np.array(means) / max(taper, 1e-6))
-            weights.append(taper + 1e-6)
-            places.append((left + 0.5 * (WINDOW - width), top + 0.5 * (WINDOW - height)))
+    for top, left in product(tops.tolist(), lefts.tolist()):
+        rows, columns = slice(top, top + WINDOW), slice(left, left + WINDOW)
+        taper = float(((window * counts[rows, columns]) ** 2).sum())
+        own = np.fft.rfft2(dense[:, rows, columns] * window).astype(np.complex64)
+        means = [(own[lag:] * own[: n - lag].conj()).mean(axis=0) for lag in range(min(LAGS, n))]
+        found.append(np.array(means) / max(taper, 1e-6))
+        weights.append(taper + 1e-6)
+        places.append((left + 0.5 * (WINDOW - width), top + 0.5 * (WINDOW - height)))
     return Spectra(np.array(found), np.array(places), np.array(weights) / sum(weights))
 
 

@@ -8,6 +8,7 @@ density of a Poisson process, whose spectrum is the sum of those of its flakes.
 
 import math
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from itertools import pairwise
 from typing import NamedTuple
@@ -23,11 +24,9 @@ from flurries.particles.sizes import SNOW, Sizes
 # at radians a second and each with a phase of its own.
 NEAR, FAR, OPACITY, _MIDDLE = 0.4, 60.0, 0.9, 4.3096
 _SWAY, _RATE = 0.02, 4.0
-
 # Depths and sizes that stand for all; so many depths are one group with each of the sizes.
 _DEPTHS, _SIZES, _FEWER = 40, 5, 10
 GROUPS = _FEWER * _SIZES
-
 # Waves in cycles per diameter that a ball is tabled at.
 _WAVES = np.linspace(0.0, 12.0, 481)
 
@@ -97,11 +96,9 @@ def fan(
     # Pixels are squares.
     kx, ky = along * cos - across * sin, along * sin + across * cos
     box = (np.sinc(kx) * np.sinc(ky)) ** 2
-    still: Float64 | float = 0.0
-    if lens.frames > 1:
-        # What stands still goes with the mean, or what moves by whole waves from frame to frame.
-        part = turns - np.rint(turns)
-        still = (np.sinc(lens.frames * part) / np.sinc(part)) ** 2
+    # What stands still goes with the mean of a film, or moves by whole waves between frames.
+    part = turns - np.rint(turns)
+    still = (np.sinc(lens.frames * part) / np.sinc(part)) ** 2 * (lens.frames > 1)
     found = []
     for lag in lags:
         # Depths that one stands for differ in what they turn by, and each flake swings.
@@ -125,18 +122,11 @@ _ALONG = np.array([0.0, 0.004, 0.008, 0.012, 0.018, 0.026, 0.036, 0.05, 0.07, 0.
 # along the motion and across it.
 _OWN = 3.0**-0.5 / WINDOW
 _PLACES = np.array([[[-1.0], [-1.0], [1.0], [1.0]], [[-1.0], [1.0], [-1.0], [1.0]]])
-
-# Waves that a cell has at least.
-_LEAST = 12.0
-
-# Smallest and largest diameter over the mean: of the looks.
-_SPREAD = 0.43, 3.1
-
+# Waves that a cell has at least; smallest and largest diameter over the mean: of the looks.
+_LEAST, _SPREAD = 12.0, (0.43, 3.1)
 # What the law is not right by, a share of the spectrum; what leaks of the strongest waves of a
-# length to others; and what the mean opacity over a plate is right by.
-_LAW, _LEAK, _VEIL = 0.03, 0.01, 0.1
-
-_STEPS, _STEP = 14, 0.02
+# length to others; and what the mean opacity over a plate is right by. Steps of least squares.
+_LAW, _LEAK, _VEIL, _STEPS, _STEP = 0.03, 0.01, 0.1, 14, 0.02
 
 # What is looked for: logarithms of density, mean size, shutter, and the opacity that a codec drops;
 # the turn of the motion; logarithms of what a codec leaves of all waves, and besides of those of
@@ -146,7 +136,6 @@ _LOW = np.array([*np.log([1e-3, 1e-4, 0.01, 1e-3]), -0.2, -1.0, -1.0, -9.0, *[ma
 _HIGH = np.array([*np.log([1e5, 0.1, 2.0, 0.5]), 0.2, 1.0, 1.0, -0.2, *[1.0] * 3])
 _NOISE = 8
 _LOW, _HIGH = (np.append(end, np.full(GROUPS, most)) for end, most in ((_LOW, -4.0), (_HIGH, 4.0)))
-
 # What is usual, and how much it differs: sizes are those of the looks, what a codec leaves is that
 # of h264 at crf 18 (`docs/internals/match.md`).
 _USUAL = (
@@ -162,25 +151,17 @@ class Fit(NamedTuple):
     misfit: float  # What is left over what is expected, root of the mean square.
 
 
-class Cells(NamedTuple):
-    """Means of spectra over cells of waves."""
-
-    power: Float64  # (lags, n)
-    waves: tuple[Float64, Float64]  # Along and across, (4 n,): at four places inside.
-    number: Float64  # Of waves.
-    band: Array  # Its number.
-
-
-def cells(found: Spectra, way: Direction, focal: float) -> Cells:
-    """Return means of spectra in cells of waves, along the motion at each place and across it."""
+def cells(
+    found: Spectra, way: Direction, focal: float
+) -> tuple[Float64, tuple[Float64, Float64], Float64, Array]:
+    """Return means of spectra (lags, n) in cells of waves, along the motion and across it."""
+    # And four places inside, (4 n,) along and across; the number of waves; and the band.
     kx, ky = np.meshgrid(np.fft.rfftfreq(WINDOW), np.fft.fftfreq(WINDOW))
     k, columns = np.hypot(kx, ky), len(_ALONG) - 1
     half = (len(_BANDS) - 1) * columns
     sums = np.zeros((5 + found.cross.shape[1], 2 * half))
-    for weight, (x, y), cross in zip(
-        found.weights, found.places / focal, found.cross.real, strict=True
-    ):
-        vx, vy = math.cos(way.angle) - way.approach * x, math.sin(way.angle) - way.approach * y
+    for weight, place, cross in zip(found.weights, found.places, found.cross.real, strict=True):
+        vx, vy = (math.cos(way.angle), math.sin(way.angle)) - way.approach / focal * place
         along, across = (kx * vx + ky * vy, ky * vx - kx * vy) / np.hypot(vx, vy)
         inside = (k > _BANDS[0]) & (k < _BANDS[-1]) & (along != 0.0) & (across != 0.0)
         cell = (np.searchsorted(_BANDS, k) - 1) * columns
@@ -193,7 +174,7 @@ def cells(found: Spectra, way: Direction, focal: float) -> Cells:
     spread = np.sqrt(np.maximum(parts[2:4] - parts[:2] ** 2, 0.0) + _OWN**2)
     along, across = (parts[:2, None] + _PLACES * spread[:, None]).reshape(2, 4, -1)
     across *= np.where(used < half, -1.0, 1.0)
-    return Cells(parts[4:], (along.ravel(), across.ravel()), number[used], used % half // columns)
+    return parts[4:], (along.ravel(), across.ravel()), number[used], used % half // columns
 
 
 def sizes_of(mean: float) -> Sizes:
@@ -213,9 +194,9 @@ def least_squares(left: Callable[[Float64], Float64], values: Float64) -> list[F
     """Return where squares of what is left are least, that, and its slopes (Marquardt)."""
     off, damp = left(values), 1e-2
     for _ in range(_STEPS):
-        slopes = (
-            np.array([left(one) for one in values + _STEP * np.eye(len(values))]) - off
-        ) / _STEP
+        tried = values + _STEP * np.eye(len(values))
+        with ThreadPoolExecutor(2) as both:
+            slopes = (np.array(list(both.map(left, tried))) - off) / _STEP
         square = slopes @ slopes.T
         scale = np.diag(np.diag(square) + 1e-6 * square.max())
         for _ in range(6):
@@ -274,6 +255,5 @@ def fit(found: Spectra, way: Direction, lens: Lens, veil: float | None) -> Fit:
     values, off, slopes = least_squares(left, np.clip(start, _LOW, _HIGH))
     square = slopes @ slopes.T
     inverse = np.linalg.inv(square + 1e-6 * np.diag(np.diag(square) + 1e-6 * square.max()))
-    misfit = math.sqrt(float(off @ off) / len(off))
-    air = air_of(values[1:5], way.angle)
-    return Fit(math.exp(values[0]), air, np.sqrt(np.diag(inverse))[:3], misfit)
+    errors, misfit = np.sqrt(np.diag(inverse))[:3], math.sqrt(float(off @ off) / len(off))
+    return Fit(math.exp(values[0]), air_of(values[1:5], way.angle), errors, misfit)

@@ -1,11 +1,11 @@
 """From real falling snow to a scene: what falls in a clip, how fast, how large, in which light."""
 
-from __future__ import annotations
-
 import math
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from flurries.effects import Snow
 from flurries.io import linear_to_srgb, open_background, srgb_to_linear
 from flurries.io.files import path_text
 from flurries.light.shot import Light
-from flurries.matching import candidate
+from flurries.matching.candidate import COUNT, LEVEL, leaning, level_for, nearer, peaks, shown
 from flurries.matching.direction import WINDOW, direction, spectra
 from flurries.matching.fit import FAR, NEAR, OPACITY, Lens, fit, sizes_of
 from flurries.matching.watched import LONG, LUMA, Watched, light_of, tinted, watch
@@ -28,31 +28,21 @@ from flurries.scene.scene import DEFAULT_FOCAL
 
 # A film needs so many frames.
 LEAST = 8
-
 # It cannot be told where nothing changes; where the motion is less clear, or less sure in radians;
 # where it is level; where waves or peaks are so unlike; from such errors of light, of density on.
 _QUIET, _CLEAR, _TURN, _LEVEL, _MISFIT, _UNLIKE = 1e-4, 3.0, 0.15, 0.15, 1.5, 1.6
 _DOUBT, _FEW = 0.12, 0.5
-
 # Errors of a still are so many times as large, and its light is right by a share: by seven of the
 # loop's frames.
 _STILL, _STILL_LIGHT = 1.5, 0.08
-
 # What waves tell, before peaks do, of number, of size, and of size where number goes with its cube;
 # where they fit as well as the last says. What exposure is right by at best.
 _BEFORE, _CUBES, _FITS, _EXPOSED = (0.2, 0.03), 0.1, 0.5, 0.06
-
 # What number, size and light are right by besides: clips 100 to 129 of `docs/make_match.py`.
 _SURE = 0.15, 0.07, 0.025
-
-# Candidates that are tried; the last two count.
-_TRIES = 3
-
-# Below this mean size in metres it is as fast for its size as drops are.
-_DROPS = 0.0015
-
-# The depth that half of the flakes' cover is before, metres.
-_MEDIAN = 0.5 * (NEAR + FAR)
+# In metres: a mean size below which it is as fast for its size as drops are, and the depth that
+# half of the flakes' cover is before.
+_DROPS, _MEDIAN = 0.0015, 0.5 * (NEAR + FAR)
 
 
 class Unmatched(ValueError):
@@ -85,9 +75,8 @@ class Match:
 
     def report(self) -> Array:
         """Return a frame of the clip beside one of the matched scene, (H, 2 W, 3) uint8."""
-        found = self.scene().render(0)
         real = np.rint(255.0 * np.clip(self._frame, 0.0, 1.0)).astype(np.uint8)
-        return np.hstack([real, found])
+        return np.hstack([real, self.scene().render(0)])
 
     def __str__(self) -> str:
         assert isinstance(self.snow.wind, tuple) and isinstance(self.snow.flake_size, tuple)
@@ -159,7 +148,7 @@ def match(
         f"frames has {count}: a film needs {LEAST}, and one picture needs clean, its plate",
     )
     numbers = range(min(count, LONG))
-    seen = watch(map(read, progress(numbers) if progress else numbers), plate)
+    seen = watch(_ahead(read, progress(numbers) if progress else numbers), plate)
     height, width = seen.mean.shape[:2]
     _refuse(
         min(height, width) < WINDOW,
@@ -174,13 +163,21 @@ def _opened(name: str, given: Any) -> tuple[Callable[[int], Array], int, float |
     if isinstance(given, (str, os.PathLike)):
         path = path_text(name, given)
         source = open_background(path)
-        used = candidate.leaning(path) if source.fps else 0.0
+        used = leaning(path) if source.fps else 0.0
         return lambda n: source.frame(n).pixels, source.count or 1, source.fps, used
     pictures = [given] if getattr(given, "ndim", 0) == 3 else [np.asarray(one) for one in given]
     came = {one.shape for one in pictures if one.ndim != 3 or one.shape[2] < 3} or "none"
     if came != "none" or not pictures:
         raise ValueError(f"{name} must have pictures (H, W, 3), got {came}")
     return pictures.__getitem__, len(pictures), None, 0.0
+
+
+def _ahead(read: Callable[[int], Array], numbers: Iterable[int]) -> Iterator[Array]:
+    """Yield what is read, and read the next one while one is looked at."""
+    with ThreadPoolExecutor(1) as reader:
+        begun: Iterator[Any] = chain((reader.submit(read, n) for n in numbers), (None,))
+        for one, _ in pairwise(begun):
+            yield one.result()
 
 
 def _refuse(when: bool, why: str) -> None:
@@ -226,16 +223,13 @@ def _matched(seen: Watched, camera: Camera, fps: float, used: float) -> Match:
     )  # fmt: skip
     known, wider = np.array([*got.errors[:2], doubt]), 1.0 if film else _STILL
     if film:
-        snow, light, known, unlike = _closer(
-            seen, snow, light, doubt, got.misfit, used, camera, fps
-        )
+        first = snow, light, doubt, got.misfit
+        snow, light, known, unlike = _closer(seen, *first, used, camera, fps)
         few = "compression has eaten faint flakes, the background moves, or the camera travels"
-        unlike = max(unlike, _UNLIKE * got.misfit / _MISFIT)
-        _refuse(unlike > _UNLIKE, f"what changes is not like falling snow: {few}")
-        few = f"{light:.2f} of white +- {known[2]:.2f}; a plate with dark and bright is needed"
-        _refuse(
-            known[2] > _DOUBT * light, f"the light of flakes is not told from their number: {few}"
-        )
+        odd = unlike > _UNLIKE or got.misfit > _MISFIT
+        _refuse(odd, f"what changes is not like falling snow: {few}")
+        few = f"number: {light:.2f} of white +- {known[2]:.2f}; a plate must have dark and bright"
+        _refuse(known[2] > _DOUBT * light, f"the light of flakes is not told from their {few}")
     density, size, bright = (wider * np.hypot(known, _SURE)).tolist()
     if not film:
         light = min(light, 1.0)
@@ -276,7 +270,7 @@ def _closer(
 ) -> tuple[Snow, float, Float64, float]:  # fmt: skip
     """Return snow and light that show the clip's peaks, (3,) errors, and how unlike they are."""
     mean, colors = seen.mean @ LUMA, tinted(seen.frames, seen.mean, light)
-    real, level = candidate.peaks(seen.frames @ LUMA, mean), candidate.LEVEL if used else None
+    real, level = peaks(seen.frames @ LUMA, mean), LEVEL if used else None
     # Waves tell a product of number and square of contrast.
     mixed, unsure = np.eye(3), max(1.0, misfit / _FITS) ** 2
     mixed[0, 2] = 2.0 / math.sqrt(float(((light - mean) ** 2).mean()))
@@ -284,15 +278,20 @@ def _closer(
     spread[:2, :2] += _CUBES**2 * np.outer((-3.0, 1.0), (-3.0, 1.0))
     known = mixed.T @ np.linalg.inv(unsure**2 * spread) @ mixed
     start = at = np.array([math.log(snow.density), math.log(snow.flake_size[1]), light])
-    tried = []
-    for n in range(_TRIES):
-        snow, shade = _snow(snow, *at[:2]), colors + at[2] - light
-        plate = _plate(seen, snow, shade)
-        ours, took = candidate.shown(snow, camera, fps, plate, shade, level, n)
-        by, error, unlike = candidate.nearer(real, ours, at[2], start - at, known)
-        at = np.minimum(at + by, (np.inf, np.inf, 1.0))
-        tried.append(at)
-        if level is not None:
-            level = candidate.level_for(level, took / used)
-    at = np.mean(tried[-2:], axis=0)
-    return _snow(snow, *at[:2]), float(at[2]), np.sqrt(np.diag(error)), unlike
+
+    def tried(seed: int, count: int) -> tuple[Float64, Float64, float, float]:
+        """Return where a candidate leads, its covariance, how unlike it stays, and its bytes."""
+        air, shade = _snow(snow, *at[:2]), colors + at[2] - light
+        plate = _plate(seen, air, shade)
+        ours, took = shown(air, camera, fps, plate, shade, level, seed, count)
+        by, error, unlike = nearer(real, ours, at[2], start - at, known)
+        return np.minimum(at + by, (np.inf, np.inf, 1.0)), error, unlike, took
+
+    at, *_, took = tried(0, COUNT // 2)
+    if level is not None:
+        level = level_for(level, took / used)
+    # What two more lead to, drawn at once, is less by chance.
+    with ThreadPoolExecutor(2) as both:
+        found, errors, unlike, _ = zip(*both.map(tried, (1, 2), (COUNT, COUNT)), strict=True)
+    at, error = np.mean(found, axis=0), np.mean(errors, axis=0)
+    return _snow(snow, *at[:2]), float(at[2]), np.sqrt(np.diag(error)), float(np.mean(unlike))

@@ -15,7 +15,6 @@ from flurries._contract import Array, Float64
 
 # Pictures are made smaller until they are at most so wide, and no more frames are looked at.
 WIDE, LONG = 900, 96
-
 # The share of the Nyquist frequency that phases are compared up to: noise is above.
 _COARSE = 0.25
 
@@ -33,9 +32,11 @@ class Watched(NamedTuple):
 def smaller(pixels: Array, scale: int) -> Array:
     """Return the means over squares of pixels, (h, w, 3) float32, integers as shares of white."""
     white = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0
-    height, width = (length // scale for length in pixels.shape[:2])
-    squares = pixels[: height * scale, : width * scale, :3].reshape(height, scale, width, scale, 3)
-    return np.asarray(squares.mean(axis=(1, 3), dtype=np.float32) / np.float32(white))
+    height, width = (length // scale * scale for length in pixels.shape[:2])
+    parts = [pixels[n:height:scale, :width, :3].astype(np.float32) for n in range(scale)]
+    rows = sum(parts[1:], parts[0])
+    parts = [rows[:, n::scale] for n in range(scale)]
+    return np.asarray(sum(parts[1:], parts[0]) / np.float32(scale**2 * white))
 
 
 def moved(first: Array, other: Array) -> tuple[float, float]:
@@ -59,13 +60,11 @@ def moved(first: Array, other: Array) -> tuple[float, float]:
 def laid_back(picture: Array, shift: tuple[float, float]) -> Array:
     """Return a picture (h, w, c) with its things moved back by a shift; what came in is NaN."""
     for axis, by in ((1, shift[0]), (0, shift[1])):
-        last = picture.shape[axis] - 1
-        at, whole = np.arange(last + 1) + by, math.floor(by)
-        one, two = (
-            picture.take(np.arange(last + 1) + n, axis, mode="clip") for n in (whole, whole + 1)
-        )
+        places, whole = np.arange(picture.shape[axis]), math.floor(by)
+        one, two = (picture.take(places + n, axis, mode="clip") for n in (whole, whole + 1))
         picture = one + np.float32(by - whole) * (two - one)
-        np.moveaxis(picture, axis, 0)[(at < 0.0) | (at > last)] = np.nan
+        outside = (places + by < 0.0) | (places + by > places[-1])
+        np.moveaxis(picture, axis, 0)[outside] = np.nan
     return picture
 
 
@@ -82,17 +81,17 @@ def watch(pictures: Iterable[Array], clean: Array | None) -> Watched:
     if np.abs(shifts).max() > 0.25:
         kept = [laid_back(one, shift) for one, shift in zip(kept, shifts, strict=True)]
     frames = np.stack(kept)
-    mean = np.nanmean(frames, axis=0) if np.isnan(frames).any() else frames.mean(axis=0)
+    unseen = np.isnan(frames)
+    mean = np.nanmean(frames, axis=0) if unseen.any() else frames.mean(axis=0)
     if clean is not None:
         _size("clean", clean, shape)
         clean = smaller(clean, scale)
         if len(frames) == 1:
             # That of a still is its plate behind an even veil, whose light and opacity fit best.
-            for c in range(3):
-                line = np.polyfit(clean[..., c].ravel(), mean[..., c].ravel(), 1)
-                mean[..., c] = np.polyval(line, clean[..., c])
+            for own, plate in zip(mean.T, clean.T, strict=True):
+                own[:] = np.polyval(np.polyfit(plate.ravel(), own.ravel(), 1), plate)
     frames -= mean
-    np.nan_to_num(frames, copy=False)
+    frames[unseen] = 0.0
     return Watched(frames, mean, clean, np.array(shifts), scale)
 
 
@@ -109,20 +108,14 @@ def _size(name: str, picture: Array, size: tuple[int, ...]) -> tuple[int, ...]:
 # Shades of the plate that are told apart, and the opacity above which a flake counts no more: a
 # few large ones vary more than all others.
 _SHADES, _MOST = 14, 0.25
-
 # The share of frames that are darker than the shade of a place: its mean is brighter where a large
-# flake went by, and varies more there.
-_DARK = 0.25
-
-# What a light that seems sure is right by.
-_SURE = 0.015
-
+# flake went by, and varies more there. What a light that seems sure is right by.
+_DARK, _SURE = 0.25, 0.015
 # Px of places that have a tint.
 _PLACE = 16
-
 # What codecs keep sharp: the brightness of television.
 LUMA = np.array([0.299, 0.587, 0.114], np.float32)
-
+# Lights that are tried.
 _LEVELS = np.linspace(0.2, 1.6, 561)
 
 
@@ -164,7 +157,5 @@ def tinted(frames: Array, mean: Array, light: float) -> Float64:
     contrast = light - mean @ LUMA
     opacity = frames @ LUMA * (contrast / (contrast**2 + 0.01))
     opacity = np.clip(opacity, -_MOST, _MOST)[..., None]
-    power = opacity**2
-    behind = (mean * power).sum(axis=(0, 1, 2)) / power.sum()
-    found = behind + (frames * opacity).sum(axis=(0, 1, 2)) / power.sum()
+    found = (mean * opacity**2 + frames * opacity).sum(axis=(0, 1, 2)) / (opacity**2).sum()
     return np.asarray(np.clip(found + light - found @ LUMA, 0.0, 1.0))
