@@ -184,7 +184,7 @@ def test_flakes_are_hidden_and_put_there_by_hand():
 def test_flakes_go_around_bodies(size: Any):
     """By the map of the page, of the places without it; streaks and motion planes follow."""
     way = fl.Keys([(0, (-2.0, 0.0, 4.0)), (40, (2.0, 0.0, 4.0))])
-    fields: Any = {"handover": 3.0, "camera": AHEAD, "density": 80.0, "sway": (0.0, 1.0)}
+    fields: Any = {"handover": 3.0, "camera": AHEAD, "density": 120.0, "sway": (0.0, 1.0)}
     plain, parted = scene(**{**fields, "handover": 9.0}), scene(
         **fields, wakes=[fl.effects.Body(way, size)]
     )  # fmt: skip
