@@ -64,8 +64,8 @@ def shown(
     seed: int, count: int,
 ) -> tuple[Peaks, float]:  # fmt: skip
     """Return the peaks of a candidate before a plate, and bytes as of `leaning`."""
-    flakes, black = replace(snow, color=1.0, seed=seed), np.zeros(plate.shape, np.float32)
-    scene = Scene(black, camera=camera, effects=[flakes], fps=fps, lens=None)
+    flakes = replace(snow, color=1.0, shape="round", seed=seed)  # Balls, as those of the waves.
+    scene = Scene(np.zeros_like(plate), camera=camera, effects=[flakes], fps=fps, lens=None)
     chance, pictures, used = np.random.default_rng(seed), [], 0.0
     for t in range(count):
         picture = plate + scene.render(t) * (colors.astype(np.float32) - plate)
