@@ -8,14 +8,15 @@ errors, "unsure" within two of it: more seeds decide.
 ``--quick`` measures 9 cases with 2 seeds in some minutes, ``--cases`` those whose names begin so,
 and ``--write`` makes docs/internals/falling_statistics.md. ``--of simulated`` judges the method
 that draws all flakes, and ``--of twin`` the twin by other seeds of its own, which must not miss.
-What is asked of the package alone (identities, motion, sizes of picture, bounds, costs) is in
-`benches/falling_contracts.py`.
+What is asked of the package alone is in `benches/falling_contracts.py`.
 """
 
 from __future__ import annotations
 
 import argparse
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -30,9 +31,10 @@ from twin_falling import film
 # package so far apart that each shows other flakes.
 TIMES = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 16.0, 64.0, 250.0, 500.0)
 QUICK = (0.0, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 64.0, 300.0)
+WAYS = "still-3", "sideways-0", "forward-0"
+QUICKLY = tuple(f"{weather}-{way}" for weather in ("light", "heavy", "rain") for way in WAYS)
 APART = tuple(np.arange(8) * 45.0)
-# Depths of peaks that are followed, metres.
-PEAKS = (4.0, 60.0)
+PEAKS = (4.0, 60.0)  # Depths of peaks that are followed, metres.
 
 QUOTIENTS = {
     "mean": 0.01, "deviation": 0.03, "skewness": 0.10, "kurtosis": 0.15,
@@ -54,14 +56,12 @@ class Figure:
 
     @property
     def verdict(self) -> str:
-        """Return "pass", "unsure" or "miss"."""
         if self.off <= self.limit:
             return "pass"
         return "miss" if self.off - 2.0 * self.error > self.limit else "unsure"
 
 
 def table(found: dict[str, Figure]) -> str:
-    """Return the figures of a case as lines."""
     head = f"{'':38}{'ours':>11}{'drawn':>11}{'off':>8}{'+-':>7}{'limit':>7}"
     lines = [
         f"{name:38}{f.ours:>11.4g}{f.drawn:>11.4g}{f.off:>8.3f}{f.error:>7.3f}{f.limit:>7.2f}"
@@ -182,11 +182,8 @@ def leaning(ours: list[Picture], drawn: list[Picture]) -> dict[str, Figure]:
     return found
 
 
-def judged(
-    case: Case, seeds: int, times: tuple[float, ...], of: str = "flakes"
-) -> dict[str, Figure]:
-    """Return all figures of a case."""
-    each = [measure(case, seed, times, of) for seed in range(1, seeds + 1)]
+def judged(case: Case, each: list[dict[str, tuple[Numbers, Picture]]]) -> dict[str, Figure]:
+    """Return all figures of a case, which was measured with several seeds."""
     peaks = [sum(e[who][0].get("peaks", 0.0) for e in each) for who in ("ours", "drawn")]
     found = {}
     names = [n for n in each[0]["ours"][0] if all(n in e[w][0] for e in each for w in e)]
@@ -195,7 +192,7 @@ def judged(
             continue
         rows = [np.array([one[who][0][name] for one in each]) for who in ("ours", "drawn")]
         a, b = (float(row.mean()) for row in rows)
-        error = float(np.sqrt(sum(row.var(ddof=1) / seeds for row in rows)))
+        error = float(np.sqrt(sum(row.var(ddof=1) / len(each) for row in rows)))
         if name.startswith("life"):
             # A share of so few peaks scatters more than two seeds may happen to.
             bands = 1 if name == "life" else 3
@@ -222,24 +219,27 @@ def main() -> None:
     words.add_argument("--seeds", type=int, default=8)
     words.add_argument("--size", type=int, default=480, metavar="WIDTH")
     words.add_argument("--quick", action="store_true")
-    words.add_argument("--cases", nargs="+", default=[""], metavar="BEGINNING")
+    words.add_argument("--cases", nargs="+", default=[], metavar="BEGINNING")
     words.add_argument("--of", choices=("flakes", "simulated", "twin"), default="flakes")
+    words.add_argument("--jobs", type=int, default=1, help="processes")
     words.add_argument("--write", action="store_true", help="make the page")
     asked = words.parse_args()
+    wanted = tuple(asked.cases) or (QUICKLY if asked.quick else ("",))
+    seeds, times = (2, QUICK) if asked.quick else (asked.seeds, TIMES)
     cases = [Case(c, w, wind, asked.size) for w in WEATHERS for c in CAMERAS for wind in WINDS]
-    seeds, times = asked.seeds, TIMES
-    if asked.quick:
-        ways = (("still", 3.0), ("sideways", 0.0), ("forward", 0.0))
-        cases = [Case(c, w, x, asked.size) for w in ("light", "heavy", "rain") for c, x in ways]
-        seeds, times = 2, QUICK
+    cases = [case for case in cases if str(case).startswith(wanted)]
     found = {}
-    for case in cases:
-        if str(case).startswith(tuple(asked.cases)):
+    with ProcessPoolExecutor(asked.jobs, get_context("spawn")) as jobs:
+        each = {
             # Light snow is cheap, and its few flakes scatter.
-            many = 4 * seeds if case.weather == "light" else seeds
-            found[str(case)] = judged(case, many, times, asked.of)
+            case: [jobs.submit(measure, case, seed, times, asked.of)
+                   for seed in range(1, seeds * (4 if case.weather == "light" else 1) + 1)]
+            for case in cases
+        }  # fmt: skip
+        for case, waiting in each.items():
+            found[str(case)] = judged(case, [one.result() for one in waiting])
             print(f"\n{case}\n{table(found[str(case)])}", flush=True)
-    lines = contracts(quick=asked.quick) if asked.of == "flakes" and asked.cases == [""] else []
+    lines = contracts(quick=asked.quick) if asked.of == "flakes" and not asked.cases else []
     print("\n" + "\n".join(lines))
     if asked.write:
         PAGE.write_text(page(found, lines, seeds), encoding="utf-8")

@@ -126,6 +126,18 @@ def stranger(make: Callable[[Path], object] | None, shot: Shot) -> str:
     return "refused" if theirs and shot.name in words and words[:4] != "made" else words
 
 
+def _late(shot: Shot) -> None:
+    """Stop a run before a group, which is noted, has its name; its writer goes on alone."""
+
+    def stop(numbers: Iterable[int]) -> Iterable[int]:
+        raise KeyboardInterrupt
+
+    data = _group(shot).read_bytes()
+    _group(shot).unlink()
+    shot.write(progress=stop)
+    _group(shot).write_bytes(data)
+
+
 # What befalls a film's first group where a run was stopped in the second: answers, as above. Group
 # files are nobody's work: what is not what is wanted is made again.
 GROUPS: dict[str, tuple[Fault, str, str]] = {
@@ -135,6 +147,7 @@ GROUPS: dict[str, tuple[Fault, str, str]] = {
        for name, spoil in SPOILT.items()},
     "another scene": (lambda shot: None, "made again", "refused"),
     "another plate of its name": (_other_plate, "made again", "refused"),
+    "its name comes after Ctrl-C": (_late, "kept", "refused"),
 }  # fmt: skip
 
 

@@ -156,24 +156,23 @@ class _Groups(Job):
     def clear(self, *, whole: bool, made: bool) -> None:
         """Remove what a film that is whole does not need, or the folder if it has no group."""
         groups = [self.path_of(index) for index in range(len(self.groups))]
-        if whole or not any(path.exists() for path in groups):
-            with suppress(OSError, ValueError):
+        with suppress(OSError, ValueError):
+            noted = Journal(self.store, self.folder).names()
+            # Ctrl-C can miss a writer that has just begun: what is noted may yet take its name.
+            if whole or not (noted or any(path.exists() for path in groups)):
                 # A run that was killed, here or elsewhere, had no time for it.
                 self.store.tidy(self.folder)
                 # What was made or kept now is ours, even if somebody has lost the lines since.
-                ours = [path.name for path in groups if made]
-                ours += Journal(self.store, self.folder).names()
+                ours = [*noted, *(path.name for path in groups if made)]
                 found = list(self.folder.iterdir())
                 # Groups go when the film has its name for certain, and before their lines: a group
                 # without its line would be a stranger's.
                 flush_folder(self.folder.parent)
-                for part in found:
-                    if part.name in ours:
-                        part.unlink()
+                for part in (part for part in found if part.name in ours):
+                    part.unlink()
                 flush_folder(self.folder)
-                for part in found:
-                    if is_journal(part.name):
-                        part.unlink()
+                for part in (part for part in found if is_journal(part.name)):
+                    part.unlink()
                 self.folder.rmdir()
 
 
