@@ -1,9 +1,9 @@
 """Time our weather for data sets against that of the usual libraries, all in one run.
 
-    python benches/peers.py [--here] [--page docs/internals/peers.md]
+    python benches/peers.py [--here | --labels] [--page docs/internals/peers.md]
 
 Makes .venv-peers, installs everyone and us and measures there; `--here` in the environment that
-runs it. How it measures says the page. Whoever cannot be installed or run is reported.
+runs it, and `--labels` ours with boxes and depths alone. How it measures says the page.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ SIZES = {
 ALONE, COLD = "warm, in single calls", "the first 20 pictures of a process"
 LOADER, LABELS = "in a DataLoader of 2 workers", "with labels"
 FIRST = 20
-OURS = {"snow": "Snowfall", "rain": "Rainfall", "fog": "Fog"}
+OURS, PROFILES = {"snow": "Snowfall", "rain": "Rainfall", "fog": "Fog"}, ("natural", "hard")
 # Rounds of ours before the first that is timed.
 WARM = 300
 # It draws no flakes, so it does not count as snow.
@@ -52,9 +52,15 @@ Times = dict[tuple[str, str, str], dict[str, list[float]]]
 def main() -> None:
     parser = argparse.ArgumentParser(description="Weather of the usual libraries, and ours.")
     parser.add_argument("--here", action="store_true", help="measure in this environment")
+    parser.add_argument("--labels", action="store_true", help="ours with labels, nobody else")
     parser.add_argument("--runs", type=int, default=15)
     parser.add_argument("--page", type=Path, help="Markdown to write")
     options = parser.parse_args()
+    if options.labels:
+        for size in SIZES:
+            for kind in OURS:
+                print(*tables(labels(kind, size)), sep="\n", flush=True)
+        return
     if options.here:
         text = page(*measure(options.runs), options.runs)
         print(text)
@@ -100,29 +106,33 @@ def measure(runs: int) -> tuple[Times, list[str]]:
             found[kind, size, COLD] = {
                 name: [in_child(call) for _ in range(2)] for name, call in calls.items()
             }
-            times: dict[str, list[float]] = {name: [] for name in calls}
             # Ours as often as fills the sheets that it keeps: as a training's first batches do.
             for name, call in calls.items():
                 for number in range(WARM if name.startswith("flurries") else 0):
                     call[number % len(call)]()
-            # Each once to warm up; then in turns, so that a slow moment is everybody's, and in
-            # another order each time: after a peer of much memory the caches are empty.
-            for turn in range(runs + 1):
-                order = list(calls.items())
-                random.Random(turn).shuffle(order)
-                for name, call in order:
-                    start = time.process_time()
-                    for one in call:
-                        one()
-                    if turn:
-                        times[name].append(1e3 * (time.process_time() - start) / len(call))
-            found[kind, size, ALONE] = times
-            times = {
+            found[kind, size, ALONE] = in_turns(calls, runs)
+            found[kind, size, LOADER] = {
                 name: [in_loader(call, count) for _ in range(2)] for name, call in calls.items()
             }
-            found[kind, size, LOADER] = times
-            found[kind, size, LABELS] = labels(kind, shapes[-1])
+            found |= labels(kind, size)
     return found, failures
+
+
+def in_turns(calls: dict[str, list[Call]], runs: int) -> dict[str, list[float]]:
+    """Return the milliseconds of a picture, where a slow moment is everybody's."""
+    times: dict[str, list[float]] = {name: [] for name in calls}
+    # Each once to warm up; then in another order each time: after a peer of much memory the caches
+    # are empty.
+    for turn in range(runs + 1):
+        order = list(calls.items())
+        random.Random(turn).shuffle(order)
+        for name, call in order:
+            start = time.process_time()
+            for one in call:
+                one()
+            if turn:
+                times[name].append(1e3 * (time.process_time() - start) / len(call))
+    return times
 
 
 def in_child(calls: list[Call]) -> float:
@@ -147,7 +157,7 @@ def in_child(calls: list[Call]) -> float:
     return spent
 
 
-def labels(kind: str, shape: tuple[int, int]) -> dict[str, list[float]]:
+def labels(kind: str, size: str) -> Times:
     """Return what boxes and depths cost of ours, which no peer has, in turns with the picture."""
     import numpy as np
     from skimage import data
@@ -155,55 +165,39 @@ def labels(kind: str, shape: tuple[int, int]) -> dict[str, list[float]]:
     import flurries as fl
     from flurries.io import fit
 
+    fl.set_threads(1)
+    shape = SIZES[size][0][-1]
     picture = fit(data.coffee(), shape)
-    made = getattr(fl.augment, OURS[kind])(severity=3)
     depth = np.geomspace(2.0, 90.0, shape[0])[:, None] * np.ones(shape)
     rows = np.arange(20.0)[:, None]
-    boxes = np.hstack([rows, rows, rows + 40.0, rows + 60.0])
-    calls: dict[str, Call] = {
-        "picture": lambda: made(picture, index=1),
-        "depth": lambda: made(picture, depth=depth, index=1),
-        "20 boxes": lambda: made.apply(picture, boxes=boxes, index=1),
-        "20 boxes and depth": lambda: made.apply(picture, boxes=boxes, depth=depth, index=1),
-    }  # fmt: skip
-    times: dict[str, list[float]] = {name: [] for name in calls}
-    for _ in range(21):
-        for name, call in calls.items():
-            start = time.process_time()
-            call()
-            times[name].append(1e3 * (time.process_time() - start))
-    return {name: spent[1:] for name, spent in times.items()}
-
-
-class Pictures:
-    """A data set whose every item is a call."""
-
-    def __init__(self, calls: list[Call], count: int) -> None:
-        self.calls, self.count = calls, count
-
-    def __len__(self) -> int:
-        return self.count
-
-    def __getitem__(self, index: int) -> int:
-        self.calls[index % len(self.calls)]()
-        return index
+    boxes = np.hstack([rows, rows, rows + 40.0, rows + 60.0]) * (shape[0] / 128)
+    found: Times = {}
+    for profile in PROFILES:
+        made = getattr(fl.augment, OURS[kind])(severity=3, profile=profile)
+        labelled = partial(made.apply, picture, boxes=boxes, index=1)
+        calls: dict[str, list[Call]] = {
+            "picture": [partial(made, picture, index=1)],
+            "depth": [partial(made, picture, depth=depth, index=1)],
+            "20 boxes": [labelled], "20 boxes and depth": [partial(labelled, depth=depth)],
+        }  # fmt: skip
+        found[kind, size, f"{LABELS}, {profile}"] = in_turns(calls, 40)
+    return found
 
 
 def in_loader(calls: list[Call], count: int) -> float:
-    """Return the milliseconds of the workers' processors that a picture takes in a loader of two.
-
-    Other work on the machine does not lengthen them.
-    """
+    """Return the milliseconds of the workers' processors for a picture in a loader of two."""
     from torch.utils.data import DataLoader
 
-    before = os.times()
-    loader = DataLoader(Pictures(calls, count), batch_size=16, num_workers=2)  # type: ignore[arg-type]
-    seen = sum(len(batch) for batch in loader)
-    assert seen == count
+    def made(batch: list[int]) -> int:
+        for number in batch:
+            calls[number % len(calls)]()
+        return len(batch)
+
+    before = sum(os.times()[2:4])
+    loader = DataLoader(range(count), batch_size=16, num_workers=2, collate_fn=made)  # type: ignore[arg-type]
+    assert sum(loader) == count
     del loader
-    after = os.times()
-    busy = after.children_user + after.children_system
-    return 1e3 * (busy - before.children_user - before.children_system) / count
+    return 1e3 * (sum(os.times()[2:4]) - before) / count
 
 
 def verdict(times: Times) -> list[str]:
@@ -214,7 +208,7 @@ def verdict(times: Times) -> list[str]:
     """
     lines = []
     for (kind, size, way), calls in times.items():
-        if way == LABELS:
+        if way.startswith(LABELS):
             continue
         own = [name for name in calls if name.startswith("flurries")]
         others = [name for name in calls if name not in own and WHITENS not in name]
@@ -257,6 +251,11 @@ def page(times: Times, failures: list[str], runs: int) -> str:
     parts += [f"\n{installed}; {platform.machine()}, {os.cpu_count()} cores, "
               f"load {os.getloadavg()[0]:.1f}."]  # fmt: skip
     parts += ["\n## What did not run\n", *(f"- {f}" for f in failures or ["Everything ran."])]
+    return "\n".join([*parts, *tables(times)]) + "\n"
+
+
+def tables(times: Times) -> list[str]:
+    parts = []
     for (kind, size, way), calls in times.items():
         ours = min(next(iter(calls.values())))
         parts += [
@@ -268,7 +267,7 @@ def page(times: Times, failures: list[str], runs: int) -> str:
             f"| {name} | {min(v):.2f} | {statistics.median(v):.2f} | {min(v) / ours:.2f} |"
             for name, v in sorted(calls.items(), key=lambda item: min(item[1]))
         ]  # fmt: skip
-    return "\n".join(parts) + "\n"
+    return parts
 
 
 def classes(shapes: Any, failures: list[str]) -> dict[str, dict[str, list[Call]]]:
@@ -281,7 +280,7 @@ def classes(shapes: Any, failures: list[str]) -> dict[str, dict[str, list[Call]]
     pictures = [fit(data.coffee(), shape) for shape in shapes]
     found: dict[str, dict[str, list[Call]]] = {kind: {} for kind in OURS}
     for kind, ours in OURS.items():
-        for profile in ("natural", "hard"):
+        for profile in PROFILES:
             made = getattr(fl.augment, ours)(severity=(1, 5), profile=profile)
             name = f'flurries {ours}(severity=(1, 5), profile="{profile}")'
             found[kind][name] = [partial(made, picture) for picture in pictures]

@@ -240,14 +240,12 @@ def test_draws_fill_their_ranges(kind: str):
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 
 LARGE = np.random.default_rng(0).integers(0, 256, (120, 160, 3), dtype=np.uint8)
-WEATHERS = (fl.augment.Snowfall, fl.augment.Rainfall, fl.augment.Fog)
-JOBS = [(kind(severity=(2, 4), seed=7), index) for kind in WEATHERS for index in range(12)]
+JOBS = [(kind(severity=(2, 4), seed=7), index) for kind in KINDS.values() for index in range(12)]
 
 
 def made(job: tuple[Any, int]) -> bytes:
     weather, index = job
-    result: np.ndarray = weather(LARGE, index=index)
-    return result.tobytes()
+    return bytes(weather(LARGE, index=index))
 
 
 @pytest.fixture(scope="module")
@@ -290,5 +288,4 @@ def test_without_a_seed_forked_workers_never_share_a_draw():
 
 
 def drawn(weather: Any) -> int:
-    number: int = weather.apply(LARGE[:8, :8]).record["weather_seed"]
-    return number
+    return int(weather.apply(LARGE[:8, :8]).record["weather_seed"])

@@ -14,7 +14,7 @@ from flurries.spectral.volume import Film
 __all__ = [
     "BallImages", "FlakeSheet", "InternalError", "SortedFlakes", "SortedGas", "__version__",
     "advance_phase",
-    "all_within", "band_amplitude", "blend_tiles", "cone_chart", "cone_footprints",
+    "all_within", "band_amplitude", "blend_tiles", "box_sums", "cone_chart", "cone_footprints",
     "cone_layer", "cone_needed", "cone_rays", "cone_shown", "cone_stack", "cone_table",
     "cone_tile", "encode_bytes", "fall", "field", "flake_choices", "flake_frame",
     "flake_patterns", "flake_rows", "gas_alpha", "gas_draw", "gas_glow", "gas_light",
@@ -23,9 +23,8 @@ __all__ = [
     "particle_draw_lit", "particle_edge_fade", "particle_ids", "particle_positions",
     "particle_splat", "particle_sway_offsets", "plate_cells", "random_phase", "reproducible",
     "set_reproducible", "set_scope", "set_threads", "shade_add", "shade_over", "sheet_bent",
-    "sheet_read", "smooth", "snow", "temporal_filter", "temporal_gain", "tent_rate", "threads",
-    "tile_count", "tile_shares", "to_half", "uniform", "veil", "volume", "wave_depth", "whiten",
-    "wind_waves",
+    "sheet_read", "snow", "temporal_filter", "temporal_gain", "tent_rate", "threads",
+    "tile_shares", "to_half", "uniform", "veil", "volume", "whiten", "wind_waves",
 ]  # fmt: skip
 
 __version__: str
@@ -70,8 +69,6 @@ def inverse_transform(out: _Array, amplitude: _Float64, phase: _Float64) -> None
 def temporal_gain(
     out: _Float64, rate: _Float64, alias: str, soft_from: float, shutter: float
 ) -> None: ...
-def wave_depth(out: _Float64, wavelength: _Float64, near: float, longest: float) -> None: ...
-def tile_count(length: int, tile: int, overlap: int) -> int: ...
 def tile_shares(out: _Float64, tile: int, overlap: int, blend: str) -> None: ...
 def blend_tiles(out: _Array, tiles: _Array, overlap: int, blend: str) -> None: ...
 def opacity(out: _Array, field: _Array, map: _Map) -> None: ...
@@ -107,6 +104,7 @@ def encode_bytes(out: _Array, values: _Array, light: _Array, edges: _Array) -> N
 def veil(
     out: _Array, way: _Array, extinction: float, patches: tuple[_Array, float, float] | None
 ) -> None: ...
+def box_sums(out: _Float64, boxes: _Float64, alpha: _Array, veil: _Array, seen: float) -> None: ...
 def uniform(out: _Float64, seed: int, stream: int) -> None: ...
 def wind_waves(out: _Float64, points: _Float64, k: _Float64, weights: _Float64) -> None: ...
 def particle_positions(
@@ -161,7 +159,6 @@ def particle_draw(
     numbers: _Array | None = None,
 ) -> None: ...  # fmt: skip
 def particle_sway_offsets(out: _Float64, seed: int, time: float, sway: _Pair) -> None: ...
-def smooth(out: _Float64, t: _Float64) -> None: ...
 def particle_edge_fade(
     out: _Float64, points: _Float64, sides: _Vector, center: _Vector
 ) -> None: ...

@@ -9,6 +9,8 @@ from flurries._contract import Array
 
 # Of a picture so many rows and columns are looked at; brighter light than this is rare.
 _SAMPLES = 256
+# One in so many of them, and across: some say enough.
+_FEW = 16
 _LARGEST_LIGHT = 16.0
 
 # Colors outside a plate's primaries are a little below 0, and few: more is no light.
@@ -66,7 +68,11 @@ def warn_of_units(name: str, plane: Array) -> None:
     # others are millimetres. Both are silent otherwise: weather is nowhere, or everywhere alike.
     rows, columns = (max(length // _SAMPLES, 1) for length in plane.shape)
     sample = plane[::rows, ::columns]
-    sample = sample[sample > 0.0]  # Others are holes.
+    few = sample[::_FEW, ::_FEW]
+    if ((few > 1.0) & (few <= _FARTHEST_NEAR)).any():
+        return
+    if not sample.min(initial=1.0) > 0.0:
+        sample = sample[sample > 0.0]  # Others are holes.
     near, far = float(sample.min(initial=np.inf)), float(sample.max(initial=0.0))
     if far < 2.0 * near or far == np.inf:
         return

@@ -1,5 +1,6 @@
 //! Layers over a background: Langer 2004, Eq. 7, and premultiplied over.
 
+pub mod boxes;
 pub mod coding;
 pub mod composite;
 pub mod grid;

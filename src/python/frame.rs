@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut, alike, arrays, either};
 use crate::base::error::Error;
+use crate::frame::boxes;
 use crate::frame::coding::{self, Coding};
 use crate::frame::composite;
 use crate::frame::grid::Grid;
@@ -123,6 +124,24 @@ pub fn veil(
     });
     let work = 2.0 * out.len() as f64;
     gate::run(py, work, move |cancel| fog::veil(out, way, extinction, patches, cancel))
+}
+
+/// Adds sums over boxes (n, 4) to `out` (n, 3); see [`boxes::sums`].
+#[pyfunction]
+pub fn box_sums(
+    py: Python<'_>,
+    mut out: PyReadwriteArray2<'_, f64>,
+    boxes: PyReadonlyArray2<'_, f64>,
+    alpha: Plane<'_>,
+    veil: Plane<'_>,
+    seen: f64,
+) -> PyResult<()> {
+    let (out, boxes) = (out.as_slice_mut()?.as_chunks_mut().0, boxes.as_slice()?.as_chunks().0);
+    alike!([Single, Double] Plane alpha = &alpha, Plane veil = &veil => {
+        let planes = (alpha.as_array(), veil.as_array());
+        let work = 2.0 * planes.0.len() as f64;
+        gate::run(py, work, |cancel| boxes::sums(out, boxes, planes, seen, cancel))
+    }, else mismatch())
 }
 
 /// Colors at the middles of cells: (colors, side of a cell, first row, first column).

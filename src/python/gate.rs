@@ -4,9 +4,7 @@
 use std::sync::OnceLock;
 use std::time::Duration;
 
-use numpy::{
-    Element, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2,
-};
+use numpy::{PyArray2, PyReadonlyArray2, PyReadwriteArray2};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -145,20 +143,6 @@ fn watched<R: Send>(
     })
 }
 
-/// Fills `out` with a law of each of `values`.
-pub fn each<T: Element + Copy>(
-    out: &mut PyReadwriteArray1<'_, f64>,
-    values: &PyReadonlyArray1<'_, T>,
-    law: impl Fn(T) -> f64,
-) -> PyResult<()> {
-    let (mut out, values) = (out.as_array_mut(), values.as_array());
-    if out.len() != values.len() {
-        return Err(Error::Internal("arrays of different lengths".into()).into());
-    }
-    out.iter_mut().zip(values).for_each(|(out, &value)| *out = law(value));
-    Ok(())
-}
-
 /// An attribute of an object in Python; names are made strings once.
 macro_rules! attribute {
     ($object:expr, $name:ident $(: $type:ty)?) => {
@@ -274,14 +258,10 @@ macro_rules! each_map {
                 let $map = None::<numpy::ndarray::ArrayView2<'_, f32>>;
                 $body
             }
-            Some($crate::python::gate::Plane::Single(map)) => {
+            Some(plane) => $crate::python::gate::either!(Plane map = plane => {
                 let $map = Some(map.as_array());
                 $body
-            }
-            Some($crate::python::gate::Plane::Double(map)) => {
-                let $map = Some(map.as_array());
-                $body
-            }
+            }),
         }
     };
 }

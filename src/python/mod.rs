@@ -34,8 +34,8 @@ mod core {
     use super::flakes::{flake_choices, flake_frame, flake_patterns};
     #[pymodule_export]
     use super::frame::{
-        encode_bytes, join, layer_finish, layer_rgba, layer_seen, over, plate_cells, shade_add,
-        shade_over, snow, veil, whiten,
+        box_sums, encode_bytes, join, layer_finish, layer_rgba, layer_seen, over, plate_cells,
+        shade_add, shade_over, snow, veil, whiten,
     };
     #[pymodule_export]
     use super::gas::{
@@ -48,7 +48,7 @@ mod core {
     #[pymodule_export]
     use super::numbers::{
         all_within, lamp_light, particle_edge_fade, particle_positions, particle_sway_offsets,
-        smooth, to_half, uniform, wind_waves,
+        to_half, uniform, wind_waves,
     };
     #[pymodule_export]
     use super::particles::{
@@ -57,8 +57,7 @@ mod core {
     #[pymodule_export]
     use super::spectral::{
         advance_phase, band_amplitude, blend_tiles, field, inverse_transform, opacity,
-        random_phase, temporal_filter, temporal_gain, tent_rate, tile_count, tile_shares, volume,
-        wave_depth,
+        random_phase, temporal_filter, temporal_gain, tent_rate, tile_shares, volume,
     };
 
     #[pymodule_init]

@@ -7,7 +7,6 @@ use pyo3::prelude::*;
 use super::gate::{self, arrays, either};
 use crate::air;
 use crate::base::lamps::{Lamps, light};
-use crate::base::pixel::smoothstep;
 use crate::base::real::Real;
 use crate::base::{pool, random, scan};
 use crate::encode::to_half as half;
@@ -83,12 +82,6 @@ pub fn lamp_light(
             Ok(())
         })
     })
-}
-
-/// Fills `out` (n,) with 0 below 0, 1 above 1 and the cubic between.
-#[pyfunction]
-pub fn smooth(mut out: PyReadwriteArray1<'_, f64>, t: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
-    gate::each(&mut out, &t, smoothstep)
 }
 
 /// Fills `out` (n, c) with sums of plane waves at points (n, 3).

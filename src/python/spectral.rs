@@ -85,19 +85,9 @@ pub fn temporal_gain(
     shutter: f64,
 ) -> PyResult<()> {
     let filter = TemporalFilter { alias: Alias::named(alias)?, soft_from, shutter }.checked()?;
-    gate::each(&mut out, &rate, |rate| filter.gain(rate))
-}
-
-/// Fills `out` (n,) with the depths that these wavelengths stand for, or the wavelengths that stand for
-/// these depths, where the longest wave stands for `near`.
-#[pyfunction]
-pub fn wave_depth(
-    mut out: PyReadwriteArray1<'_, f64>,
-    wavelength: PyReadonlyArray1<'_, f64>,
-    near: f64,
-    longest: f64,
-) -> PyResult<()> {
-    gate::each(&mut out, &wavelength, |wavelength| tent::depth_of(wavelength, near, longest))
+    let mut gains = out.as_array_mut();
+    gains.iter_mut().zip(rate.as_array()).for_each(|(gain, &rate)| *gain = filter.gain(rate));
+    Ok(())
 }
 
 /// The field of two tables.
@@ -113,12 +103,6 @@ pub fn inverse_transform(
     each_precision!(out, view => {
         gate::run(py, work, move |cancel| transform_kernel(view, amplitude, phase, cancel))
     })
-}
-
-/// How many tiles there are along one axis; they start at multiples of `tile - overlap`.
-#[pyfunction]
-pub fn tile_count(length: usize, tile: usize, overlap: usize) -> PyResult<usize> {
-    Ok(Row { length, tile, overlap }.checked()?.count())
 }
 
 /// Fills `out` (length, tiles) with each tile's share of each pixel along one axis. A row sums to 1; a

@@ -35,13 +35,6 @@ impl Motion {
     }
 }
 
-/// The depth that a wave stands for where the longest one stands for `near`: it moves as a flake there
-/// does. By the same product the wave that stands for a depth.
-#[inline]
-pub fn depth_of(wavelength: f64, near: f64, longest: f64) -> f64 {
-    near * longest / wavelength
-}
-
 /// The temporal frequency of every bin, cycles per frame; with a loop of so many frames, rounded to
 /// whole turns of it (half to even, which is odd).
 pub fn tent_rate(mut out: ArrayViewMut2<'_, f64>, drift: [f64; 2], repeat: Option<f64>) {

@@ -19,9 +19,6 @@ from flurries.augment.pictures import layer_of
 # From this opacity on a flake, not what is behind it, is what is seen at a pixel.
 SEEN = 0.5
 
-# Boxes are summed by one product of matrices, up to so many boxes times pixels: else one by one.
-_TOGETHER = 400_000
-
 # Pixels whose labels are made at once, so that sums stay in a cache.
 _BLOCK = 1 << 15
 
@@ -118,25 +115,33 @@ def hidden(alpha: Array, veil: Any, corners: Float64 | None, masks: Any) -> dict
     """Return what weather hides of boxes and of instances, as fields of `Weathered`."""
     found: dict[str, Any] = {}
     if corners is not None:
-        laws = [lambda at: alpha[at], lambda at: alpha[at] < SEEN]
-        if isinstance(veil, np.ndarray):
-            laws.append(lambda at: 1.0 - (1.0 - alpha[at]) / (1.0 - veil[at]))
-        found["occlusion"], found["visibility"], *own = _means(alpha.shape, corners, *laws)
-        if not own:
-            # What falls leaves all that the veil does not take.
-            own = [1.0 - (1.0 - found["occlusion"]) / max(1.0 - veil, 1e-9)]
-        found["coverage"] = np.clip(own[0], 0.0, 1.0)
-    if not isinstance(masks, np.ndarray) or masks.shape[-2:] != alpha.shape:
-        return found
-    if (masks.ndim, masks.dtype.kind) in ((2, "i"), (2, "u"), (3, "b")):
-        numbers = np.unique(masks[masks != 0]) if masks.ndim == 2 else np.arange(len(masks))
-        planes = [masks == number for number in numbers] if masks.ndim == 2 else masks
-        parts = [alpha[plane] for plane in planes]
-        found["instances"] = numbers
-        for name, of in (("occlusion", parts), ("visibility", [part < SEEN for part in parts])):
-            means = [part.mean(dtype=np.float64) if part.size else np.nan for part in of]
-            found[f"instance_{name}"] = np.array(means, np.float64)
+        means = _means(alpha, corners, veil)
+        found["occlusion"], found["visibility"], found["coverage"] = means
+    if isinstance(masks, np.ndarray) and masks.shape[-2:] == alpha.shape:
+        found |= _instances(alpha.reshape(-1), masks)
     return found
+
+
+def _instances(alpha: Array, masks: Array) -> dict[str, Any]:
+    """Return what is hidden of instances; nothing of what are no masks of them."""
+    planes = alpha, alpha < SEEN
+    if masks.ndim == 2 and masks.dtype.kind in "iu":
+        flat = masks.reshape(-1)
+        # Summed along runs of one number, of which there are few.
+        first = np.flatnonzero(np.append(True, flat[1:] != flat[:-1]))
+        numbers, own = np.unique(flat[first], return_inverse=True)
+        runs = [np.add.reduceat(plane, first, dtype=np.float64) for plane in planes]
+        each = [np.bincount(own, run) for run in (*runs, np.diff(first, append=flat.size))]
+        numbers, *sums, sizes = (one[numbers != 0] for one in (numbers, *each))
+    elif masks.ndim == 3 and masks.dtype.kind == "b":
+        numbers, rows = np.arange(len(masks)), masks.reshape(len(masks), alpha.size)
+        sums = [np.array([p[row].sum(dtype=np.float64) for row in rows]) for p in planes]
+        sizes = np.count_nonzero(rows, axis=1)
+    else:
+        return {}
+    with np.errstate(invalid="ignore"):
+        occluded, seen = (one / sizes for one in sums)
+    return {"instances": numbers, "instance_occlusion": occluded, "instance_visibility": seen}
 
 
 def occlusion(alpha: npt.ArrayLike, boxes: npt.ArrayLike) -> Float64:
@@ -157,34 +162,23 @@ def occlusion(alpha: npt.ArrayLike, boxes: npt.ArrayLike) -> Float64:
     """
     plane, _ = pixels("alpha", alpha, ndim=2)
     shares("alpha", plane)
-    return _means(plane.shape, boxes_of(boxes), lambda at: plane[at])[0]
+    means: Float64 = _means(plane, boxes_of(boxes))[0]
+    return means
 
 
-def _means(
-    shape: tuple[int, ...], corners: Float64, *laws: Callable[[Any], Array]
-) -> list[Float64]:
-    """Return the means over each box of planes, which laws give within slices."""
-    height, width = shape
-    down, across = _covered(corners[:, 1::2], height), _covered(corners[:, ::2], width)
-    sums = np.empty((len(laws), len(corners)))
-    if down.size * width <= _TOGETHER:
-        for row, law in zip(sums, laws, strict=True):
-            np.einsum("nj,nj->n", down @ law(slice(None)), across, out=row)
-    else:
-        ends = np.clip(np.array([np.floor(corners), np.ceil(corners)]), 0, (width, height) * 2)
-        for number, ((x0, y0, *_), (*_, x1, y1)) in enumerate(ends.astype(int).swapaxes(0, 1)):
-            for row, law in zip(sums, laws, strict=True):
-                part = law((slice(y0, y1), slice(x0, x1)))
-                row[number] = down[number, y0:y1] @ (part @ across[number, x0:x1])
-    area = down.sum(axis=1) * across.sum(axis=1)
-    return list(np.clip(sums / np.where(area > 0.0, area, np.nan), 0.0, 1.0))
-
-
-def _covered(ends: Float64, length: int) -> Float64:
-    """Return how much intervals (n, 2) cover of each pixel, (n, length)."""
-    places = np.arange(length)
-    covered = np.minimum(ends[:, 1:], places + 1.0) - np.maximum(ends[:, :1], places)
-    return np.asarray(np.clip(covered, 0.0, 1.0))
+def _means(alpha: Array, corners: Float64, veil: Any = 0.0) -> Float64:
+    """Return of each box the mean opacity, the share that is seen, and the first without a veil."""
+    inside, sums = np.clip(corners, 0.0, alpha.shape[::-1] * 2), np.zeros((len(corners), 3))
+    even = not isinstance(veil, np.ndarray)
+    _core.box_sums(sums, inside, alpha, alpha[:0] if even else veil, SEEN)
+    widths, heights = (inside[:, 2:] - inside[:, :2]).T
+    areas = widths * heights
+    areas[areas == 0.0] = np.nan
+    means = sums.T / areas
+    if even:
+        # What falls leaves all that the veil does not take.
+        means[2] = (means[0] - veil) / max(1.0 - veil, 1e-9)
+    return np.asarray(np.clip(means, 0.0, 1.0))
 
 
 def boxes_of(boxes: npt.ArrayLike) -> Float64:
@@ -194,9 +188,9 @@ def boxes_of(boxes: npt.ArrayLike) -> Float64:
         return np.empty((0, 4))
     if corners.ndim != 2 or corners.shape[1] != 4:
         raise ValueError(f"boxes must have shape (n, 4), got {corners.shape}")
-    turned = (corners[:, :2] > corners[:, 2:]).any(axis=1)
+    turned = corners[:, :2] > corners[:, 2:]
     if turned.any():
-        at = int(turned.argmax())
+        at = int(turned.any(axis=1).argmax())
         raise ValueError(
             "boxes must be (x0, y0, x1, y1) with x0 <= x1 and y0 <= y1, "
             f"got {tuple(corners[at].tolist())} at [{at}]"

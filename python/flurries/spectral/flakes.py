@@ -10,6 +10,7 @@ import numpy.typing as npt
 from flurries import _contract as check
 from flurries import _core
 from flurries._contract import LARGEST, MOST_ELEMENTS, OVERLAP, Array, Float64
+from flurries.spectral.tiles import starts
 
 # Larger flakes are drawn one by one: in a texture they would cost a second each.
 _LARGEST_FLAKE = 1000.0
@@ -163,7 +164,7 @@ def optical_depth(
     spectra = _spectra(patterns)
     layers, number, tile, _ = spectra.shape
     _, shared = check.tile_of(tile, overlap)
-    rows, cols = (_core.tile_count(length, tile, shared) for length in size)
+    rows, cols = (len(starts(length, tile, shared)) for length in size)
     if rows * cols * layers > _MOST_TERMS:
         raise ValueError(
             f"shape must take at most {_MOST_TERMS} tiles times layers, got {rows} x {cols} tiles "

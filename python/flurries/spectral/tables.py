@@ -272,7 +272,5 @@ def kept_power(cycles: float, alias: str, *, shutter: float = 0.0) -> float:
 def wave_depth(wavelength: npt.ArrayLike, *, near_depth: float, longest: float) -> Float64:
     """Return near_depth * longest / wavelength, the depths that waves stand for, or their waves."""
     # Each moves as a flake at its depth does. Infinite for 0, and 0 for what is infinite.
-    given = np.ascontiguousarray(wavelength, np.float64)
-    depth = np.empty(given.shape)
-    _core.wave_depth(depth.reshape(-1), given.reshape(-1), near_depth, longest)
-    return depth
+    with np.errstate(divide="ignore"):
+        return np.asarray(near_depth * longest / np.asarray(wavelength, np.float64))
