@@ -15,6 +15,7 @@ import flurries as fl
 from flurries import _core
 from flurries.augment import Fog, Rainfall, Snowfall
 from flurries.augment.air import Here
+from flurries.augment.record import DRAWN
 from measure import drawn_of
 
 KINDS: dict[str, Callable[..., Any]] = {"snow": Snowfall, "rain": Rainfall, "fog": Fog}
@@ -226,7 +227,7 @@ def test_a_record_that_is_none_is_refused(change: Any):
 def test_draws_fill_their_ranges(kind: str):
     weather = KINDS[kind](amount=(0.1, 0.9), shade=(0.0, 500.0), drops=(1.0, 9.0), seed=3)
     records = [weather.record(index=k) for k in range(400)]
-    for name in ("amount", *weather.DRAWN):
+    for name in ("amount", *DRAWN.keys() & vars(weather)):
         low, high = getattr(weather, name)
         values = np.array([record[name] for record in records])
         assert values.min() >= low and values.max() <= high

@@ -14,7 +14,7 @@ from flurries.spectral.volume import Film
 __all__ = [
     "BallImages", "FlakeSheet", "InternalError", "SortedFlakes", "SortedGas", "__version__",
     "advance_phase",
-    "all_within", "band_amplitude", "blend_tiles", "box_sums", "cone_chart", "cone_footprints",
+    "all_within", "band_amplitude", "blend_tiles", "box_means", "cone_chart", "cone_footprints",
     "cone_layer", "cone_needed", "cone_rays", "cone_shown", "cone_stack", "cone_table",
     "cone_tile", "encode_bytes", "fall", "field", "flake_choices", "flake_frame",
     "flake_patterns", "flake_rows", "gas_alpha", "gas_draw", "gas_glow", "gas_light",
@@ -104,7 +104,7 @@ def encode_bytes(out: _Array, values: _Array, light: _Array, edges: _Array) -> N
 def veil(
     out: _Array, way: _Array, extinction: float, patches: tuple[_Array, float, float] | None
 ) -> None: ...
-def box_sums(out: _Float64, boxes: _Float64, alpha: _Array, veil: _Array, seen: float) -> None: ...
+def box_means(out: _Float64, boxes: _Float64, alpha: _Array, veil: _Array, seen: float) -> None: ...
 def uniform(out: _Float64, seed: int, stream: int) -> None: ...
 def wind_waves(out: _Float64, points: _Float64, k: _Float64, weights: _Float64) -> None: ...
 def particle_positions(

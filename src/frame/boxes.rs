@@ -1,4 +1,4 @@
-//! What weather hides of boxes: sums over all that each covers, parts of pixels as parts.
+//! What weather hides of boxes: means over all that each covers, parts of pixels as parts.
 
 use ndarray::ArrayView2;
 
@@ -7,9 +7,9 @@ use crate::base::pool::line;
 use crate::base::real::Real;
 use crate::base::simd::dispatch;
 
-/// Adds sums over boxes (x0, y0, x1, y1) px within the picture: of the opacity, of 1 where it is less than `seen`, and of
-/// the opacity without that of the veil, if there is one: it may have no rows.
-pub fn sums<T: Real>(
+/// Adds means over boxes (x0, y0, x1, y1) px to zeros: of the opacity, of 1 where it is less than `seen`, and of the
+/// opacity without that of the veil, which may have no rows. A box without area in the picture has none: NaN.
+pub fn means<T: Real>(
     out: &mut [[f64; 3]],
     boxes: &[[f64; 4]],
     (alpha, veil): (ArrayView2<'_, T>, ArrayView2<'_, T>),
@@ -17,11 +17,13 @@ pub fn sums<T: Real>(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     // A box is what lies above its lower end less what lies above its upper one, so that rows are looked at once.
+    let (tall, wide) = alpha.dim();
+    let inside = |of: &[f64; 4]| [0, 1, 2, 3].map(|k| of[k].clamp(0.0, [wide, tall][k % 2] as f64));
+    let boxes: Vec<[f64; 4]> = boxes.iter().map(inside).collect();
     let ends = boxes.iter().zip(0..).flat_map(|(of, n)| [(of[1], -1.0, n), (of[3], 1.0, n)]);
     let mut ends: Vec<(f64, f64, usize)> = ends.collect();
     ends.sort_by(|one, other| one.0.total_cmp(&other.0));
-    let (wide, mut at) = (alpha.ncols(), ends.first().map_or(0.0, |end| end.0));
-    let mut columns = zeroed::<f64>(3 * wide)?;
+    let (mut columns, mut at) = (zeroed::<f64>(3 * wide)?, ends.first().map_or(0.0, |end| end.0));
     for (end, sign, number) in ends {
         while at < end {
             cancel.check()?;
@@ -37,6 +39,10 @@ pub fn sums<T: Real>(
                 *out += part * columns[law * wide + x];
             }
         }
+    }
+    for (out, [left, top, right, bottom]) in out.iter_mut().zip(boxes) {
+        let area = (right - left) * (bottom - top);
+        out.iter_mut().for_each(|mean| *mean = (*mean / area).clamp(0.0, 1.0));
     }
     Ok(())
 }

@@ -126,9 +126,9 @@ pub fn veil(
     gate::run(py, work, move |cancel| fog::veil(out, way, extinction, patches, cancel))
 }
 
-/// Adds sums over boxes (n, 4) to `out` (n, 3); see [`boxes::sums`].
+/// Adds means over boxes (n, 4) to `out` (n, 3); see [`boxes::means`].
 #[pyfunction]
-pub fn box_sums(
+pub fn box_means(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, f64>,
     boxes: PyReadonlyArray2<'_, f64>,
@@ -140,7 +140,7 @@ pub fn box_sums(
     alike!([Single, Double] Plane alpha = &alpha, Plane veil = &veil => {
         let planes = (alpha.as_array(), veil.as_array());
         let work = 2.0 * planes.0.len() as f64;
-        gate::run(py, work, |cancel| boxes::sums(out, boxes, planes, seen, cancel))
+        gate::run(py, work, |cancel| boxes::means(out, boxes, planes, seen, cancel))
     }, else mismatch())
 }
 

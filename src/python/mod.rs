@@ -34,7 +34,7 @@ mod core {
     use super::flakes::{flake_choices, flake_frame, flake_patterns};
     #[pymodule_export]
     use super::frame::{
-        box_sums, encode_bytes, join, layer_finish, layer_rgba, layer_seen, over, plate_cells,
+        box_means, encode_bytes, join, layer_finish, layer_rgba, layer_seen, over, plate_cells,
         shade_add, shade_over, snow, veil, whiten,
     };
     #[pymodule_export]

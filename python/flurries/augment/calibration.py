@@ -53,7 +53,7 @@ _HARD = {
     "fog": (0.0, 0.3, 0.5, 0.72, 0.9, 0.985),
 }
 
-# Newton's steps at most; eight are usual.
+# Newton's steps at most; four are usual.
 _STEPS = 60
 
 
@@ -155,15 +155,15 @@ def extinction(loss: float, way: Float64, density: Float64) -> float:
     ways = way[:, None] * density
     # Sums: a call of `mean` takes longer than all the rest of a step.
     wanted, total = (1.0 - loss) * ways.size, np.add.reduce
-    # What is left is convex and falls, so Newton's steps never go too far from what would do were
-    # all ways as long as their mean: it leaves too much.
+    # The logarithm of what is left is convex and falls, so Newton's steps never go too far from
+    # what would do were all ways as long as their mean: it leaves too much.
     found = -math.log1p(-loss) * ways.size / float(total(ways, axis=None))
     for _ in range(_STEPS):
         left = np.exp(-found * ways)
-        slope = float(total(left * ways, axis=None))
+        slope, rest = float(total(left * ways, axis=None)), float(total(left, axis=None))
         if slope == 0.0:
             return math.inf
-        step = (float(total(left, axis=None)) - wanted) / slope
+        step = math.log(rest / wanted) * rest / slope
         found += step
         if step <= 1e-9 * found:
             break

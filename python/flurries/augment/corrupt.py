@@ -7,9 +7,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import groupby
+from itertools import groupby, product
 from pathlib import Path
 from typing import Any
 
@@ -50,15 +50,15 @@ class Corrupted:
         Of each weather and severity, ``"snow 3"``, how strong it is.
     """
 
-    written: list[Path]
-    kept: list[Path]
-    copied: list[Path]
-    failed: dict[str, str]
     skipped: dict[str, int]
     layout: str
     found: dict[str, int]
     journal: Path
     strengths: dict[str, str]
+    written: list[Path] = field(default_factory=list)
+    kept: list[Path] = field(default_factory=list)
+    copied: list[Path] = field(default_factory=list)
+    failed: dict[str, str] = field(default_factory=dict)
 
 
 def corrupt(
@@ -128,12 +128,12 @@ def corrupt(
         raise ValueError(f"out must not be inside {source}, got {target}")
     kinds = tuple(choice("weather", kind, tuple(WEATHERS)) for kind in _several(weather))
     planes = tuple(choice("truth", plane, tuple(TRUTH)) for plane in _several(truth))
-    levels = _levels(severity)
+    weathers = list(product(kinds, _levels(severity)))
     more = {name: value for name, value in (("shade", shade), ("drops", drops)) if value}
     strengths = {
         f"{kind} {n}": str(weather_of(kind, n, profile, **more).strength()[0])
-        for kind in kinds for n in levels
-    }  # fmt: skip
+        for kind, n in weathers
+    }
     start, again, dry = seed_of(seed), flag("overwrite", overwrite), flag("dry_run", dry_run)
     count = os.cpu_count() or 1 if workers is None else integer("workers", workers, low=1, high=256)
     if not (dask is None or isinstance(dask, str)):
@@ -155,10 +155,8 @@ def corrupt(
         raise ValueError(f"{source}: no pictures")
     if planes or many:
         _require_own_names(pictures)
-    found = Counter(one.words for one in pictures)
-    found.update(f"{why}: copied" for why in others.values())
-    made = Corrupted([], [], [], {}, dict(sorted(skipped.items())), told, dict(found),
-                     target / NAME, strengths)  # fmt: skip
+    found = Counter([*(one.words for one in pictures), *(f"{o}: copied" for o in others.values())])
+    made = Corrupted(dict(sorted(skipped.items())), told, dict(found), target / NAME, strengths)
     if dry:
         return made
     tables = [source / name for name in files if by.boxes and re.fullmatch(by.boxes, name)]
@@ -169,17 +167,15 @@ def corrupt(
     for _, group in groupby(pictures, lambda one: (one.weather, one.time, one.eyes)):
         views = list(group)
         parts += [
-            Part(one.name, kind, level, plane)
-            for kind in kinds for level in levels for one in views for plane in ("", *planes)
+            Part(one.name, *weather, plane)
+            for weather in weathers for one in views for plane in ("", *planes)
         ]  # fmt: skip
     # Labels of pictures with nothing on them are often empty files, about which there is no line.
-    for name in sorted(others):
-        copies = [Part(name, kind, level, COPY) for kind in kinds for level in levels]
-        if (source / name).stat().st_size:
-            parts += copies
+    for copy in (Part(name, *weather, COPY) for name in sorted(others) for weather in weathers):
+        if (source / copy.name).stat().st_size:
+            parts.append(copy)
         else:
-            for part in copies:
-                _make_empty(target / part.path)
+            _make_empty(target / copy.path)
     job = Pictures(
         folder=target.absolute(), source=source.absolute(),
         known={one.name: one for one in pictures}, parts=parts, seed=start, profile=profile,
@@ -188,7 +184,7 @@ def corrupt(
     )  # fmt: skip
     # All of them now: a worker may have a folder to itself no more than another.
     _make_folders(target / part.path for part in parts)
-    each = len(kinds) * len(levels) * (1 + len(planes))
+    each = len(weathers) * (1 + len(planes))
     size = each * max(min(_CHUNK, len(pictures) // (4 * count)), 1)
     wanted = list(range(len(parts)))
     groups = [wanted[first : first + size] for first in range(0, len(wanted), size)]

@@ -22,6 +22,9 @@ Depth: TypeAlias = Any
 # Depths that stand for all of a picture's when its mean loss of contrast is worked out.
 QUANTILES = 64
 
+# About so many pixels are looked at for them.
+_SAMPLES = 1024
+
 # Between depths of infinity no other could be found, metres.
 _FARTHEST = np.float32(1e9)
 
@@ -149,24 +152,29 @@ class Distances:
         """Depths of equally many pixels each, (n,) metres."""
         if self.plane.size <= QUANTILES:
             return np.asarray(self.plane.reshape(-1), np.float64)
-        # An even sample: sorting 8 million depths would cost more than the weather.
-        step = max(int((self.plane.size / 4096) ** 0.5), 1)
+        # An even sample: to sort all depths would cost more than the weather.
+        step = max(int((self.plane.size / _SAMPLES) ** 0.5), 1)
         sample = self.plane[::step, ::step] if self.plane.shape[1] > 1 else self.plane
-        ordered = np.sort(np.minimum(sample, _FARTHEST), axis=None)
-        # `np.quantile` takes twice as long.
-        ranks = (np.arange(QUANTILES) + 0.5) / QUANTILES * (ordered.size - 1)
-        return np.asarray(np.interp(ranks, np.arange(ordered.size), ordered), np.float64)
+        # `np.quantile` takes three times as long.
+        ranks = (np.arange(QUANTILES) + 0.5) / QUANTILES * (sample.size - 1)
+        first = ranks.astype(int)
+        wanted = np.concatenate([first, first + 1])
+        ordered = np.partition(sample, wanted, axis=None)[wanted].astype(np.float64)
+        low, high = np.minimum(ordered, _FARTHEST).reshape(2, -1)
+        return np.asarray(low + (high - low) * (ranks - first))
 
     @property
     def end(self) -> float:
         """The depth of a sky: twice the farthest finite depth, metres."""
-        finite = float(np.max(self.plane, where=self.plane < np.inf, initial=0.0))
-        return max(BACKDROP, 2.0 * finite)
+        far = float(self.plane.max())
+        if far == np.inf:
+            far = float(np.max(self.plane, where=self.plane < np.inf, initial=0.0))
+        return max(BACKDROP, 2.0 * far)
 
     def full(self, shape: tuple[int, int]) -> Array:
         """Return (H, W) float32, contiguous."""
-        kept: Array | None = vars(self).get("_full")
-        if kept is None or kept.shape != shape:
+        kept: Array = vars(self).get("_full", self.plane)
+        if kept.shape != shape:
             kept = vars(self)["_full"] = np.ascontiguousarray(np.broadcast_to(self.plane, shape))
         return kept
 

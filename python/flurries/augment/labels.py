@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,6 +15,10 @@ from flurries import _core
 from flurries._contract import Array, Float64, pixels, rectangular, shares, table
 from flurries.augment.air import Here
 from flurries.augment.pictures import layer_of
+
+# Labels that are made when one of them is asked for.
+_LATER = ("flow", "depth", "soft_flow", "soft_depth", "disparity", "weather_disparity",
+          "motion", "falling")  # fmt: skip
 
 # From this opacity on a flake, not what is behind it, is what is seen at a pixel.
 SEEN = 0.5
@@ -80,25 +84,16 @@ class Weathered:
     instances: Array | None = None
     instance_occlusion: Float64 | None = None
     instance_visibility: Float64 | None = None
-    flow: Array | None = field(init=False, repr=False)
-    depth: Array | None = field(init=False, repr=False)
-    soft_flow: Array | None = field(init=False, repr=False)
-    soft_depth: Array | None = field(init=False, repr=False)
-    disparity: Array | None = field(init=False, repr=False)
-    weather_disparity: Array | None = field(init=False, repr=False)
-    motion: Array | None = field(init=False, repr=False)
-    falling: Array | None = field(init=False, repr=False)
     _mixture: Callable[[], dict[str, Any]] | None = field(default=None, repr=False)
 
     def __getattr__(self, name: str) -> Any:
-        later = [one.name for one in fields(self) if not one.init]
-        if name not in later:
+        if name not in _LATER:
             raise AttributeError(f"a Weathered has no attribute {name!r}")
         # All of them, when the first is asked for: they cost several times what the picture does.
         # Threads that ask at once make the same.
         made = self._mixture
         if name not in vars(self):
-            vars(self).update(dict.fromkeys(later) | (made() if made else {}), _mixture=None)
+            vars(self).update(dict.fromkeys(_LATER) | (made() if made else {}), _mixture=None)
         return vars(self)[name]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -168,17 +163,13 @@ def occlusion(alpha: npt.ArrayLike, boxes: npt.ArrayLike) -> Float64:
 
 def _means(alpha: Array, corners: Float64, veil: Any = 0.0) -> Float64:
     """Return of each box the mean opacity, the share that is seen, and the first without a veil."""
-    inside, sums = np.clip(corners, 0.0, alpha.shape[::-1] * 2), np.zeros((len(corners), 3))
+    found = np.zeros((len(corners), 3))
     even = not isinstance(veil, np.ndarray)
-    _core.box_sums(sums, inside, alpha, alpha[:0] if even else veil, SEEN)
-    widths, heights = (inside[:, 2:] - inside[:, :2]).T
-    areas = widths * heights
-    areas[areas == 0.0] = np.nan
-    means = sums.T / areas
+    _core.box_means(found, corners, alpha, alpha[:0] if even else veil, SEEN)
     if even:
         # What falls leaves all that the veil does not take.
-        means[2] = (means[0] - veil) / max(1.0 - veil, 1e-9)
-    return np.asarray(np.clip(means, 0.0, 1.0))
+        found[:, 2] = np.maximum((found[:, 0] - veil) / max(1.0 - veil, 1e-9), 0.0)
+    return np.asarray(found.T)
 
 
 def boxes_of(boxes: npt.ArrayLike) -> Float64:

@@ -43,56 +43,38 @@ _KITTI = r"image_0?[0-3]"
 
 LAYOUTS = {
     "cityscapes": Layout(
-        (r"(.*/)?leftImg8bit\w*/.*_leftImg8bit\.png",),
-        r"(.*/)?(left|right)Img8bit(_sequence)?/.*",
-        (r"(?:.*/)?leftImg8bit(?:_sequence)?/(.*_)(?P<t>\d+)_leftImg8bit\.\w+",),
-        (("leftImg8bit", "rightImg8bit"),),
-        *(17.0, 1.105, 0.209),
-        {"masks": ("leftImg8bit", "gtFine")},
-    ),
+        signs=(r"(.*/)?leftImg8bit\w*/.*_leftImg8bit\.png",),
+        pictures=r"(.*/)?(left|right)Img8bit(_sequence)?/.*",
+        films=(r"(?:.*/)?leftImg8bit(?:_sequence)?/(.*_)(?P<t>\d+)_leftImg8bit\.\w+",),
+        eyes=(("leftImg8bit", "rightImg8bit"),), fps=17.0, focal=1.105, distance=0.209,
+        labels={"masks": ("leftImg8bit", "gtFine")}),
     "coco": Layout(
-        (r"(.*/)?(annotations/.*|_annotations\.coco)\.json",),
-        boxes=r"(.*/)?(annotations/instances_.*|_annotations\.coco)\.json",
-    ),
+        signs=(r"(.*/)?(annotations/.*|_annotations\.coco)\.json",),
+        boxes=r"(.*/)?(annotations/instances_.*|_annotations\.coco)\.json"),
     "kitti": Layout(
-        (rf"(.*/)?{_KITTI}/.*",),
-        rf"(.*/)?{_KITTI}/.*",
-        (
-            rf"(.*/)?{_KITTI}/data/(?P<t>\d+)\.\w+",
-            rf"(.*/)?{_KITTI}/(\d+/)(?P<t>\d+)\.\w+",
-            rf"(.*/)?{_KITTI}/(\d+_)(?P<t>\d+)\.\w+",
-            rf"(.*/sequences/\d+/|sequences/\d+/){_KITTI}/(?P<t>\d+)\.\w+",
-        ),
-        tuple((f"/image_{k}{a}/", f"/image_{k}{b}/") for k in ("", "0") for a, b in ("23", "01")),
-        *(10.0, 0.58, 0.54),
-        {
-            "boxes": ("image_2", "label_2"),
-            "masks": ("image_2", "instance"),
-            "flow": ("image_2", "flow_occ"),
-        },
-    ),
+        signs=(rf"(.*/)?{_KITTI}/.*",), pictures=rf"(.*/)?{_KITTI}/.*",
+        films=(rf"(.*/)?{_KITTI}/data/(?P<t>\d+)\.\w+", rf"(.*/)?{_KITTI}/(\d+/)(?P<t>\d+)\.\w+",
+               rf"(.*/)?{_KITTI}/(\d+_)(?P<t>\d+)\.\w+",
+               rf"(.*/sequences/\d+/|sequences/\d+/){_KITTI}/(?P<t>\d+)\.\w+"),
+        eyes=(("/image_2/", "/image_3/"), ("/image_0/", "/image_1/"),
+              ("/image_02/", "/image_03/"), ("/image_00/", "/image_01/")),
+        fps=10.0, focal=0.58, distance=0.54,
+        labels={"boxes": ("image_2", "label_2"), "masks": ("image_2", "instance"),
+                "flow": ("image_2", "flow_occ")}),
     "nuscenes": Layout(
-        (r"(.*/)?samples/CAM_\w+/.*",),
-        r"(.*/)?(samples|sweeps)/CAM_\w+/.*",
-        (r"(?:.*/)?(?:samples|sweeps)/(CAM_\w+)/(.*__)CAM_\w+__(?P<t>\d+)\.\w+",),
-        (),
-        *(12.0, 0.79),
-    ),
+        signs=(r"(.*/)?samples/CAM_\w+/.*",), pictures=r"(.*/)?(samples|sweeps)/CAM_\w+/.*",
+        films=(r"(?:.*/)?(?:samples|sweeps)/(CAM_\w+)/(.*__)CAM_\w+__(?P<t>\d+)\.\w+",),
+        eyes=(), fps=12.0, focal=0.79),
     "voc": Layout(
-        (r"(.*/)?JPEGImages/.*", r"(.*/)?Annotations/.*\.xml"),
-        r"(.*/)?JPEGImages/.*",
-        labels={
-            "boxes": ("JPEGImages", "Annotations"),
-            "masks": ("JPEGImages", "SegmentationObject"),
-        },
-    ),
+        signs=(r"(.*/)?JPEGImages/.*", r"(.*/)?Annotations/.*\.xml"),
+        pictures=r"(.*/)?JPEGImages/.*",
+        labels={"boxes": ("JPEGImages", "Annotations"),
+                "masks": ("JPEGImages", "SegmentationObject")}),
     "yolo": Layout(
-        (r"(.*/)?images/.*", r"(.*/)?labels/.*\.txt"),
-        r"(.*/)?images/.*",
-        labels={"boxes": ("images", "labels")},
-    ),
+        signs=(r"(.*/)?images/.*", r"(.*/)?labels/.*\.txt"), pictures=r"(.*/)?images/.*",
+        labels={"boxes": ("images", "labels")}),
     "plain": Layout(),
-}
+}  # fmt: skip
 # Any picture whose name ends in a number, as one of the film that the rest of the name is.
 _RUNNING = r"(.*?)(?P<t>\d+)\.\w+"
 # A number from here on is a time in microseconds, and seconds of a film are counted from here.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import secrets
 import zlib
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any, ClassVar, TypeAlias
 
@@ -23,6 +22,13 @@ Limits: TypeAlias = tuple[float, float]
 
 VERSION = 3
 DEFAULT_AMOUNT = (0.2, 0.8)
+
+# Limits of numbers that are drawn, in the order of their random numbers; and of those that are not.
+DRAWN: dict[str, Limits] = {
+    "patches": (0.0, 1.0), "wind": (-100.0, 100.0), "fall": (-100.0, 100.0),
+    "exposure": (0.0, 10.0), "shade": (0.0, 1e5), "drops": (0.0, 1e4),
+}  # fmt: skip
+_FIXED = {"focal": (0.05, 1e3), "white": (1e-30, 1e30), "veil": (0.0, 1.0)}
 
 # Samples of a picture that its own index is taken from.
 _SAMPLES = 4096
@@ -44,10 +50,6 @@ class Recorded:
     seed: int | None = None
     weather_seed: int | None = None
 
-    # Limits of numbers that are drawn, in the order of their random numbers: these come last.
-    DRAWN: ClassVar[Mapping[str, Limits]] = {"shade": (0.0, 1e5), "drops": (0.0, 1e4)}
-    # Limits of those that are not.
-    FIXED: ClassVar[Mapping[str, Limits]] = {"focal": (0.05, 1e3), "white": (1e-30, 1e30)}
     WEATHER: ClassVar[Kind]
 
     def __post_init__(self) -> None:
@@ -67,10 +69,10 @@ class Recorded:
             if any(level != int(level) for level in levels):
                 raise TypeError(f"severity must be an integer or two, got {self.severity!r}")
             own["severity"] = tuple(map(int, levels))
-        for name, limits in self.DRAWN.items():
-            own[name] = range_of(name, own[name], limits)
-        for name, (low, high) in self.FIXED.items():
-            own[name] = real(name, own[name], low=low, high=high)
+        for name in [name for name in DRAWN if name in own]:
+            own[name] = range_of(name, own[name], DRAWN[name])
+        for name in [name for name in _FIXED if name in own]:
+            own[name] = real(name, own[name], low=_FIXED[name][0], high=_FIXED[name][1])
         for name in ("seed", "weather_seed"):
             if own[name] is not None:
                 own[name] = int64(name, own[name])
@@ -116,7 +118,8 @@ class Recorded:
             assert image is not None
             # The system's numbers are never shared by forked workers.
             number = secrets.randbits(62) if self.seed is None else _index_of(image)
-        u = uniforms(self.seed or 0, number, 4 + len(self.DRAWN)).tolist()
+        drawn = [name for name in DRAWN if name in vars(self)]
+        u = uniforms(self.seed or 0, number, 4 + len(drawn)).tolist()
         record = {"transform": type(self).__name__, "version": VERSION, **vars(self)}
         del record["severity"], record["seed"]
         if self.weather_seed is None:
@@ -130,7 +133,7 @@ class Recorded:
             record["color"] = (between(self.color, u[2]),) * 3
         if self.ground is not None:
             record["ground"] = asdict(self.ground)
-        for name, share in zip(self.DRAWN, u[4:], strict=True):
+        for name, share in zip(drawn, u[4:], strict=True):
             record[name] = between(record[name], share)
         return record
 

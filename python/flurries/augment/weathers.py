@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from flurries._contract import Array, suggesting
 from flurries.augment.air import uniforms
 from flurries.augment.calibration import Kind
-from flurries.augment.record import Limits, Range, Recorded, between, range_of
+from flurries.augment.record import Range, between, range_of
 from flurries.augment.weather import Weather
 from flurries.effects.strength import BACKDROP, Strength
 
@@ -17,22 +16,9 @@ from flurries.effects.strength import BACKDROP, Strength
 _STREAM = 7002
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Precipitation(Weather):
-    """Weather that falls."""
-
-    veil: float = 0.0
-
-    DRAWN: ClassVar[Mapping[str, Limits]] = {
-        "wind": (-100.0, 100.0), "fall": (-100.0, 100.0), "exposure": (0.0, 10.0),
-        **Recorded.DRAWN,
-    }  # fmt: skip
-    FIXED: ClassVar[Mapping[str, Limits]] = {**Recorded.FIXED, "veil": (0.0, 1.0)}
-
-
 @suggesting
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Snowfall(Precipitation):
+class Snowfall(Weather):
     """Falling snow, as a function of pictures, clips, batches and stereo pairs.
 
     Numbers take a number or a range (low, high), and are drawn evenly from it, anew for each index.
@@ -88,6 +74,7 @@ class Snowfall(Precipitation):
     ((96, 128, 3), 'uint8', (3, 96, 128, 3))
     """
 
+    veil: float = 0.0
     wind: Range = (-1.5, 1.5)
     fall: Range = (0.8, 1.4)
     exposure: Range = (0.002, 0.01)
@@ -97,7 +84,7 @@ class Snowfall(Precipitation):
 
 @suggesting
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Rainfall(Precipitation):
+class Rainfall(Weather):
     """Rain, as a function of pictures, clips, batches and stereo pairs; see :class:`Snowfall`.
 
     Parameters
@@ -117,6 +104,7 @@ class Rainfall(Precipitation):
     """
 
     color: Range | tuple[float, float, float] = (0.78, 0.95)
+    veil: float = 0.0
     wind: Range = (-2.0, 2.0)
     fall: Range = (4.0, 7.0)
     exposure: Range = (0.003, 0.01)
@@ -167,9 +155,6 @@ class Fog(Weather):
     patches: Range = (0.0, 0.3)
     wind: Range = (-0.1, 0.1)
 
-    DRAWN: ClassVar[Mapping[str, Limits]] = {
-        "patches": (0.0, 1.0), "wind": (-100.0, 100.0), **Recorded.DRAWN,
-    }  # fmt: skip
     WEATHER: ClassVar[Kind] = "fog"
 
     def __post_init__(self) -> None:
