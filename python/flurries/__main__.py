@@ -1,7 +1,5 @@
 """``python -m flurries``: the command line."""
 
-import sys
+from flurries.cli import program
 
-from flurries.cli.main import main
-
-sys.exit(main())
+program()

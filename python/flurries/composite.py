@@ -32,11 +32,8 @@ def _background(background: object, channels: Sequence[int]) -> tuple[Array, Arr
         raise TypeError(
             f"background must be uint8, uint16, float16, float32 or float64, got {given.dtype}"
         )
-    if given.ndim == 2 and 1 in channels:
-        planes = given[..., None]
-    elif given.ndim == 3 and given.shape[2] in channels:
-        planes = given
-    else:
+    planes = given[..., None] if given.ndim == 2 and 1 in channels else given
+    if planes.ndim != 3 or planes.shape[2] not in channels:
         wanted = " or ".join(["(H, W)"] * (1 in channels) + [f"(H, W, {c})" for c in channels])
         raise ValueError(f"background must have shape {wanted}, got {given.shape}")
     if 0 in planes.shape:
@@ -76,11 +73,10 @@ def snow(
     check.shares("alpha", cover)
     color = _intensity(intensity, planes.shape[2])
     result = check.output(out, given.shape, given.dtype.newbyteorder("="), given, cover)
-
-    def fill(view: Array) -> None:
-        _core.snow(view.reshape(planes.shape), planes, cover, color)
-
-    return check.filled(result, planes.dtype, fill)
+    shape = planes.shape
+    return check.filled(
+        result, planes.dtype, lambda view: _core.snow(view.reshape(shape), planes, cover, color)
+    )
 
 
 def _intensity(intensity: Any, channels: int) -> list[float]:
@@ -88,8 +84,7 @@ def _intensity(intensity: Any, channels: int) -> list[float]:
     if color.shape not in ((1,), (channels,)) or color.min() < 0.0:
         wanted = f"one number or {channels}, at least 0"
         raise ValueError(f"intensity must be {wanted}, got {check._came(intensity)}")
-    each: list[float] = np.broadcast_to(color, channels).tolist()
-    return each
+    return list(np.broadcast_to(color, channels).tolist())
 
 
 def over(background: npt.ArrayLike, layer: npt.ArrayLike, *, out: Array | None = None) -> Array:
@@ -151,6 +146,5 @@ def join(
     if matte is not None:
         front = check.aligned(check.plane_of("matte", matte, first.shape), first.dtype)
         check.shares("matte", front)
-    inputs = planes if front is None else [*planes, front]
-    result = check.output(out, first.shape, kept, *inputs)
+    result = check.output(out, first.shape, kept, *planes, *([] if front is None else [front]))
     return check.filled(result, first.dtype, lambda view: _core.join(view, planes, veil, front))

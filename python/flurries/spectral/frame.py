@@ -169,9 +169,8 @@ def alpha(
         shift_rate=shift_rate, shortest=shortest,
     )  # fmt: skip
     mapped = opacity_map(mean, spread, power, amount)
-    return _made(
-        asked, texture, time, mapped, check.flag("preserve_mean", preserve_mean), dtype, out
-    )
+    keep = check.flag("preserve_mean", preserve_mean)
+    return _made(asked, texture, time, mapped, keep, dtype, out)
 
 
 def movie(
@@ -295,5 +294,4 @@ def _by_tile(name: str, vectors: Float64, grid: tuple[int, int]) -> Float64:
             f"{name} must have shape (2,) or {(*grid, 2)} for these tiles, got "
             f"{(*vectors.shape[:2], 2)}"
         )
-    each: Float64 = np.broadcast_to(vectors[:, :, 0], (*grid, 2))
-    return each
+    return np.asarray(np.broadcast_to(vectors[:, :, 0], (*grid, 2)))

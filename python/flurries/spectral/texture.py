@@ -187,9 +187,7 @@ class Texture:
     def _of_tile(self, name: str) -> Float64:
         array = check.bounded(name, getattr(self, name))
         if array.shape != self.sides:
-            raise ValueError(
-                f"{name} must have the shape of a tile, {self.sides}, got {array.shape}"
-            )
+            raise ValueError(f"{name} must have a tile's shape, {self.sides}, got {array.shape}")
         return array
 
 

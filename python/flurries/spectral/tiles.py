@@ -142,12 +142,11 @@ def opacity(
     check.finite("field", given)
     mapped = opacity_map(mean, spread, power, amount)
     result = check.output(out, given.shape, kept, given)
-    width = given.shape[-1]
-
-    def fill(view: Array) -> None:
-        _core.opacity(view.reshape(-1, width), given.reshape(-1, width), mapped)
-
-    return check.filled(result, given.dtype, fill)
+    rows = (-1, given.shape[-1])
+    return check.filled(
+        result, given.dtype,
+        lambda view: _core.opacity(view.reshape(rows), given.reshape(rows), mapped),
+    )  # fmt: skip
 
 
 def mean_opacity(variance: Float64, mean: float, spread: float, power: float) -> Float64:

@@ -254,21 +254,20 @@ def export_loop(
                 "replaces it"
             )
     integer = stored.startswith("uint")
+    depth: dict[str, Any] = {"bits": int(stored[4:])} if integer else {}
     options: dict[str, Any] = {"encoding": "display" if integer else "linear", "half": narrow}
-    if integer:
-        options["bits"] = int(stored[4:])
     total, done = 0.0, 0
     for first in (progress or iter)(range(0, asked.frames, TOGETHER)):
         times = np.arange(first, min(first + TOGETHER, asked.frames), dtype=np.float64)
         # The values that the files will hold, so that the mean is theirs.
         values = opacity(rendered(asked, times, np.float32, None), **look)
         if integer or stored == "half":
-            values = to_integer(values, options["bits"]) if integer else to_half(values)
+            values = to_integer(values, depth["bits"]) if integer else to_half(values)
         for t, picture in zip(range(first, first + len(times)), values, strict=True):
-            write_picture(files[t], picture, **options)
+            write_picture(files[t], picture, **options, **depth)
         total += float(values.sum(dtype=np.float64))
         done += values.size
-    top = float(2 ** int(stored[4:]) - 1) if integer else 1.0
+    top = 2.0 ** depth["bits"] - 1.0 if integer else 1.0
     described = {
         "generator": "flurries",
         "version": __version__,
