@@ -145,7 +145,9 @@ def measure(
         cut = list(film(law, view, times[1:], seed + 1000, window=part))
     else:
         scene = case.scene(seed, of)
-        apart = pictures(scene, APART)
+        # What turns sees the wind from another side later.
+        turns = CAMERAS[case.camera][1] != 0.0 and case.wind != 0.0
+        apart = pictures(scene, APART[:1] if turns else APART)
         cut = [picture[top:bottom, left:right] for picture in pictures(scene, times[1:])]
     each = [judges.numbers(picture) for picture in apart]
     ours = {name: float(np.mean([one[name] for one in each])) for name in each[0]}

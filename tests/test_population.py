@@ -105,6 +105,20 @@ def test_pixels_forget_snow_straight_down_as_drawn_flakes_do():
     assert np.abs(memory(film, 40)[7:]).max() < 0.02
 
 
+def test_far_flakes_sway_and_each_layer_by_itself():
+    def texture(t: float, width: float) -> np.ndarray:
+        air = {"wind": (0.0, 0.0, 0.0), "fall": 0.0, "sway": (width, math.tau), "near": 6.0}
+        shown = scene("flakes", density=30.0, far=22.0, shape=(144, 192), seed=4, **air)
+        return shown.effects[0].parts.texture.alpha(shown._program.views(t)[0][1], 1.0)
+
+    second = scene("flakes").fps
+    rest, there, back = (texture(t, 0.05) for t in (0.0, 0.5 * second, second))
+    np.testing.assert_array_equal(texture(0.5 * second, 0.0), texture(0.0, 0.0))
+    np.testing.assert_allclose(back, rest, atol=1e-6)
+    shifts = [np.roll(there, (0, x), (0, 1)) for x in range(-12, 13)]
+    assert max(np.corrcoef(rest.ravel(), one.ravel())[0, 1] for one in shifts) < 0.6
+
+
 def test_both_methods_draw_the_same_near_flakes():
     """What the hybrid draws, faded where the texture takes over, lies within what is simulated."""
     drawn = scene("flakes", far=15.0).layers(7.0).layers["snow"].coverage

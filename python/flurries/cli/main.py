@@ -8,7 +8,6 @@ import signal
 import sys
 import traceback
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 
 import click
@@ -106,8 +105,10 @@ def program() -> None:
     # What is imported stays: looking through it for garbage takes a tenth of a first picture.
     gc.set_threshold(100_000)
     code = main()
-    with suppress(OSError):
+    try:
         sys.stdout.flush()
+    except OSError:
+        code = code or 1
     atexit._run_exitfuncs()
     os._exit(code)
 

@@ -77,7 +77,7 @@ class FlakeTexture:
         if not self._covers(frame).any():
             return Needs.none("texture", "all flakes are drawn one by one")
         still = frame.settled and weather.motion.still and not has_keys(weather.emission)
-        still = still and weather.notes is None
+        still = still and weather.notes is None and 0.0 in weather.sway
         return Needs((Step("texture", once=still),), most=1.0 - 1e-6)
 
     def alpha(self, frame: Frame, amount: float) -> Array:
