@@ -178,22 +178,23 @@ def score(
 
 
 def _accuracy(labels: Path, pictures: Pictures, given: Given, truth: str | None) -> float:
-    if isinstance(given, Path):
-        said = _rows(given)
-    else:
-        said = {name: str(given(read_picture(path).pixels)) for name, path in pictures.items()}
-    right = {name: Path(name).parent.name for name in pictures}
-    right = right if truth is None else _rows(labels / truth)
+    folders = {name: Path(name).parent.name for name in pictures}
+    right = folders if truth is None else _rows(labels / truth)
+    said = _rows(given) if isinstance(given, Path) else {
+        name: str(given(read_picture(path).pixels)) for name, path in pictures.items()
+    }  # fmt: skip
     _require(f"{given}: no prediction of", pictures, said)
     _require("truth: no class of", pictures, {name for name, kind in right.items() if kind})
     return float(np.mean([said[name] == right[name] for name in pictures]))
 
 
 def _rows(path: Path) -> dict[str, str]:
-    rows = list(csv.reader(path.read_text("utf-8-sig").splitlines()))
-    if odd := [row for row in rows if len(row) != 2]:
-        raise ValueError(f"{path}: rows must be a picture's path and a class, got {odd[0]}")
-    return {kept_name(name): kind for name, kind in rows}
+    found = {}
+    for row in csv.reader(path.read_text("utf-8-sig").splitlines()):
+        if len(row) != 2:
+            raise ValueError(f"{path}: rows must be a picture's path and a class, got {row}")
+        found[kept_name(row[0])] = row[1]
+    return found
 
 
 def _precision(labels: Path, pictures: Pictures, given: Given, truth: str | None) -> float:

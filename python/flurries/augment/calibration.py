@@ -14,15 +14,7 @@ import numpy as np
 from flurries import gas
 from flurries._contract import Float64, choice, real
 from flurries._kept import kept
-from flurries.effects.strength import (
-    BACKDROP,
-    LOWEST,
-    OPACITY,
-    RATES,
-    SEVERITIES,
-    VISIBILITIES,
-    Strength,
-)  # fmt: skip
+from flurries.effects import strength as scenes
 from flurries.particles.sizes import RAIN, SNOW, Sizes
 
 Profile: TypeAlias = Literal["natural", "hard"]
@@ -31,7 +23,7 @@ PROFILES = ("natural", "hard")
 MATTERS = {"snow": SNOW, "rain": RAIN}
 
 # Depths between which snow and rain fall, metres: nearer flakes would be out of focus.
-NEAR, FAR = 1.5, BACKDROP
+NEAR, FAR = 1.5, scenes.BACKDROP
 
 # The same of the hard profile, for a focal length of so many pixels, whatever a picture's size:
 # a small picture has the same flakes in pixels, and stands for what is as much nearer.
@@ -78,31 +70,31 @@ def contrast_loss(amount: float, *, profile: Profile = "natural", weather: Kind 
     kind: Kind = choice("weather", weather, tuple(_HARD))  # type: ignore[assignment]
     if choice("profile", profile, PROFILES) == "hard":
         return hard_loss(kind, wanted)
-    way = BACKDROP if kind == "fog" else FAR - NEAR
+    way = scenes.BACKDROP if kind == "fog" else FAR - NEAR
     return -math.expm1(-natural(kind, wanted) * way)
 
 
-def strength(amount: float, profile: Profile, kind: Kind, focal: float) -> Strength:
+def strength(amount: float, profile: Profile, kind: Kind, focal: float) -> scenes.Strength:
     """Return the weather of an amount before a sky, of a picture of 512 px by the hard profile."""
     loss = contrast_loss(amount, profile=profile, weather=kind)
     near, far = depths_of(kind, profile, 512.0 * focal)
     extinction = -math.log1p(-loss) / (far - near)
     seen = gas.visibility(extinction) if extinction > 0.0 else math.inf
     if kind == "fog":
-        return Strength(seen, loss)
+        return scenes.Strength(seen, loss)
     if profile == "natural":
         rate = _rate(kind, amount)
-        area = area_of(MATTERS[kind].sizes(max(rate, LOWEST)))
-        return Strength(seen, loss, rate, extinction / area)
+        area = area_of(MATTERS[kind].sizes(max(rate, scenes.LOWEST)))
+        return scenes.Strength(seen, loss, rate, extinction / area)
     sizes = sizes_of(kind, 0)
     density = extinction / (GAINS[kind] * APART[kind] * area_of(sizes))
-    return Strength(seen, loss, density * MATTERS[kind].flux(sizes), density)
+    return scenes.Strength(seen, loss, density * MATTERS[kind].flux(sizes), density)
 
 
 def depths_of(kind: Kind, profile: Profile, focal: float) -> tuple[float, float]:
     """Return the depths between which weather lies, metres, for a focal length in pixels."""
     if kind == "fog":
-        return 0.0, BACKDROP
+        return 0.0, scenes.BACKDROP
     near, far = HARD_NEAR * focal / _LENS, HARD_FAR * focal / _LENS
     return (near, far) if profile == "hard" else (NEAR, FAR)
 
@@ -116,9 +108,9 @@ def hard_loss(kind: Kind, amount: float) -> float:
 def natural(kind: Kind, amount: float) -> float:
     """Return the extinction of natural weather, per metre."""
     if kind == "fog":
-        return _between((0.0, *(gas.visibility(seen) for seen in VISIBILITIES)), amount)
+        return _between((0.0, *(gas.visibility(seen) for seen in scenes.VISIBILITIES)), amount)
     matter, rate = MATTERS[kind], _rate(kind, amount)
-    sizes = matter.sizes(max(rate, LOWEST))
+    sizes = matter.sizes(max(rate, scenes.LOWEST))
     return rate / matter.flux(sizes) * area_of(sizes)
 
 
@@ -128,20 +120,20 @@ def sizes_of(kind: Kind, tenths: int) -> Sizes:
     if tenths:
         return matter.sizes(_rate(kind, 0.1 * tenths))
     smallest, largest = _ENDS[kind]
-    return Sizes.with_slope(smallest, matter.slope(RATES[kind][-1]), largest)
+    return Sizes.with_slope(smallest, matter.slope(scenes.RATES[kind][-1]), largest)
 
 
 def area_of(sizes: Sizes) -> float:
     """Return what one flake covers on average, square metres."""
-    return OPACITY * 0.25 * math.pi * sizes.moment(2.0)
+    return scenes.OPACITY * 0.25 * math.pi * sizes.moment(2.0)
 
 
 def _rate(kind: Kind, amount: float) -> float:
-    return _between((0.0, *RATES[kind]), amount)
+    return _between((0.0, *scenes.RATES[kind]), amount)
 
 
 def _between(levels: Sequence[float], amount: float) -> float:
-    return float(np.interp(SEVERITIES * amount, range(SEVERITIES + 1), levels))
+    return float(np.interp(scenes.SEVERITIES * amount, range(scenes.SEVERITIES + 1), levels))
 
 
 # `way` (n,): metres through the air before equally many pixels each. `density` (m,): factors of the

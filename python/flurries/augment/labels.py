@@ -191,11 +191,11 @@ def boxes_of(boxes: npt.ArrayLike) -> Float64:
 
 def flow_of(flow: npt.ArrayLike, shape: tuple[int, int]) -> Array:
     """Return the label of the picture's own motion, (H, W, 2) float, checked."""
-    given = rectangular("flow", flow)
+    given, wanted = rectangular("flow", flow), (*shape, 2)
     if given.dtype.kind != "f":
         raise TypeError(f"flow must be an array of float, got {given.dtype}")
-    if given.shape != (*shape, 2):
-        raise ValueError(f"flow must have shape {(*shape, 2)}, got {given.shape}")
+    if given.shape != wanted:
+        raise ValueError(f"flow must have shape {wanted}, got {given.shape}")
     return given
 
 

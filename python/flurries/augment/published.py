@@ -6,9 +6,10 @@ import hashlib
 import io
 import json
 import tarfile
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -41,19 +42,19 @@ class Shards(Job):
     def of(cls, job: Pictures, count: int) -> Shards:
         """Return the shards, of so many samples each, of pictures that have been made."""
         lines = Journal(Store(), job.folder).last()
-        samples: dict[tuple[str, int], dict[str, list[Part]]] = {}
+        samples: dict[Path, dict[str, list[Part]]] = {}
         for part in job.parts:
             if part.plane != COPY:
-                own = samples.setdefault((part.kind, part.level), {})
+                own = samples.setdefault(Path(part.kind, f"{part.level}-shards"), {})
                 own.setdefault(part.name, []).append(part)
         found = []
-        for (kind, level), each in samples.items():
-            parts = list(each.values())
-            for number, first in enumerate(range(0, len(parts), count)):
-                group = parts[first : first + count]
+        for folder, each in samples.items():
+            parts = iter(each.values())
+            for number in range(-(-len(each) // count)):
+                group = islice(parts, count)
                 members = [member for one in group for member in _sample(job, one, lines)]
-                found.append((Path(kind, f"{level}-shards", f"{number:06d}.tar"), members))
-        return cls(folder=job.folder, shards=[shard for shard in found if shard[1]])
+                found += [(folder / f"{number:06d}.tar", members)] if members else []
+        return cls(folder=job.folder, shards=found)
 
     def path_of(self, index: int) -> Path:
         return self.folder / self.shards[index][0]
@@ -77,22 +78,19 @@ class Shards(Job):
 
 def _sample(job: Pictures, parts: list[Part], lines: dict[str, Any]) -> list[Member]:
     """Return the members of a picture: their names, contents and what these are known by."""
-    first, *planes = parts
-    line = lines.get(first.path.as_posix())
-    if line is None:
+    first = parts[0]
+    if first.path.as_posix() not in lines:
         return []  # It could not be made.
     # What follows the first dot of a name says what a member is.
     way = Path(first.name).with_suffix("")
     key = way.with_name(way.name.replace(".", "_")).as_posix()
-    said = json.dumps({name: line[name] for name in _SAID})
-    found: list[Member] = [
-        (f"{key}{first.path.suffix.lower()}", job.folder / first.path, line["sha256"]),
-        (f"{key}.json", said.encode(), said),
-    ]
-    for part in planes:
+    found: list[Member] = []
+    for part in parts:
         if (line := lines.get(part.path.as_posix())) is not None:
-            member = f"{key}.{part.plane}{part.path.suffix.lower()}"
-            found.append((member, job.folder / part.path, line["sha256"]))
+            ending = (f".{part.plane}" if part.plane else "") + part.path.suffix.lower()
+            found.append((key + ending, job.folder / part.path, line["sha256"]))
+    said = json.dumps({name: lines[first.path.as_posix()][name] for name in _SAID})
+    found.insert(1, (f"{key}.json", said.encode(), said))
     for kind in job.swaps:
         if (path := job.path_of_label(kind, first.name)) is not None:
             found.append((f"{key}.{kind}{path.suffix}", path, job.hashes[path]))
@@ -116,10 +114,10 @@ def write_card(folder: Path) -> None:
 def _texts(folder: Path) -> dict[str, str]:
     rows, counts = [], Counter[tuple[str, int, str, str]]()
     said = {k: line for k, line in Journal(Store(), folder).last().items() if "record" in line}
-    planes: dict[tuple[str, str, int], dict[str, Any]] = {}
+    planes = defaultdict[Any, dict[str, Any]](dict)
     for name, line in said.items():
         if (plane := line.get("plane")) and (folder / name).is_file():
-            own = planes.setdefault((line["source"], line["weather"], line["severity"]), {})
+            own = planes[line["source"], line["weather"], line["severity"]]
             # Its numbers, or its file, which loaders read if it is a PNG.
             if name.endswith(".json"):
                 own[plane] = json.loads((folder / name).read_bytes())
@@ -130,7 +128,7 @@ def _texts(folder: Path) -> dict[str, str]:
             record, kind, level = line["record"], line["weather"], line["severity"]
             row = {"file_name": name, **{key: line.get(key) for key in _SAID[:-1]}}
             row |= {key: record[key] for key in ("profile", "amount", "weather_seed")}
-            rows.append(json.dumps(row | planes.get((line["source"], kind, level), {})))
+            rows.append(json.dumps(row | planes[line["source"], kind, level]))
             counts[kind, level, record["profile"], line.get("strength", "")] += 1
     table = [
         f"| `{weather}/{severity}` | {weather} | {severity} | {profile} | {said} | {count} |"

@@ -197,8 +197,7 @@ class Pictures(Job):
         if not plane:
             return stored.write(path, seen.image, header)  # type: ignore[no-any-return]
         suffix, *fields = TRUTH[plane]
-        found = {name: getattr(seen, name) for name in fields}
-        found = {name: value for name, value in found.items() if value is not None}
+        found = {name: one for name in fields if (one := getattr(seen, name)) is not None}
         if not found:
             raise ValueError(f"its {plane} is not known: that takes a stereo pair")
         if suffix == ".json":
@@ -209,11 +208,10 @@ class Pictures(Job):
         if suffix == ".exr":
             io.write_layers(path, found, half=False, metadata=header)
             return
-        levels = np.rint(found[fields[0]] * 65535.0).astype(np.uint16)
-        alpha = None
+        levels, alpha = np.rint(found[fields[0]] * 65535.0).astype(np.uint16), None
         if plane == "weather":
-            levels, alpha = np.empty_like(levels[..., :3]), levels[..., 3]
-            levels[:] = np.rint(np.array(seen.color) * 65535.0)
+            alpha = levels[..., 3].copy()
+            levels = np.full_like(levels[..., :3], np.rint(np.array(seen.color) * 65535.0))
         io.write_picture(path, levels, alpha=alpha, metadata=header)
 
     def notes(self, index: int, made: Any) -> dict[str, Any]:
@@ -227,29 +225,24 @@ class Pictures(Job):
         if not part.plane:
             # Of the pixels, whatever encodes them.
             image = made[2].image
-            notes["pixels"] = hashlib.sha256(
-                f"{image.shape}".encode() + image.tobytes()
-            ).hexdigest()
+            notes["pixels"] = _hash(f"{image.shape}".encode() + image.tobytes())
         time = self.known[part.name].time
         return notes if time is None else {**notes, "time": time}
 
     def _made(self, part: Part) -> dict[str, Any]:
         """Return each picture of a part's views as it was read, and in its weather, by its name."""
-        views = self._views(part)
-        read = [Stored.of(self.source / view) for view in views]
-        given: dict[str, Any] = {
-            kind: [self._label(kind, *one) for one in zip(views, read, strict=True)]
-            for kind in (*self.swaps, *(() if self.boxes is None else ("boxes",)))
-        }
-        pictures: Any = tuple(one.display for one in read)
-        if len(views) == 1:
+        read = {view: Stored.of(self.source / view) for view in self._views(part)}
+        kinds = (*self.swaps, *(() if self.boxes is None else ("boxes",)))
+        given: Any = {kind: [self._label(kind, *one) for one in read.items()] for kind in kinds}
+        pictures: Any = tuple(one.display for one in read.values())
+        if len(read) == 1:
             (pictures,), given = pictures, {kind: label for kind, (label,) in given.items()}
         seen = augment.replay(self._record(part)).apply(
             pictures, time=self.known[part.name].time, fps=self.layout.fps,
             distance=self.layout.distance, motion=not _SLOW.isdisjoint(self.planes), **given,
         )  # fmt: skip
-        each = seen if len(views) > 1 else (seen,)
-        return {view: (one, made) for view, one, made in zip(views, read, each, strict=True)}
+        each = seen if len(read) > 1 else (seen,)
+        return {view: (read[view], made) for view, made in zip(read, each, strict=True)}
 
     def _views(self, part: Part) -> tuple[str, ...]:
         """Return the pictures that are made together: both of a pair."""
@@ -286,7 +279,7 @@ class Pictures(Job):
         first, *more = [self.hashes[file] for file in files]
         if part.plane == "occlusion" and self.boxes is not None:
             more += [repr(self.boxes.get(view)) for view in views]
-        return hashlib.sha256("".join([first, *more]).encode()).hexdigest() if more else first
+        return _hash("".join([first, *more]).encode()) if more else first
 
     def _record(self, part: Part) -> dict[str, Any]:
         how = {"seed": self.seed, "focal": self.layout.focal, **self.more}
@@ -300,6 +293,10 @@ class Pictures(Job):
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_last": (None, {})}
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def _plain(values: Array) -> list[Any]:
