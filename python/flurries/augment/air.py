@@ -97,8 +97,9 @@ class Here:
             thick = calibration.natural("fog", self.amount)
             seen = reach(self.visible or (visibility(thick) if thick else 0.0))
             end = distances.end if self.visible is None and self.hard else seen
-            plane = np.minimum(distances.plane, np.float32(end))
-            self.distances = replace(distances, plane=plane)
+            if distances.farthest > end:
+                plane = np.minimum(distances.plane, np.float32(end))
+                self.distances = replace(distances, plane=plane)
         self.moving = fps is not None or view.eyes > 0.0
         # Whether nothing is known to stand in what falls: an even picture says so.
         plane = distances.plane
@@ -154,7 +155,8 @@ class Here:
         if self.thickness == 0.0:
             if plane is None:
                 return np.full(shape, haze, np.float32), hidden
-            return plane if passing else plane.copy(), hidden
+            own = plane if passing else plane.copy()
+            return own, own
         out = _scratch("alpha", shape) if passing else np.empty(shape, np.float32)
         self.write(out, haze, plane)
         return out, hidden

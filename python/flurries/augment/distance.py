@@ -166,10 +166,14 @@ class Distances:
     @property
     def end(self) -> float:
         """The depth of a sky: twice the farthest finite depth, metres."""
-        far = float(self.plane.max())
+        far = self.farthest
         if far == np.inf:
             far = float(np.max(self.plane, where=self.plane < np.inf, initial=0.0))
         return max(BACKDROP, 2.0 * far)
+
+    @cached_property
+    def farthest(self) -> float:
+        return float(self.plane.max())
 
     def full(self, shape: tuple[int, int]) -> Array:
         """Return (H, W) float32, contiguous."""
