@@ -168,7 +168,8 @@ def labels(kind: str, size: str) -> Times:
     fl.set_threads(1)
     shape = SIZES[size][0][-1]
     picture = fit(data.coffee(), shape)
-    depth = np.geomspace(2.0, 90.0, shape[0])[:, None] * np.ones(shape)
+    # As files hold them; float64 takes a copy more.
+    depth = np.ones(shape, np.float32) * np.geomspace(2.0, 90.0, shape[0], dtype="f4")[:, None]
     rows = np.arange(20.0)[:, None]
     boxes = np.hstack([rows, rows, rows + 40.0, rows + 60.0]) * (shape[0] / 128)
     found: Times = {}
