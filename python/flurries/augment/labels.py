@@ -170,7 +170,7 @@ def _means(alpha: Array, corners: Float64, veil: Any = 0.0) -> Float64:
     if even:
         # What falls leaves all that the veil does not take.
         found[:, 2] = np.maximum((found[:, 0] - veil) / max(1.0 - veil, 1e-9), 0.0)
-    return np.asarray(found.T)
+    return np.ascontiguousarray(found.T)
 
 
 def boxes_of(boxes: npt.ArrayLike) -> Float64:
