@@ -17,9 +17,11 @@ pub fn means<T: Real>(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     // A box is what lies above its lower end less what lies above its upper one, so that rows are looked at once.
-    let (tall, wide) = alpha.dim();
-    let inside = |of: &[f64; 4]| [0, 1, 2, 3].map(|k| of[k].clamp(0.0, [wide, tall][k % 2] as f64));
+    let (rows, cols) = alpha.dim();
+    let inside = |of: &[f64; 4]| [0, 1, 2, 3].map(|k| of[k].clamp(0.0, [cols, rows][k % 2] as f64));
     let boxes: Vec<[f64; 4]> = boxes.iter().map(inside).collect();
+    let first = boxes.iter().fold(cols, |first, of| first.min(of[0] as usize));
+    let wide = boxes.iter().fold(first, |last, of| last.max(of[2].ceil() as usize)) - first;
     let ends = boxes.iter().zip(0..).flat_map(|(of, n)| [(of[1], -1.0, n), (of[3], 1.0, n)]);
     let mut ends: Vec<(f64, f64, usize)> = ends.collect();
     ends.sort_by(|one, other| one.0.total_cmp(&other.0));
@@ -28,15 +30,15 @@ pub fn means<T: Real>(
         while at < end {
             cancel.check()?;
             let (row, next) = (at as usize, end.min(at.floor() + 1.0));
-            let veil = if veil.is_empty() { &[][..] } else { line(veil, row)? };
-            add(&mut columns, line(alpha, row)?, veil, seen, next - at);
+            let veil = if veil.is_empty() { &[][..] } else { &line(veil, row)?[first..][..wide] };
+            add(&mut columns, &line(alpha, row)?[first..][..wide], veil, seen, next - at);
             at = next;
         }
         let [left, _, right, _] = boxes[number];
         for x in left as usize..right.ceil() as usize {
             let part = sign * (right.min(x as f64 + 1.0) - left.max(x as f64));
             for (out, law) in out[number].iter_mut().zip(0..) {
-                *out += part * columns[law * wide + x];
+                *out += part * columns[law * wide + x - first];
             }
         }
     }
