@@ -11,11 +11,10 @@
     reason = "reads pools that are leaked through atomic pointers, since a lock could be held at a fork"
 )]
 
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
+use std::sync::{Mutex, OnceLock};
 
 use ndarray::{ArrayView, ArrayViewMut, Axis, RemoveAxis};
-use rayon::prelude::*;
 
 use crate::base::error::{Error, collected, layout};
 use crate::base::scope::Scope;
@@ -111,8 +110,8 @@ fn pool(count: usize) -> Result<&'static rayon::ThreadPool, Error> {
     }
 }
 
-/// Does `work` on every item, on the pool. With one thread or one item it runs in the caller: a
-/// pool of one thread would make all Python threads queue for it.
+/// Does `work` on every item, in the caller and on the pool, which the caller need not wait for to begin.
+/// With one thread or one item it is the caller alone.
 ///
 /// Items carry what they write (rows of the output), so bits cannot depend on the thread count. They
 /// come as an iterator, since a list of all rows may be more than the memory that is left.
@@ -125,15 +124,24 @@ pub fn for_each<T: Send>(
     if count == 1 || items.len() <= 1 {
         return items.try_for_each(work);
     }
-    let items = collected(items)?;
+    let others = items.len().min(count) - 1;
+    let (queue, failed) = (Mutex::new(collected(items)?.into_iter()), OnceLock::new());
     // Threads of the pool are everybody's: each item is worked on as its caller asks.
     let asked = Scope::now();
-    pool(count)?.install(|| {
-        items.into_par_iter().with_max_len(1).try_for_each(|item| {
-            let _entered = asked.enter();
-            work(item)
-        })
-    })
+    let worker = || {
+        let _entered = asked.enter();
+        let next = || queue.lock().ok()?.next();
+        while failed.get().is_none()
+            && let Some(item) = next()
+        {
+            work(item).unwrap_or_else(|error| drop(failed.set(error)));
+        }
+    };
+    pool(count - 1)?.in_place_scope(|scope| {
+        (0..others).for_each(|_| scope.spawn(|_| worker()));
+        worker();
+    });
+    failed.into_inner().map_or(Ok(()), Err)
 }
 
 /// `length` cut into at most `parts` runs of nearly equal length, none empty.

@@ -3,7 +3,7 @@
 //! p = c + wrap(B u + v t - c), wrap(x) = x - B floor(x / B + 1/2). No flake is born or dies, nothing
 //! runs from frame to frame, and the density is the same everywhere in the box at every time.
 
-use ndarray::{ArrayView1, ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis};
+use ndarray::{ArrayView1, ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis, aview1};
 
 use crate::base::error::{Cancel, Error, finite};
 use crate::base::pixel::smoothstep;
@@ -157,9 +157,7 @@ pub fn sway_offsets(
         cancel.check()?;
         for (i, mut row) in rows.rows_mut().into_iter().enumerate() {
             let [x, z] = swing(stream.word((run * RUN + i) as i64), sway, angle);
-            row[0] = x;
-            row[1] = 0.0;
-            row[2] = z;
+            row.assign(&aview1(&[x, 0.0, z]));
         }
         Ok(())
     })
@@ -196,18 +194,12 @@ pub fn edge_fade(
     pool::for_each(runs, |(mut fades, points): (ArrayViewMut1<f64>, ArrayView2<f64>)| {
         cancel.check()?;
         for (fade, point) in fades.iter_mut().zip(points.rows()) {
-            *fade = self::fade(torus, [point[0], point[1], point[2]]);
+            let left = |axis: usize| {
+                let reach = 2.0 * (point[axis] - torus.center[axis]).abs() / torus.sides[axis];
+                1.0 - smoothstep((reach - FADE_FROM) / (1.0 - FADE_FROM))
+            };
+            *fade = (0..3).map(left).product();
         }
         Ok(())
     })
-}
-
-#[inline(always)]
-fn fade(torus: &Torus, point: [f64; 3]) -> f64 {
-    (0..3)
-        .map(|axis| {
-            let reach = 2.0 * (point[axis] - torus.center[axis]).abs() / torus.sides[axis];
-            1.0 - smoothstep((reach - FADE_FROM) / (1.0 - FADE_FROM))
-        })
-        .product()
 }
