@@ -3,8 +3,8 @@
     python docs/counts.py
 
 Valgrind's counts of one call on one thread of the AVX2 level, the most that it knows: the
-difference of a process with 12 calls and one with 2. A line is 64 bytes that the first cache (32 KB)
-has not. Some minutes.
+difference of a process with 12 calls and one with 2. A line is 64 bytes that the first cache
+(32 KB) has not. Some minutes.
 """
 
 import os
