@@ -205,11 +205,10 @@ def costs() -> None:
     for look in ("heavy", "blizzard"):
         print(f"gusts: {least[f'{look} in gusts'] / least[look]:.1f} of {look} in an even wind")
         print(f"clumps: {least[look] / least[f'{look}, even']:.2f} of {look} without")
-    # Local light is mixed in linear light: what it costs itself, and what that mixture costs.
-    wall, linear = (least[f"before a wall{light}"] for light in ("", ", in linear light"))
+    wall = least["before a wall"]
     print(f"lace and outlines: {least['no lens'] / least['no lens, round flakes']:.3f} of round")
-    print(f"local light: {least['before a wall, local light'] / linear:.2f} of linear light")
-    print(f"linear light: {linear / wall:.2f} of display values")
+    for name in ("local light", "in linear light"):
+        print(f"{name}: {least[f'before a wall, {name}'] / wall:.2f} of before a wall")
     light = fl.scene.Light(0.5)
     for name, wall in (("shot light", None), ("shot light by depth", depth)):
         found = []

@@ -159,9 +159,8 @@ SCENES: dict[str, fl.Scene] = {
         effects=[fl.Mist(count=300, color=0.7, wind=(0.5, 0.0, 0.0))],
     ),
     "cone": fl.Scene(PLATE, effects=[ConeSnow(tile=128), ConeRain(tile=128)]),
-    "flakes": fl.Scene(
-        PLATE, camera=PATH, effects=[fl.Snow("heavy"), fl.Rain("rain")]
-    ),
+    "flakes": fl.Scene(PLATE, camera=PATH, effects=[fl.Snow("heavy"), fl.Rain("rain")]),
+    "local": fl.Scene(np.uint8(255 * PLATE), effects=fl.Snow("heavy", color="local")),
     "sheets": fl.Scene(PLATE, effects=[fl.Snow("heavy"), fl.Rain("rain")]),
     "still": fl.Scene(PLATE, effects=[fl.Mist(count=300), fl.Mist("bank")], depth=POLE),
 }  # fmt: skip

@@ -1,7 +1,7 @@
 """Large frames in bands of rows: the bits of the whole, at its cost, with a band's memory."""
 
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -73,13 +73,6 @@ def low(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     return lower
 
 
-@pytest.fixture(autouse=True)
-def threads() -> Iterator[None]:
-    before = fl.settings().threads
-    yield
-    fl.set_threads(before)
-
-
 def same(first: Any, second: Any) -> bool:
     return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, second, strict=True))
 
@@ -109,12 +102,12 @@ def test_bands_have_the_bits_of_the_whole(name: str, kind: str, low: Callable[[]
     effect = EFFECTS[name]
     scene = fl.Scene(effects=[effect], **SCENES[kind])
     several = fl.Scene(effects=[TentRain(drops=100), effect], **SCENES[kind])
-    fl.set_threads(1)
-    whole = frames(scene, several, 1)
+    with fl.settings(threads=1):
+        whole = frames(scene, several, 1)
     low()
-    fl.set_threads(3)
     again = (pickle.loads(pickle.dumps(one)) for one in (scene, several))
-    assert same(frames(*again, -1), whole)
+    with fl.settings(threads=3):
+        assert same(frames(*again, -1), whole)
 
 
 @dataclass(frozen=True)

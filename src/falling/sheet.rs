@@ -278,7 +278,8 @@ pub mod tests {
     fn drawn(law: &Law, diameter: f64, disc: f64, at: [f64; 2]) -> Vec<(i64, i64, f64)> {
         let fine = 24.0_f64.max(24.0 / disc).ceil();
         let moments = (law.streak[0].hypot(law.streak[1]) * 24.0).ceil() as i32 + 1;
-        let discs = if law.circle > 0.0 { 400 } else { 1 };
+        // Some 50 in a square pixel.
+        let discs = if law.circle > 0.0 { 40 * (law.circle * law.circle) as i32 + 1 } else { 1 };
         let reach = 0.5 * (law.streak[0].abs().max(law.streak[1].abs()) + law.circle + disc);
         let half = reach as i64 + 2;
         let side = 2 * half as usize;
@@ -352,6 +353,8 @@ pub mod tests {
             (0.05, 1.0, [0.0, 0.0], 0.0),
             (0.05, 1.0, [60.0, 0.0], 0.0),
             (0.05, 0.7, [0.0, 0.0], 3.0),
+            (0.05, 0.4, [0.3, 0.1], 8.0),
+            (0.01, 0.7, [0.0, 0.0], 12.0),
             (0.002, 3.0, [0.0, 0.0], 0.0),
             (0.002, 3.0, [31.0, 51.0], 0.0),
         ];
@@ -363,6 +366,9 @@ pub mod tests {
             let (mean, deviation) = (got.mean().unwrap(), got.std(0.0));
             let off = (mean / want.mean().unwrap() - 1.0, deviation / want.std(0.0) - 1.0);
             assert!(off.0.abs() < 3e-3 && off.1.abs() < 1e-2, "{count} {streak:?}: {off:?}");
+            // An eighth of a pixel aside would be twice as much.
+            let apart = (got - want).std(0.0) / deviation;
+            assert!(apart < 0.03, "{count} {streak:?}: {apart}");
             let noise = 5.0 / (count * 190.0 * 230.0).sqrt();
             assert!((sheet.mean() / mean - 1.0).abs() < noise, "{} {mean}", sheet.mean());
         }

@@ -59,27 +59,17 @@ pub struct Tables {
     starts: [u32; ROOM],
 }
 
-impl Tables {
-    /// The light of bytes.
-    pub fn decode(&self, out: &mut [f32], bytes: &[u8]) {
-        read(out, bytes, &self.light);
-    }
-
-    /// The bytes of light: clipped, NaN is 0.
-    pub fn encode(&self, out: &mut [u8], light: &[f32]) {
-        write(out, light, self);
-    }
-}
-
+/// The light of bytes.
 #[dispatch]
-fn read<const LEVEL: u8>(out: &mut [f32], bytes: &[u8], light: &[f32; 256]) {
+pub fn decode<const LEVEL: u8>(out: &mut [f32], bytes: &[u8], tables: &Tables) {
     for (out, &byte) in out.iter_mut().zip(bytes) {
-        *out = light[usize::from(byte)];
+        *out = tables.light[usize::from(byte)];
     }
 }
 
+/// The bytes of light: clipped, NaN is 0.
 #[dispatch]
-fn write<const LEVEL: u8>(out: &mut [u8], light: &[f32], tables: &Tables) {
+pub fn encode<const LEVEL: u8>(out: &mut [u8], light: &[f32], tables: &Tables) {
     for (out, &light) in out.iter_mut().zip(light) {
         let light = if light > 0.0 { light } else { 0.0 };
         let steps = if light < 1.0 { light * STEPS as f32 } else { STEPS as f32 };
@@ -104,7 +94,7 @@ pub fn bytes(
     let tasks: Vec<_> = out.chunks_mut(1 << 16).zip(light.chunks(1 << 16)).collect();
     pool::for_each(tasks, |(out, light)| {
         cancel.check()?;
-        tables.encode(out, light);
+        encode(out, light, &tables);
         Ok(())
     })
 }

@@ -1,8 +1,11 @@
 //! Colors that lie between the middles of cells.
 
+use std::cell::Cell;
+
 use ndarray::ArrayView3;
 
 use crate::base::error::Error;
+use crate::base::pool;
 use crate::base::simd::dispatch;
 
 /// Colors at the middles of cells of a frame.
@@ -15,11 +18,8 @@ pub struct Grid<'a> {
     pub first: (usize, usize),
 }
 
-/// Pixels between the same two cells: these, and how far each is from the first to the second.
-pub struct Run {
-    cells: [usize; 2],
-    parts: Vec<f32>,
-}
+/// Pixels of a row whose colors are asked for at a time: they stay in the first cache.
+pub const PIXELS: usize = 256;
 
 impl Grid<'_> {
     /// The cells before and after a pixel, and its place between them.
@@ -30,35 +30,10 @@ impl Grid<'_> {
         ([first, (first + 1).min(last)], (place - first as f64) as f32)
     }
 
-    pub fn across(&self, width: usize) -> Vec<Run> {
-        let count = self.colors.dim().1;
-        let mut runs: Vec<Run> = Vec::new();
-        for x in 0..width {
-            let (cells, part) = self.between(self.first.1 + x, count);
-            match runs.last_mut() {
-                Some(run) if run.cells == cells => run.parts.push(part),
-                _ => runs.push(Run { cells, parts: vec![part] }),
-            }
-        }
-        runs
-    }
-
-    /// The colors of a row of pixels of the layer.
-    pub fn row(&self, row: usize, across: &[Run], line: &mut Vec<[f32; 3]>, out: &mut [[f32; 3]]) {
-        let (rows, columns, _) = self.colors.dim();
-        if rows == 1 && columns == 1 && !line.is_empty() {
-            // One color: that of the row before.
-            return;
-        }
-        let ([above, below], part) = self.between(self.first.0 + row, rows);
-        line.clear();
-        line.extend((0..columns).map(|column| {
-            std::array::from_fn(|channel| {
-                let low = self.colors[[above, column, channel]];
-                low + part * (self.colors[[below, column, channel]] - low)
-            })
-        }));
-        blend(out, across, line);
+    /// The cell before each pixel of the layer's rows, and the pixel's place from it to the next.
+    pub fn across(&self, width: usize) -> Vec<(u32, f32)> {
+        let place = |x| self.between(self.first.1 + x, self.colors.dim().1);
+        (0..width).map(place).map(|(cells, part)| (cells[0] as u32, part)).collect()
     }
 
     pub fn check(&self) -> Result<(), Error> {
@@ -70,19 +45,64 @@ impl Grid<'_> {
     }
 }
 
+/// The colors of a layer's pixels, some of a row at a time.
+pub struct Colors<'a, 'b> {
+    grid: &'a Grid<'b>,
+    across: &'a [(u32, f32)],
+    /// Of the row's cells: the color, and what is wanting to the next one's.
+    cells: Vec<[f32; 8]>,
+    /// Room for one more than are asked for.
+    pixels: Vec<[f32; 3]>,
+}
+
+impl<'a, 'b> Colors<'a, 'b> {
+    pub fn new(grid: &'a Grid<'b>, across: &'a [(u32, f32)]) -> Self {
+        let first = [0, 1, 2].map(|c| grid.colors[[0, 0, c]]);
+        Self { grid, across, cells: Vec::new(), pixels: vec![first; PIXELS + 1] }
+    }
+
+    /// Whether all have the same.
+    fn one(&self) -> bool {
+        self.grid.colors.len() == 3
+    }
+
+    /// Goes to a row.
+    pub fn go(&mut self, row: usize) -> Result<(), Error> {
+        if self.one() {
+            return Ok(());
+        }
+        let (cells, part) = self.grid.between(self.grid.first.0 + row, self.grid.colors.dim().0);
+        let [above, below] = cells.map(|cell| pool::line(self.grid.colors, cell));
+        let (above, below) = (above?.as_chunks::<3>().0, below?.as_chunks::<3>().0);
+        let color = |cell: usize| {
+            [0, 1, 2].map(|c| above[cell][c] + part * (below[cell][c] - above[cell][c]))
+        };
+        self.cells.clear();
+        self.cells.extend((0..above.len()).map(|cell| {
+            let ([r, g, b], next) = (color(cell), color((cell + 1).min(above.len() - 1)));
+            [r, g, b, 0.0, next[0] - r, next[1] - g, next[2] - b, 0.0]
+        }));
+        Ok(())
+    }
+
+    /// The colors of so many pixels of the row.
+    pub fn some(&mut self, from: usize, count: usize) -> &[[f32; 3]] {
+        if !self.one() {
+            blend(&mut self.pixels, &self.across[from..from + count], &self.cells);
+        }
+        &self.pixels[..count]
+    }
+}
+
 /// Colors between those of cells.
 #[dispatch]
-fn blend<const LEVEL: u8>(out: &mut [[f32; 3]], across: &[Run], line: &[[f32; 3]]) {
-    let mut rest = out;
-    for run in across {
-        let (pixels, after) = rest.split_at_mut(run.parts.len());
-        let [low, high] = run.cells.map(|cell| line[cell]);
-        let step = [high[0] - low[0], high[1] - low[1], high[2] - low[2]];
-        for (out, &part) in pixels.iter_mut().zip(&run.parts) {
-            for c in 0..3 {
-                out[c] = low[c] + part * step[c];
-            }
+fn blend<const LEVEL: u8>(out: &mut [[f32; 3]], across: &[(u32, f32)], cells: &[[f32; 8]]) {
+    // Four values are a vector: the last is written again as the next pixel's first.
+    let out = Cell::from_mut(out.as_flattened_mut()).as_slice_of_cells();
+    for (out, &(cell, part)) in out.windows(4).step_by(3).zip(across) {
+        let cell = &cells[cell as usize];
+        for c in 0..4 {
+            out[c].set(cell[c] + part * cell[c + 4]);
         }
-        rest = after;
     }
 }

@@ -67,8 +67,9 @@ impl<S: Sample> OneColor<S> {
     }
 }
 
+/// Lays a color for each value over pixels, with one alpha per pixel.
 #[dispatch]
-fn mix_pixels<const LEVEL: u8, S: Sample>(
+pub fn mix_pixels<const LEVEL: u8, S: Sample>(
     out: &mut [S],
     background: &[S],
     color: &[S::Working],

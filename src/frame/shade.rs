@@ -2,8 +2,10 @@
 
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut3, Axis};
 
-use super::coding::Coding;
-use super::grid::{Grid, Run};
+use super::coding::{Coding, decode, encode};
+use super::grid::{Colors, Grid, PIXELS};
+use super::mix::mix_pixels;
+use super::sample::Sample;
 use crate::base::error::{Cancel, Error, layout};
 use crate::base::normal::most;
 use crate::base::pool;
@@ -27,7 +29,19 @@ pub fn over(
 ) -> Result<(), Error> {
     laid(out, back, lit, cancel, |out, back, layer| {
         out.copy_from_slice(back);
-        layer.over(out);
+        lay(out, layer);
+    })
+}
+
+/// Lays it over the values of a background by Eq. 7, in which its colors are; nothing of it glows.
+pub fn over_values<S: Sample<Working = f32>>(
+    out: ArrayViewMut3<'_, S>,
+    back: ArrayView3<'_, S>,
+    lit: &Lit<'_>,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    laid(out, back, lit, cancel, |out, back, layer| {
+        mix_pixels(out, back, layer.colors.as_flattened(), layer.alpha, 3);
     })
 }
 
@@ -41,18 +55,11 @@ pub fn over_bytes(
 ) -> Result<(), Error> {
     let tables = coding.tables()?;
     laid(out, back, lit, cancel, |out, back, layer| {
-        // A few pixels at a time, which stay in the cache.
-        let mut light = [0.0_f32; 3 * PIXELS];
-        for (part, (out, back)) in
-            out.chunks_mut(3 * PIXELS).zip(back.chunks(3 * PIXELS)).enumerate()
-        {
-            let light = &mut light[..out.len()];
-            tables.decode(light, back);
-            let layer = layer.from(part * PIXELS);
-            lay_finite(light, layer.alpha, layer.colors, layer.glow);
-            whiten(light);
-            tables.encode(out, light);
-        }
+        let light = &mut [0.0_f32; 3 * PIXELS][..out.len()];
+        decode(light, back, &tables);
+        lay(light, layer);
+        whiten(light);
+        encode(out, light, &tables);
     })
 }
 
@@ -60,6 +67,9 @@ pub fn over_bytes(
 /// channel the light of an orange lamp would have a yellow ring.
 #[dispatch]
 pub fn whiten<const LEVEL: u8>(light: &mut [f32]) {
+    if light.iter().fold(true, |all, &c| all & (c <= 1.0)) {
+        return;
+    }
     for color in light.as_chunks_mut::<3>().0 {
         let [red, green, blue] = color.map(|c| if c > BRIGHTEST { BRIGHTEST } else { c });
         let scale = 1.0 / most(most(red, most(green, blue)), 1.0);
@@ -70,65 +80,25 @@ pub fn whiten<const LEVEL: u8>(light: &mut [f32]) {
 /// Light that is white whatever its color.
 const BRIGHTEST: f32 = 1e6;
 
-/// Pixels of a row that are read, mixed and written at a time.
-const PIXELS: usize = 256;
-
-/// A layer along a row of pixels, or from one of them on.
+/// A layer along some pixels of a row.
 struct Along<'a> {
     alpha: &'a [f32],
     colors: &'a [[f32; 3]],
-    glow: Option<&'a [[f32; 3]]>,
+    glow: &'a [[f32; 3]],
 }
 
-impl Along<'_> {
-    fn from(&self, x: usize) -> Along<'_> {
-        Along {
-            alpha: &self.alpha[x..],
-            colors: &self.colors[x..],
-            glow: self.glow.map(|glow| &glow[x..]),
-        }
-    }
-
-    /// Lays it over linear light. What nothing lies over keeps its bits.
-    fn over(&self, light: &mut [f32]) {
-        let (light, _) = light.as_chunks_mut::<3>();
-        let pixels = light.iter_mut().zip(self.alpha).zip(self.colors);
-        for (x, ((light, &cover), color)) in pixels.enumerate() {
-            let more = self.glow.map_or([0.0; 3], |glow| glow[x]);
-            if cover == 0.0 && more == [0.0; 3] {
-                continue;
-            }
-            for c in 0..3 {
-                // Where it is opaque what is behind may be anything, NaN too.
-                let through = if cover == 1.0 { 0.0 } else { (1.0 - cover) * light[c] };
-                light[c] = through + (cover * color[c] + more[c]);
-            }
-        }
-    }
-}
-
-/// Lays a layer over light that is finite, with the bits of `Along::over`.
+/// Lays it over linear light. What nothing lies over keeps its bits.
 #[dispatch]
-fn lay_finite<const LEVEL: u8>(
-    light: &mut [f32],
-    alpha: &[f32],
-    colors: &[[f32; 3]],
-    glow: Option<&[[f32; 3]]>,
-) {
-    let (light, _) = light.as_chunks_mut::<3>();
-    let (alpha, colors) = (&alpha[..light.len()], &colors[..light.len()]);
-    if let Some(glow) = glow {
-        let glow = &glow[..light.len()];
-        for (((light, &cover), color), more) in light.iter_mut().zip(alpha).zip(colors).zip(glow) {
-            for c in 0..3 {
-                light[c] = (1.0 - cover) * light[c] + (cover * color[c] + more[c]);
-            }
-        }
-        return;
-    }
-    for ((light, &cover), color) in light.iter_mut().zip(alpha).zip(colors) {
+fn lay<const LEVEL: u8>(light: &mut [f32], layer: &Along<'_>) {
+    let light = light.as_chunks_mut::<3>().0.iter_mut();
+    let pixels = light.zip(layer.alpha).zip(layer.colors).zip(layer.glow);
+    for (((light, &cover), color), more) in pixels {
+        let clear = cover == 0.0 && *more == [0.0; 3];
         for c in 0..3 {
-            light[c] = (1.0 - cover) * light[c] + cover * color[c];
+            // Where it is opaque what is behind may be anything, NaN too.
+            let through = if cover == 1.0 { 0.0 } else { (1.0 - cover) * light[c] };
+            let mixed = through + (cover * color[c] + more[c]);
+            light[c] = if clear { light[c] } else { mixed };
         }
     }
 }
@@ -138,7 +108,7 @@ fn laid<S: Copy + Send + Sync>(
     back: ArrayView3<'_, S>,
     lit: &Lit<'_>,
     cancel: &Cancel,
-    lay: impl Fn(&mut [S], &[S], &Along<'_>) + Sync,
+    each: impl Fn(&mut [S], &[S], &Along<'_>) + Sync,
 ) -> Result<(), Error> {
     let (height, width, channels) = out.dim();
     let same = back.dim() == out.dim() && lit.alpha.dim() == (height, width) && channels == 3;
@@ -146,20 +116,24 @@ fn laid<S: Copy + Send + Sync>(
         return Err(Error::Internal("a layer and its picture differ in size".into()));
     }
     lit.grid.check()?;
-    let across = lit.grid.across(width);
+    let (across, none) = (lit.grid.across(width), [[0.0; 3]; PIXELS]);
     let tasks: Vec<_> = out.axis_chunks_iter_mut(Axis(0), 32).enumerate().collect();
     pool::for_each(tasks, |(number, mut band)| {
         cancel.check()?;
-        let (mut line, mut colors) = (Vec::new(), vec![[0.0_f32; 3]; width]);
+        let mut colors = Colors::new(&lit.grid, &across);
         for (row, mut out) in band.outer_iter_mut().enumerate() {
             let row = 32 * number + row;
-            lit.grid.row(row, &across, &mut line, &mut colors);
-            let alpha = pool::line(lit.alpha, row)?;
+            colors.go(row)?;
             let glow = lit.glow.map(|glow| pool::line(glow, row)).transpose()?;
             let glow = glow.map(|glow| glow.as_chunks::<3>().0);
-            let back = pool::line(back, row)?;
-            let along = Along { alpha, colors: &colors, glow };
-            lay(out.as_slice_mut().ok_or_else(layout)?, back, &along);
+            let out = out.as_slice_mut().ok_or_else(layout)?.chunks_mut(3 * PIXELS);
+            let parts = out.zip(pool::line(back, row)?.chunks(3 * PIXELS));
+            let parts = parts.zip(pool::line(lit.alpha, row)?.chunks(PIXELS));
+            for (part, ((out, back), alpha)) in parts.enumerate() {
+                let (from, count) = (part * PIXELS, alpha.len());
+                let glow = glow.map_or(&none[..count], |glow| &glow[from..from + count]);
+                each(out, back, &Along { alpha, colors: colors.some(from, count), glow });
+            }
         }
         Ok(())
     })
@@ -182,7 +156,7 @@ pub fn add(
 /// What lies behind flakes, with the light that it has.
 pub struct Behind<'a, 'b> {
     lit: &'a Lit<'b>,
-    across: Vec<Run>,
+    across: Vec<(u32, f32)>,
 }
 
 impl<'a, 'b> Behind<'a, 'b> {
@@ -202,18 +176,20 @@ impl<'a, 'b> Behind<'a, 'b> {
         mut glow: ArrayViewMut3<'_, f32>,
         front: Option<ArrayView2<'_, f32>>,
     ) -> Result<(), Error> {
-        let width = glow.dim().1;
-        let (mut line, mut colors) = (Vec::new(), vec![[0.0_f32; 3]; width]);
-        let mut cover = vec![0.0_f32; width];
+        let mut cover = vec![0.0_f32; glow.dim().1];
+        let mut colors = Colors::new(&self.lit.grid, &self.across);
         for (row, mut glow) in glow.outer_iter_mut().enumerate() {
-            self.lit.grid.row(first + row, &self.across, &mut line, &mut colors);
+            colors.go(first + row)?;
             cover.copy_from_slice(pool::line(self.lit.alpha, first + row)?);
             if let Some(front) = front {
                 let front = pool::line(front, row)?;
                 cover.iter_mut().zip(front).for_each(|(cover, front)| *cover *= 1.0 - front);
             }
             let (glow, _) = glow.as_slice_mut().ok_or_else(layout)?.as_chunks_mut::<3>();
-            add_light(glow, &colors, &cover);
+            let parts = glow.chunks_mut(PIXELS).zip(cover.chunks(PIXELS));
+            for (part, (glow, cover)) in parts.enumerate() {
+                add_light(glow, colors.some(part * PIXELS, cover.len()), cover);
+            }
         }
         Ok(())
     }

@@ -189,9 +189,10 @@ pub fn plate_cells(
     }
 }
 
-/// Lays a layer whose color differs over the picture over linear light, or over bytes in linear light.
+/// Lays a layer whose color differs over the picture over linear light, over bytes in linear light, or
+/// without their coding over integers in their own values.
 #[pyfunction]
-#[pyo3(signature = (out, background, alpha, colors, glow=None, light=None, edges=None))]
+#[pyo3(signature = (out, background, alpha, colors, glow=None, coding=None))]
 pub fn shade_over(
     py: Python<'_>,
     out: PictureMut<'_>,
@@ -199,8 +200,7 @@ pub fn shade_over(
     alpha: PyReadonlyArray2<'_, f32>,
     colors: Shade<'_>,
     glow: Option<PyReadonlyArray3<'_, f32>>,
-    light: Option<PyReadonlyArray1<'_, f32>>,
-    edges: Option<PyReadonlyArray1<'_, f32>>,
+    coding: Option<(PyReadonlyArray1<'_, f32>, PyReadonlyArray1<'_, f32>)>,
 ) -> PyResult<()> {
     let lit = lit(&alpha, &colors, glow.as_ref());
     let work = 20.0 * lit.alpha.len() as f64;
@@ -210,12 +210,16 @@ pub fn shade_over(
             gate::run(py, work, |cancel| shade::over(out, back, &lit, cancel))
         }
         (PictureMut::Byte(mut out), Picture::Byte(back)) => {
-            let (Some(light), Some(edges)) = (&light, &edges) else {
-                return Err(Error::Internal("bytes want their coding".into()).into());
+            let (out, back) = (out.as_array_mut(), back.as_array());
+            let Some((light, edges)) = &coding else {
+                return gate::run(py, work, |cancel| shade::over_values(out, back, &lit, cancel));
             };
             let coding = Coding { light: light.as_slice()?, edges: edges.as_slice()? };
-            let (out, back) = (out.as_array_mut(), back.as_array());
             gate::run(py, work, |cancel| shade::over_bytes(out, back, &lit, &coding, cancel))
+        }
+        (PictureMut::Word(mut out), Picture::Word(back)) => {
+            let (out, back) = (out.as_array_mut(), back.as_array());
+            gate::run(py, work, |cancel| shade::over_values(out, back, &lit, cancel))
         }
         _ => Err(Error::Internal("no such picture".into()).into()),
     }

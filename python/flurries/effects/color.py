@@ -1,6 +1,7 @@
 """The color of an effect: display values, or the light of the background and of lamps."""
 
 import math
+from dataclasses import replace
 from typing import Any, Literal, NamedTuple, NewType, TypeAlias
 
 import numpy as np
@@ -56,7 +57,7 @@ def as_color(value: object, words: tuple[str, ...] = (AMBIENT,)) -> Any:
 
 
 def is_local(color: object) -> bool:
-    """Whether a color is the plate's light by places; layers are then mixed in linear light."""
+    """Whether a color is the plate's light by places."""
     return isinstance(color, str) and color == LOCAL
 
 
@@ -94,13 +95,14 @@ def even_shade(frame: Frame, color: RGB) -> Shade:
 def local_shade(frame: Frame, optics: Optics | None) -> Shade:
     """Return the color that the plate's light gives to particles, or to fog, by places."""
     assert frame.plate is not None
-    return shade_of(frame, _local(frame.plate, frame.camera.focal, optics), frame.plate.cell)
+    light, display = _local(frame.plate, frame.camera.focal, optics)
+    return replace(shade_of(frame, light, frame.plate.cell), display=display)
 
 
 @kept(16)
-def _local(plate: PlateLight, focal: float, optics: Optics | None) -> Array:
+def _local(plate: PlateLight, focal: float, optics: Optics | None) -> tuple[Array, Array]:
     light = plate.veil(focal) if optics is None else plate.local(focal, *optics)
-    return light.astype(np.float32)
+    return (light := light.astype(np.float32)), linear_to_srgb(light)
 
 
 class Base(NamedTuple):

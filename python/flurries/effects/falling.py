@@ -249,7 +249,7 @@ class Snow(Falling):
     color : float, (r, g, b), "#rrggbb", "ambient" or "local"
         Display values, 0 to 1. Keyed. "ambient": 0.9 of the light of the shot's sky, nearly grey,
         the same in all frames. "local": 0.9 of the light from behind and around each flake and
-        from outside the picture, mixed in linear light: flakes glow before a lamp.
+        from outside the picture: flakes glow before a lamp.
     haze : float
         Opacity of an even veil beside the flakes, 0 to 1. Keyed.
     shutter : float, optional

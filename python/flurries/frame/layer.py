@@ -24,6 +24,7 @@ class Shade:
     colors: Array  # (rows, columns, 3) float32, linear light.
     cell: float  # Side, px.
     first: tuple[int, int]  # (row, column) of the frame that the layer begins at.
+    display: Array | None = None  # Their display values, where these are kept.
 
     def given(self, colors: Array | None = None) -> tuple[Array, float, int, int]:
         """Return the shade as kernels read it, with other colors if given."""

@@ -18,12 +18,6 @@ CHUNK = 1 << 16
 # What files with layers call their own planes.
 _TAKEN = ("rgba", "alpha", "background", "depth", "foreground", "forward", "weather")
 
-# Display values of bytes, and the least that is rounded to each from 1 on.
-_BYTES = (
-    np.arange(256, dtype=np.float32) / np.float32(255.0),
-    (np.arange(255, dtype=np.float32) + np.float32(0.5)) / np.float32(255.0),
-)
-
 
 @dataclass(frozen=True)
 class Mix:
@@ -101,17 +95,17 @@ class Mix:
         """Return a layer over what lies behind it, in `into` if given: another array."""
         result = np.empty_like(working) if into is None else into
         kinds = {working.dtype.name, result.dtype.name}
-        single = kinds == {"float32"} and self.primaries is None
-        # Display values over bytes: read and rounded as they are.
-        coding = () if single else _BYTES if kinds == {"uint8"} and not self.linear else None
+        whole = not self.linear and kinds in ({"uint8"}, {"uint16"})
+        direct = whole or (kinds == {"float32"} and self.primaries is None)
         opaque, shade = working.shape[2] == 3, layer.shade
         plain = opaque and (self.linear or layer.glow is None)
         if shade is None and layer.rgb is None and opaque:
             _core.snow(result, working, layer.alpha, self.light(layer.color))
-        elif shade is not None and plain and coding is not None:
-            colors = None if self.linear else io_color.linear_to_srgb(shade.colors)
-            given = shade.given(colors)
-            _core.shade_over(result, working, layer.alpha, given, layer.glow, *coding)
+        elif shade is not None and plain and direct:
+            colors = shade.colors if self.linear else shade.display
+            colors = io_color.linear_to_srgb(shade.colors) if colors is None else colors
+            colors = np.iinfo(working.dtype).max * colors if whole else colors
+            _core.shade_over(result, working, layer.alpha, shade.given(colors), layer.glow)
         else:
             _core.over(result, working, self.rgba(layer))
         return result
@@ -127,7 +121,7 @@ class Mix:
         result = np.empty(plate.shape, np.uint8) if into is None else into
         plate = np.ascontiguousarray(plate)
         coding = io_color.decoding_table(1), io_color.encoding_edges()
-        _core.shade_over(result, plate, layer.alpha, shade.given(), layer.glow, *coding)
+        _core.shade_over(result, plate, layer.alpha, shade.given(), layer.glow, coding)
         return result
 
     def rgba(self, layer: Layer) -> Array:

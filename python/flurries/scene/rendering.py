@@ -13,7 +13,8 @@ from flurries._contract import Array, real
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
-from flurries.effects.color import LOCAL
+from flurries.effects.color import is_local
+from flurries.effects.mist import Mist
 from flurries.effects.texture import Texture
 from flurries.frame.needs import renderer_of
 from flurries.frame.picture import images
@@ -75,8 +76,8 @@ class Rendering(Sources):
     @property
     def _linear(self) -> bool:
         if self._space == "auto":
-            light = self._backdrop.encoding == "linear" or bool(self.lights)
-            return light or self._has_color(LOCAL)
+            mist = any(isinstance(e, Mist) and is_local(e.color) for e in self.effects)
+            return mist or self._backdrop.encoding == "linear" or bool(self.lights)
         return self._space == "linear"
 
     @property

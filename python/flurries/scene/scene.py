@@ -82,7 +82,8 @@ class Scene(Rendering):
         What stands in front of the weather: a mask (H, W), 1 in front, or a picture with alpha; at
         a depth of its own as a :class:`Foreground`.
     space : {"auto", "display", "linear"}
-        Where layers are mixed; "auto" is display values for integers, linear light for floats.
+        Where layers are mixed; "auto" is linear light for floats, lamps and mist of the picture's
+        own light, and display values for all other integers.
     depth : float, array, path or DepthMap, optional
         Planar depth of the background in metres: a wall at one depth; an array (H, W) of float with
         infinity where nothing stands; an EXR or float TIFF, or a sequence of them, with a channel
