@@ -76,14 +76,10 @@ const LANES: usize = 8;
 #[dispatch]
 pub fn light<const LEVEL: u8>(lamps: &Lamps, points: &[[f64; 3]], out: &mut [[f64; 3]]) {
     for (points, out) in points.chunks(LANES).zip(out.chunks_mut(LANES)) {
-        let mut lanes = [[1.0; LANES]; 3];
-        for (k, point) in points.iter().enumerate() {
-            (0..3).for_each(|axis| lanes[axis][k] = point[axis]);
-        }
+        let part = |k: usize, axis: usize| points.get(k).map_or(1.0, |point| point[axis]);
+        let lanes = [0, 1, 2].map(|axis| std::array::from_fn(|k| part(k, axis)));
         let found = block::<LANES, LEVEL>(lamps, &lanes);
-        for (k, out) in out.iter_mut().enumerate() {
-            (0..3).for_each(|c| out[c] = found[c][k]);
-        }
+        out.iter_mut().enumerate().for_each(|(k, out)| *out = at(&found, k));
     }
 }
 

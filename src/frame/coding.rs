@@ -31,11 +31,9 @@ impl Coding<'_> {
         let apart = 1.001 / STEPS as f32;
         let sorted = self.edges.windows(2).all(|pair| pair[1] - pair[0] > apart);
         let sorted = sorted && self.edges.first().is_some_and(|&edge| edge > apart);
-        if self.light.len() != 256 || self.edges.len() != 255 || !sorted {
+        let (Ok(light), 255, true) = (self.light.try_into(), self.edges.len(), sorted) else {
             return Err(Error::Internal("no coding of bytes looks like that".into()));
-        }
-        let mut light = [0.0; 256];
-        light.copy_from_slice(self.light);
+        };
         let (mut starts, mut level) = ([0; ROOM], 0);
         for (step, start) in starts.iter_mut().take(STEPS + 1).enumerate() {
             let from = step as f32 - 0.5;

@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use ndarray::ArrayView3;
 
-use crate::base::error::Error;
+use crate::base::error::{Error, collected};
 use crate::base::pool;
 use crate::base::simd::dispatch;
 
@@ -19,7 +19,7 @@ pub struct Grid<'a> {
 }
 
 /// Pixels of a row whose colors are asked for at a time: they stay in the first cache.
-pub const PIXELS: usize = 256;
+pub const PIXELS: usize = 512;
 
 impl Grid<'_> {
     /// The cells before and after a pixel, and its place between them.
@@ -36,6 +36,18 @@ impl Grid<'_> {
         (0..width).map(place).map(|(cells, part)| (cells[0] as u32, part)).collect()
     }
 
+    /// Each column's color on a part of the way between rows of cells, and what is wanting to the next one's.
+    fn cells(&self, rows: [usize; 2], part: f32) -> Result<Vec<[f32; 8]>, Error> {
+        let [above, below] = rows.map(|row| pool::line(self.colors, row));
+        let (above, below) = (above?.as_chunks::<3>().0, below?.as_chunks::<3>().0);
+        let color = |(a, b): (&[f32; 3], &[f32; 3])| [0, 1, 2].map(|c| a[c] + part * (b[c] - a[c]));
+        let colors = collected(above.iter().zip(below).map(color))?;
+        collected((0..colors.len()).map(|cell| {
+            let ([r, g, b], next) = (colors[cell], colors[(cell + 1).min(colors.len() - 1)]);
+            [r, g, b, 0.0, next[0] - r, next[1] - g, next[2] - b, 0.0]
+        }))
+    }
+
     pub fn check(&self) -> Result<(), Error> {
         let (rows, columns, channels) = self.colors.dim();
         if rows == 0 || columns == 0 || channels != 3 || self.cell.is_nan() || self.cell <= 0.0 {
@@ -49,16 +61,20 @@ impl Grid<'_> {
 pub struct Colors<'a, 'b> {
     grid: &'a Grid<'b>,
     across: &'a [(u32, f32)],
-    /// Of the row's cells: the color, and what is wanting to the next one's.
     cells: Vec<[f32; 8]>,
+    /// Where rows need not have the last bits: the rows of cells above and below, pixel by pixel. Few are new.
+    sides: Option<[(usize, Vec<[f32; 3]>); 2]>,
+    part: f32,
     /// Room for one more than are asked for.
     pixels: Vec<[f32; 3]>,
 }
 
 impl<'a, 'b> Colors<'a, 'b> {
-    pub fn new(grid: &'a Grid<'b>, across: &'a [(u32, f32)]) -> Self {
+    pub fn new(grid: &'a Grid<'b>, across: &'a [(u32, f32)], exact: bool) -> Self {
         let first = [0, 1, 2].map(|c| grid.colors[[0, 0, c]]);
-        Self { grid, across, cells: Vec::new(), pixels: vec![first; PIXELS + 1] }
+        let side = || (usize::MAX, vec![[0.0; 3]; across.len() + 1]);
+        let sides = (!exact).then(|| [side(), side()]);
+        Self { grid, across, cells: vec![], sides, part: 0.0, pixels: vec![first; PIXELS + 1] }
     }
 
     /// Whether all have the same.
@@ -71,26 +87,41 @@ impl<'a, 'b> Colors<'a, 'b> {
         if self.one() {
             return Ok(());
         }
-        let (cells, part) = self.grid.between(self.grid.first.0 + row, self.grid.colors.dim().0);
-        let [above, below] = cells.map(|cell| pool::line(self.grid.colors, cell));
-        let (above, below) = (above?.as_chunks::<3>().0, below?.as_chunks::<3>().0);
-        let color = |cell: usize| {
-            [0, 1, 2].map(|c| above[cell][c] + part * (below[cell][c] - above[cell][c]))
+        let (rows, part) = self.grid.between(self.grid.first.0 + row, self.grid.colors.dim().0);
+        self.part = part;
+        let Some(sides) = &mut self.sides else {
+            self.cells = self.grid.cells(rows, part)?;
+            return Ok(());
         };
-        self.cells.clear();
-        self.cells.extend((0..above.len()).map(|cell| {
-            let ([r, g, b], next) = (color(cell), color((cell + 1).min(above.len() - 1)));
-            [r, g, b, 0.0, next[0] - r, next[1] - g, next[2] - b, 0.0]
-        }));
+        if sides[1].0 == rows[0] {
+            sides.swap(0, 1);
+        }
+        for ((held, colors), row) in sides.iter_mut().zip(rows) {
+            if *held != row {
+                blend(colors, self.across, &self.grid.cells([row; 2], 0.0)?);
+                *held = row;
+            }
+        }
         Ok(())
     }
 
     /// The colors of so many pixels of the row.
     pub fn some(&mut self, from: usize, count: usize) -> &[[f32; 3]] {
-        if !self.one() {
+        let pixels = &mut self.pixels[..count + 1];
+        if let Some([above, below]) = self.sides.as_ref().filter(|_| self.grid.colors.len() > 3) {
+            let (above, below) = (&above.1[from..], &below.1[from..]);
+            lerp(pixels.as_flattened_mut(), above.as_flattened(), below.as_flattened(), self.part);
+        } else if !self.one() {
             blend(&mut self.pixels, &self.across[from..from + count], &self.cells);
         }
         &self.pixels[..count]
+    }
+}
+
+#[dispatch]
+fn lerp<const LEVEL: u8>(out: &mut [f32], above: &[f32], below: &[f32], part: f32) {
+    for ((out, above), below) in out.iter_mut().zip(above).zip(below) {
+        *out = above + part * (below - above);
     }
 }
 

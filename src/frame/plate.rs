@@ -2,52 +2,13 @@
 
 use ndarray::{ArrayView3, ArrayViewMut3, Axis};
 
+use super::sample::Sample;
 use crate::base::error::{Cancel, Error, layout};
 use crate::base::pool;
 
-/// What a cell of a plate sums up.
-pub trait Light: Copy + Sync + Send {
-    /// Whether all its values are finite.
-    const FINITE: bool;
-    /// Linear light times `cover`, by the table of integers; `straight` where that is still to be done.
-    fn light(self, table: &[f32], cover: f32) -> f32;
-    /// An opacity, 0 to 1.
-    fn cover(self) -> f32;
-}
-
-macro_rules! integer_light {
-    ($integer:ty) => {
-        impl Light for $integer {
-            const FINITE: bool = true;
-            #[inline(always)]
-            fn light(self, table: &[f32], cover: f32) -> f32 {
-                table[usize::from(self)] * cover
-            }
-            #[inline(always)]
-            fn cover(self) -> f32 {
-                f32::from(self) / f32::from(<$integer>::MAX)
-            }
-        }
-    };
-}
-integer_light!(u8);
-integer_light!(u16);
-
-impl Light for f32 {
-    const FINITE: bool = false;
-    #[inline(always)]
-    fn light(self, _: &[f32], _: f32) -> f32 {
-        self
-    }
-    #[inline(always)]
-    fn cover(self) -> f32 {
-        self
-    }
-}
-
 /// Fills `out` (rows, columns, 4) with the sums of linear light over cells of `cell` pixels, and of
-/// what covers them, in each `step`-th of their rows. Pixels that are not finite do not count.
-pub fn cells<S: Light>(
+/// what covers them, in each `step`-th of their rows; of integers by a table of their light. Pixels that are not finite do not count.
+pub fn cells<S: Sample<Working = f32>>(
     mut out: ArrayViewMut3<'_, f32>,
     picture: ArrayView3<'_, S>,
     table: &[f32],
@@ -74,13 +35,19 @@ pub fn cells<S: Light>(
 }
 
 /// Adds a row of pixels of so many channels to sums of its cells.
-fn summed<S: Light, const N: usize>(sums: &mut [[f32; 4]], line: &[S], cell: usize, table: &[f32]) {
+fn summed<S: Sample<Working = f32>, const N: usize>(
+    sums: &mut [[f32; 4]],
+    line: &[S],
+    cell: usize,
+    table: &[f32],
+) {
     for (sum, pixels) in sums.iter_mut().zip(line.as_chunks::<N>().0.chunks(cell)) {
         let mut found = [0.0_f32; 4];
         for pixel in pixels {
-            let cover = if N == 4 { pixel[3].cover() } else { 1.0 };
-            let rgb = [pixel[0], pixel[1], pixel[2]].map(|own| own.light(table, cover));
-            if S::FINITE || rgb.iter().all(|v| v.is_finite()) {
+            let cover = if N == 4 { pixel[3].load() / S::SCALE as f32 } else { 1.0 };
+            let light = |v: f32| if S::INTEGER { table[v as usize] * cover } else { v };
+            let rgb = [pixel[0], pixel[1], pixel[2]].map(|own| light(own.load()));
+            if S::INTEGER || rgb.iter().all(|v| v.is_finite()) {
                 found = std::array::from_fn(|k| found[k] + if k < 3 { rgb[k] } else { cover });
             }
         }

@@ -5,7 +5,6 @@ use ndarray::{ArrayView2, ArrayView3, ArrayViewMut3, Axis};
 use super::coding::{Coding, decode, encode};
 use super::grid::{Colors, Grid, PIXELS};
 use super::mix::mix_pixels;
-use super::sample::Sample;
 use crate::base::error::{Cancel, Error, layout};
 use crate::base::normal::most;
 use crate::base::pool;
@@ -27,20 +26,20 @@ pub fn over(
     lit: &Lit<'_>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    laid(out, back, lit, cancel, |out, back, layer| {
+    laid(out, back, (lit, true), cancel, |out, back, layer| {
         out.copy_from_slice(back);
-        lay(out, layer);
+        layer.over(out);
     })
 }
 
-/// Lays it over the values of a background by Eq. 7, in which its colors are; nothing of it glows.
-pub fn over_values<S: Sample<Working = f32>>(
-    out: ArrayViewMut3<'_, S>,
-    back: ArrayView3<'_, S>,
+/// Lays it over bytes by Eq. 7 in their own values, as its colors are; nothing of it glows.
+pub fn over_values(
+    out: ArrayViewMut3<'_, u8>,
+    back: ArrayView3<'_, u8>,
     lit: &Lit<'_>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    laid(out, back, lit, cancel, |out, back, layer| {
+    laid(out, back, (lit, false), cancel, |out, back, layer| {
         mix_pixels(out, back, layer.colors.as_flattened(), layer.alpha, 3);
     })
 }
@@ -54,10 +53,10 @@ pub fn over_bytes(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let tables = coding.tables()?;
-    laid(out, back, lit, cancel, |out, back, layer| {
+    laid(out, back, (lit, true), cancel, |out, back, layer| {
         let light = &mut [0.0_f32; 3 * PIXELS][..out.len()];
         decode(light, back, &tables);
-        lay(light, layer);
+        lay_finite(light, layer);
         whiten(light);
         encode(out, light, &tables);
     })
@@ -87,18 +86,34 @@ struct Along<'a> {
     glow: &'a [[f32; 3]],
 }
 
-/// Lays it over linear light. What nothing lies over keeps its bits.
+impl Along<'_> {
+    /// Lays it over linear light. What nothing lies over keeps its bits.
+    fn over(&self, light: &mut [f32]) {
+        let light = light.as_chunks_mut::<3>().0.iter_mut();
+        for (((light, &cover), color), more) in
+            light.zip(self.alpha).zip(self.colors).zip(self.glow)
+        {
+            if cover == 0.0 && *more == [0.0; 3] {
+                continue;
+            }
+            for c in 0..3 {
+                // Where it is opaque what is behind may be anything, NaN too.
+                let through = if cover == 1.0 { 0.0 } else { (1.0 - cover) * light[c] };
+                light[c] = through + (cover * color[c] + more[c]);
+            }
+        }
+    }
+}
+
+/// Lays a layer over light that is finite, with the bits of `Along::over`.
 #[dispatch]
-fn lay<const LEVEL: u8>(light: &mut [f32], layer: &Along<'_>) {
-    let light = light.as_chunks_mut::<3>().0.iter_mut();
-    let pixels = light.zip(layer.alpha).zip(layer.colors).zip(layer.glow);
-    for (((light, &cover), color), more) in pixels {
-        let clear = cover == 0.0 && *more == [0.0; 3];
+fn lay_finite<const LEVEL: u8>(light: &mut [f32], layer: &Along<'_>) {
+    let (light, count) = (light.as_chunks_mut::<3>().0, layer.alpha.len());
+    let (colors, glow) = (&layer.colors[..count], &layer.glow[..count]);
+    for (((light, &cover), color), more) in light.iter_mut().zip(layer.alpha).zip(colors).zip(glow)
+    {
         for c in 0..3 {
-            // Where it is opaque what is behind may be anything, NaN too.
-            let through = if cover == 1.0 { 0.0 } else { (1.0 - cover) * light[c] };
-            let mixed = through + (cover * color[c] + more[c]);
-            light[c] = if clear { light[c] } else { mixed };
+            light[c] = (1.0 - cover) * light[c] + (cover * color[c] + more[c]);
         }
     }
 }
@@ -106,7 +121,7 @@ fn lay<const LEVEL: u8>(light: &mut [f32], layer: &Along<'_>) {
 fn laid<S: Copy + Send + Sync>(
     mut out: ArrayViewMut3<'_, S>,
     back: ArrayView3<'_, S>,
-    lit: &Lit<'_>,
+    (lit, exact): (&Lit<'_>, bool),
     cancel: &Cancel,
     each: impl Fn(&mut [S], &[S], &Along<'_>) + Sync,
 ) -> Result<(), Error> {
@@ -120,7 +135,7 @@ fn laid<S: Copy + Send + Sync>(
     let tasks: Vec<_> = out.axis_chunks_iter_mut(Axis(0), 32).enumerate().collect();
     pool::for_each(tasks, |(number, mut band)| {
         cancel.check()?;
-        let mut colors = Colors::new(&lit.grid, &across);
+        let mut colors = Colors::new(&lit.grid, &across, exact);
         for (row, mut out) in band.outer_iter_mut().enumerate() {
             let row = 32 * number + row;
             colors.go(row)?;
@@ -177,7 +192,7 @@ impl<'a, 'b> Behind<'a, 'b> {
         front: Option<ArrayView2<'_, f32>>,
     ) -> Result<(), Error> {
         let mut cover = vec![0.0_f32; glow.dim().1];
-        let mut colors = Colors::new(&self.lit.grid, &self.across);
+        let mut colors = Colors::new(&self.lit.grid, &self.across, true);
         for (row, mut glow) in glow.outer_iter_mut().enumerate() {
             colors.go(first + row)?;
             cover.copy_from_slice(pool::line(self.lit.alpha, first + row)?);

@@ -15,6 +15,7 @@ use crate::frame::coding::{self, Coding};
 use crate::frame::composite;
 use crate::frame::grid::Grid;
 use crate::frame::plate;
+use crate::frame::sample::Sample;
 use crate::frame::shade::{self, Lit};
 use crate::frame::shown::{Flakes, Passes, Shown, finish, rgba};
 use crate::frame::veil::{self as fog, Patches};
@@ -170,7 +171,7 @@ pub fn plate_cells(
     let out = out.as_array_mut();
     let table = table.as_array();
     let table = table.to_slice().ok_or_else(|| Error::Internal("layout".into()))?;
-    fn run<S: plate::Light>(
+    fn run<S: Sample<Working = f32>>(
         py: Python<'_>,
         out: ArrayViewMut3<'_, f32>,
         picture: ArrayView3<'_, S>,
@@ -189,8 +190,7 @@ pub fn plate_cells(
     }
 }
 
-/// Lays a layer whose color differs over the picture over linear light, over bytes in linear light, or
-/// without their coding over integers in their own values.
+/// Lays a layer whose color differs over linear light, or over bytes: in linear light with their coding.
 #[pyfunction]
 #[pyo3(signature = (out, background, alpha, colors, glow=None, coding=None))]
 pub fn shade_over(
@@ -216,10 +216,6 @@ pub fn shade_over(
             };
             let coding = Coding { light: light.as_slice()?, edges: edges.as_slice()? };
             gate::run(py, work, |cancel| shade::over_bytes(out, back, &lit, &coding, cancel))
-        }
-        (PictureMut::Word(mut out), Picture::Word(back)) => {
-            let (out, back) = (out.as_array_mut(), back.as_array());
-            gate::run(py, work, |cancel| shade::over_values(out, back, &lit, cancel))
         }
         _ => Err(Error::Internal("no such picture".into()).into()),
     }

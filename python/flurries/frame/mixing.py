@@ -95,7 +95,7 @@ class Mix:
         """Return a layer over what lies behind it, in `into` if given: another array."""
         result = np.empty_like(working) if into is None else into
         kinds = {working.dtype.name, result.dtype.name}
-        whole = not self.linear and kinds in ({"uint8"}, {"uint16"})
+        whole = not self.linear and kinds == {"uint8"}
         direct = whole or (kinds == {"float32"} and self.primaries is None)
         opaque, shade = working.shape[2] == 3, layer.shade
         plain = opaque and (self.linear or layer.glow is None)
@@ -104,7 +104,7 @@ class Mix:
         elif shade is not None and plain and direct:
             colors = shade.colors if self.linear else shade.display
             colors = io_color.linear_to_srgb(shade.colors) if colors is None else colors
-            colors = np.iinfo(working.dtype).max * colors if whole else colors
+            colors = 255 * colors if whole else colors
             _core.shade_over(result, working, layer.alpha, shade.given(colors), layer.glow)
         else:
             _core.over(result, working, self.rgba(layer))
