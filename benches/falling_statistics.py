@@ -146,8 +146,7 @@ def measure(
     else:
         scene = case.scene(seed, of)
         # What turns sees the wind from another side later.
-        turns = CAMERAS[case.camera][1] != 0.0 and case.wind != 0.0
-        apart = pictures(scene, APART[:1] if turns else APART)
+        apart = pictures(scene, APART[:1] if case.camera == "turning" else APART)
         cut = [picture[top:bottom, left:right] for picture in pictures(scene, times[1:])]
     each = [judges.numbers(picture) for picture in apart]
     ours = {name: float(np.mean([one[name] for one in each])) for name in each[0]}
@@ -214,7 +213,6 @@ def judged(case: Case, each: list[dict[str, tuple[Numbers, Picture]]]) -> dict[s
 
 
 def main() -> None:
-    """Measure, and print or write."""
     words = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
