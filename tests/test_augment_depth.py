@@ -157,7 +157,7 @@ def test_the_ground_is_a_plane_with_a_horizon():
 def test_occlusion_is_the_mean_opacity():
     alpha = np.random.default_rng(6).random((30, 40)).astype(np.float32)
     boxes = [[0, 0, 40, 30], [3, 4, 17, 9], [2.5, 3.25, 2.75, 7.0], [-5, -5, 10, 10],
-             [50, 50, 60, 60], [4, 4, 4, 9]]  # fmt: skip
+             [50, 50, 60, 60], [4, 4, 4, 9], *([x / 3, 35, 20, 40] for x in range(9))]  # fmt: skip
     found = occlusion(alpha, boxes)
     # Each pixel cut into 8 x 8 parts: exact for eighths.
     fine = np.kron(alpha.astype(np.float64), np.ones((8, 8)))

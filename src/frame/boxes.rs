@@ -44,7 +44,8 @@ pub fn means<T: Real>(
     }
     for (out, [left, top, right, bottom]) in out.iter_mut().zip(boxes) {
         let area = (right - left) * (bottom - top);
-        out.iter_mut().for_each(|mean| *mean = (*mean / area).clamp(0.0, 1.0));
+        let mean = |sum: f64| if area > 0.0 { (sum / area).clamp(0.0, 1.0) } else { f64::NAN };
+        *out = out.map(mean);
     }
     Ok(())
 }
