@@ -123,17 +123,10 @@ def test_the_image_is_the_twins(speed, shutter, shape):
     assert wide.min() >= 0 and wide.max() <= 1
 
 
-@every("sigma", [0.02, 0.2, 0.54, 0.57, 0.61, 0.7, 0.8, 1.3, 3.0, 12.0])
-def test_energy_at_every_subpixel_position(sigma):
-    for x, y in product(np.linspace(0, 1, 11), repeat=2):
-        alpha = one((101, 101), 50 + x, 50 + y, sigma=sigma)
-        assert abs(alpha.sum() / (2 * math.pi * 1e-3 * sigma**2) - 1) < 0.002
-
-
-@every("sigma", [0.1, 0.54, 0.65, 1.0, 2.5])
-@every("length", [1e-7, 1e-3, 0.2, 0.4, 0.6, 0.65, 1.0, 1.5, 4.0, 11.0, 40.0])
+@every("sigma", [0.02, 0.1, 0.2, 0.54, 0.57, 0.61, 0.65, 0.7, 0.8, 1.0, 1.3, 2.5])
+@every("length", [0.0, 1e-7, 1e-3, 0.2, 0.4, 0.6, 0.65, 1.0, 1.5, 4.0, 11.0, 40.0])
 def test_energy_of_streaks_of_every_length_and_angle(sigma, length):
-    for angle, x in product(np.linspace(0, math.pi, 9), (0.0, 0.3, 0.5)):
+    for angle, x in product(np.linspace(0, math.pi, 9), (0.0, 0.1, 0.3, 0.5)):
         travel = np.array([math.cos(angle), math.sin(angle), 0]) * length * 2.0 / FOCAL
         alpha = one((90, 90), 45 + x, 45.1, sigma=sigma, velocity=travel / 0.5, shutter=0.5)
         energy = alpha.sum() / (2 * math.pi * 1e-3 * sigma**2)

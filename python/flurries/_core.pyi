@@ -17,8 +17,8 @@ __all__ = [
     "all_within", "band_amplitude", "blend_tiles", "box_means", "cone_chart", "cone_footprints",
     "cone_layer", "cone_needed", "cone_rays", "cone_shown", "cone_stack", "cone_table",
     "cone_tile", "encode_bytes", "fall", "field", "flake_choices", "flake_frame",
-    "flake_patterns", "flake_rows", "gas_alpha", "gas_draw", "gas_glow", "gas_light",
-    "gas_slices", "gas_sort", "gas_splat", "inverse_transform", "join", "lamp_light",
+    "flake_patterns", "flake_rows", "gas_draw", "gas_glow", "gas_light",
+    "gas_slices", "gas_sort", "inverse_transform", "join", "lamp_light",
     "layer_finish", "layer_rgba", "layer_seen", "opacity", "over", "particle_draw",
     "particle_draw_lit", "particle_edge_fade", "particle_ids", "particle_positions",
     "particle_splat", "particle_sway_offsets", "plate_cells", "random_phase", "reproducible",
@@ -183,12 +183,6 @@ def cone_stack(
     tables: list[tuple[int, int, _Array]],
 ) -> None: ...  # fmt: skip
 def cone_tile(out: _Array, drops: _Float64) -> None: ...
-def gas_splat(
-    out: _Array, gas: Gas, colors: _Float64, lens: _Sight, manner: _Manner, depth: _Array | None
-) -> None: ...
-def gas_alpha(
-    out: _Array, gas: Gas, lens: _Sight, manner: _Manner, depth: _Array | None
-) -> None: ...
 
 @final
 class SortedGas:
@@ -200,8 +194,9 @@ def gas_sort(
 def gas_draw(out: _Array, gas: SortedGas, window: _Window, depth: _Array | None = None) -> None: ...
 def gas_slices(out: _Array, bank: _Bank, detail: tuple[_Array, float] | None) -> None: ...
 def gas_glow(
-    planes: tuple[_Array, _Array],
     light: _Array | None,
+    far: _Array | None,
+    opacity: _Array,
     bank: _Bank,
     grid: tuple[_Array, _Array],
     places: Sequence[float],

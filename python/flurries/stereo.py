@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import LARGEST, SMALLEST, Array, choice, flag, output, real, rectangular
+from flurries._contract import LARGEST, SMALLEST, Array, choice, flag, output, real
 from flurries._threads import reproducible
 from flurries.camera.lens import Camera, expect_camera
-from flurries.io.color import encode_bytes, linear_to_srgb, to_integer, to_linear
+from flurries.io.color import encode_bytes, linear_to_srgb, numbers, to_integer, to_linear
 
 __all__ = ["anaglyph", "eyes", "over_under", "side_by_side"]
 
@@ -152,15 +152,12 @@ def _pair(
     """Return two pictures of one shape and native dtype."""
     pictures = []
     for name, picture in (("left", left), ("right", right)):
-        array = rectangular(name, picture)
-        native = array.dtype.newbyteorder("=")
-        if native.name not in ("uint8", "uint16", "float16", "float32", "float64"):
-            raise TypeError(f"{name} must be uint8, uint16 or float, got {array.dtype}")
+        array = numbers(name, picture)
         fits = array.ndim == 3 and array.shape[2] in channels if channels else array.ndim in (2, 3)
         if not fits or 0 in array.shape:
             wanted = "(H, W, 3)" if channels else "(H, W) or (H, W, C)"
             raise ValueError(f"{name} must be {wanted}, got shape {array.shape}")
-        pictures.append(np.asarray(array, dtype=native))
+        pictures.append(array)
     first, second = pictures
     if first.shape != second.shape or first.dtype != second.dtype:
         raise ValueError(

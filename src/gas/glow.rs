@@ -6,10 +6,12 @@
 //! is as steep as 1 / r^2; of t = tan(angle / 2), angle the one at which the lamp sees the ray, with
 //! R added to their distance, it is smooth.
 //!
-//! For a slice's own k and T that integral is smooth over the picture too: it is found at every second place of the
-//! slices' coarse grid, and at every pixel only near a lamp, in the light of a spot and where the scene ends the slice.
+//! For a slice's own k and T that integral is smooth over the picture too: it is found at every second sample of the
+//! slices' coarse grid; near a lamp, and where gas is rough, at each. What comes of a pixel's opacity, L over 1 - T of all
+//! slices, is smooth as well: coarse samples give it, but nearest to a lamp, in the light of a spot and where the scene ends a
+//! slice, which each pixel adds up by itself.
 
-use ndarray::{Array3, ArrayViewMut2, ArrayViewMut3, Axis, Zip, s};
+use ndarray::{Array3, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, Zip, s};
 
 use super::slices::{COARSE, MARGIN, Slices, lines, pixels};
 use crate::base::error::{Cancel, Error, layout, zeroed};
@@ -37,97 +39,174 @@ const RULE: [(f32, f32); 8] = [
 /// Rows of pixels of one task.
 const BAND: usize = 64;
 
-/// A lamp that is nearer than so many coarse samples wants every pixel: the grid is .2 % off there.
-const STEEP: f32 = 16.0;
+/// A lamp that is nearer than so many coarse samples wants each of them, and nearer than so many each pixel.
+const STEEP: [f32; 2] = [16.0, 7.0];
 
-/// And so does gas whose optical depth in a slice, times what reaches the eye from there, changes by so much from
-/// one place to the next.
-const ROUGH: f32 = 0.1;
+/// Gas whose optical depth in a slice, times what reaches the eye from there, changes by so much from one place to
+/// the next wants each sample.
+const ROUGH: f32 = 0.05;
+
+/// The least opacity of a slice: light and depth are divided by it.
+const LEAST: f32 = 1e-9;
 
 type Lane = [f32; LANES];
 
 /// Some pixels of a row, and a slice on their rays.
-#[derive(Default)]
 struct Rays {
     /// Metres of the way for a depth of 1.
     length: Lane,
     slope: Lane,
     down: f32,
-    /// Where the slice begins and ends on the way, metres; its extinction, and what reaches the eye
-    /// from its near end.
+    /// Where the slice begins and ends on the way, metres; its extinction.
     from: Lane,
     to: Lane,
     extinction: Lane,
-    through: Lane,
 }
 
-/// Writes the opacity of slices, (H, W), and the sum of `places`, each times the share that its slice takes, and adds
-/// the light of lamps that they scatter to `light`, (H, W, 3). `grid` are the slopes of coarse columns and rows.
+impl Rays {
+    #[inline(always)]
+    fn new(slope: Lane, down: f32) -> Self {
+        let (from, to, extinction) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        let length = slope.map(|x| (1.0 + x * x + down * down).sqrt());
+        Self { length, slope, down, from, to, extinction }
+    }
+
+    /// Goes on to a slice between two depths, which ends where `end` is.
+    #[inline(always)]
+    fn at(&mut self, edges: &[f32], end: &Lane, extinction: Lane) {
+        self.extinction = extinction;
+        for k in 0..LANES {
+            self.from[k] = edges[0] * self.length[k];
+            self.to[k] = most(least(end[k], edges[1]), edges[0]) * self.length[k];
+        }
+    }
+}
+
+/// What is seen of slices up to some depth on rays: over their opacity light and depth, and what goes through.
+struct Seen {
+    through: Lane,
+    opacity: Lane,
+    parts: [Lane; 4],
+}
+
+impl Seen {
+    fn none() -> Self {
+        Self { through: [1.0; LANES], opacity: [0.0; LANES], parts: [[0.0; LANES]; 4] }
+    }
+
+    /// Adds a slice of the depth `place`, and its light over its extinction and what goes through.
+    #[inline(always)]
+    fn add<const LEVEL: u8>(&mut self, rays: &Rays, light: &[Lane; 3], place: f32) {
+        let extinction = &rays.extinction;
+        for k in 0..LANES {
+            let (way, before) = (rays.to[k] - rays.from[k], self.through[k]);
+            self.through[k] *= left::<f32, LEVEL>(extinction[k] * way);
+            // Of gas too thin to be seen, too.
+            let taken = before - self.through[k] + LEAST;
+            let scale = if way > 0.0 { extinction[k] * before } else { 0.0 };
+            for c in 0..3 {
+                self.parts[c][k] += if scale > 0.0 { light[c][k] * scale } else { 0.0 };
+            }
+            self.parts[3][k] += place * taken;
+            self.opacity[k] += taken;
+        }
+    }
+
+    #[inline(always)]
+    fn part(&self, part: usize, k: usize) -> f32 {
+        self.parts[part][k] / self.opacity[k]
+    }
+}
+
+/// Slices, the slopes of coarse columns and rows, and the depths that stand for slices.
+pub type Gas<'a> = (&'a Slices<'a>, (&'a [f32], &'a [f32]), &'a [f32]);
+
+/// Adds the light of lamps that slices scatter to `light`, (H, W, 3), or writes their mean depth to `far` (H, W), or
+/// both, for an opacity (H, W) of theirs.
 pub fn see(
-    (mut opacity, mut far): (ArrayViewMut2<'_, f32>, ArrayViewMut2<'_, f32>),
     mut light: Option<ArrayViewMut3<'_, f32>>,
-    (slices, grid, places): (&Slices<'_>, (&[f32], &[f32]), &[f32]),
+    mut far: Option<ArrayViewMut2<'_, f32>>,
+    opacity: ArrayView2<'_, f32>,
+    gas: Gas<'_>,
     lamps: &Lamps,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    let (height, width) = opacity.dim();
+    let ((height, width), (slices, grid, middles)) = (opacity.dim(), gas);
     slices.check((height, width))?;
     let (count, rows, columns) = slices.density.dim();
-    let fits = (far.dim(), places.len()) == ((height, width), count)
-        && (grid.0.len(), grid.1.len()) == (columns, rows)
-        && light.as_ref().is_none_or(|light| light.dim() == (height, width, 3));
+    let fits = (middles.len(), grid.0.len(), grid.1.len()) == (count, columns, rows)
+        && light.as_ref().is_none_or(|light| light.dim() == (height, width, 3))
+        && far.as_ref().is_none_or(|far| far.dim() == (height, width));
     if !fits {
         return Err(Error::Internal("slices of gas do not fit their planes".into()));
     }
-    let room = columns * COARSE + LANES;
-    let planes = opacity.axis_chunks_iter_mut(Axis(0), BAND);
-    let planes = planes.zip(far.axis_chunks_iter_mut(Axis(0), BAND));
+    let (room, lit) = (columns * COARSE + LANES, light.is_some());
+    let shown = if lit { 0 } else { 3 }..if far.is_some() { 4 } else { 3 };
+    let bands = height.div_ceil(BAND);
     let mut light = light.as_mut().map(|light| light.axis_chunks_iter_mut(Axis(0), BAND));
-    let light = std::iter::from_fn(|| Some(light.as_mut().and_then(Iterator::next)));
-    let tasks: Vec<_> = planes.zip(light).enumerate().collect();
-    pool::for_each(tasks, |(number, ((mut opacity, mut far), mut light))| {
+    let mut far = far.as_mut().map(|far| far.axis_chunks_iter_mut(Axis(0), BAND));
+    let mut next =
+        || (light.as_mut().and_then(Iterator::next), far.as_mut().and_then(Iterator::next));
+    let tasks: Vec<_> = (0..bands).map(|band| (band, next())).collect();
+    pool::for_each(tasks, |(band, (mut light, mut far))| {
         cancel.check()?;
         let lines_of = |count| (0..count).map(|_| zeroed(room)).collect::<Result<Vec<_>, _>>();
         let (mut line, mut end, mut slopes) = (zeroed(columns)?, zeroed(room)?, zeroed(room)?);
-        let (mut dense, mut glow) = (lines_of(count)?, lines_of(3 * count)?);
+        let (mut dense, mut glow) = (lines_of(count)?, lines_of(3 * count + 4)?);
         slopes[..width].copy_from_slice(slices.slopes.0);
-        let first = number * BAND / COARSE;
+        let first = band * BAND / COARSE;
         let last = (first + BAND / COARSE + 2 * MARGIN + 1).min(rows);
-        let shape = (3 * count, last - first, columns);
+        let shape = (3 * count + 4, last - first, columns);
         let coarse = zeroed(shape.0 * shape.1 * shape.2)?;
         let mut coarse = Array3::from_shape_vec(shape, coarse).map_err(|_| layout())?;
-        let lit = if light.is_some() { 0..last - first } else { 0..0 };
-        for row in lit.clone().filter(|row| row % 2 == 0 || first + row + 1 == rows) {
-            samples(slices, grid, lamps, first + row, coarse.index_axis_mut(Axis(1), row));
+        let row = |row: usize| row - first;
+        for at in (first..last).filter(|at| lit && (row(*at) % 2 == 0 || at + 1 == last)) {
+            second(gas, lamps, at, coarse.index_axis_mut(Axis(1), row(at)));
         }
-        for row in lit.filter(|row| row % 2 == 1 && first + row + 1 < last) {
-            let around = (s![.., row - 1, ..], s![.., row, ..], s![.., row + 1, ..]);
+        for at in (first + 1..last - 1).step_by(2).filter(|_| lit) {
+            let around = (s![.., row(at) - 1, ..], s![.., row(at), ..], s![.., row(at) + 1, ..]);
             let (above, here, below) = coarse.multi_slice_mut(around);
             Zip::from(here).and(above).and(below).for_each(|here, a, b| *here = 0.5 * (*a + *b));
         }
-        for (within, mut opacity) in opacity.outer_iter_mut().enumerate() {
-            let row = BAND * number + within;
+        for at in first..last {
+            samples(gas, lamps, at, coarse.index_axis_mut(Axis(1), row(at)));
+        }
+        let (own, smooth) = coarse.view().split_at(Axis(0), 3 * count);
+        let smooth = smooth.slice(s![shown.clone(), .., ..]);
+        for row in band * BAND..height.min((band + 1) * BAND) {
+            let within = row - band * BAND;
             slices.ends(row, &mut end)?;
-            lines(&slices.density, row, &mut line, |line, plane| fill(&mut dense[plane], line))?;
-            let mut light = light.as_mut().map(|light| light.index_axis_mut(Axis(0), within));
-            if light.is_some() {
-                let planes = coarse.view();
-                lines(&planes, within, &mut line, |line, plane| fill(&mut glow[plane], line))?;
-            }
-            let mut far = far.row_mut(within);
-            let far = far.as_slice_mut().ok_or_else(layout)?.chunks_mut(LANES);
-            let opacity = opacity.as_slice_mut().ok_or_else(layout)?.chunks_mut(LANES);
-            let rays = (&slopes[..], slices.slopes.1[row], &end[..]);
-            for (number, (opacity, far)) in opacity.zip(far).enumerate() {
-                let (at, gas) = (number * LANES, (&dense[..], &glow[..], slices.edges, places));
-                let [red, green, blue, through, depth] = block(lamps, gas, rays, at);
-                opacity.iter_mut().zip(through).for_each(|(opacity, left)| *opacity = 1.0 - left);
-                far.copy_from_slice(&depth[..far.len()]);
-                for k in 0..far.len() {
-                    let Some(light) = &mut light else { break };
-                    light[[at + k, 0]] += red[k];
-                    light[[at + k, 1]] += green[k];
-                    light[[at + k, 2]] += blue[k];
+            lines(&smooth, within, &mut line, |line, plane| {
+                fill(&mut glow[3 * count + shown.start + plane], line)
+            })?;
+            let (mut known, opacity) = (false, pool::line(opacity, row)?);
+            for (number, opacity) in opacity.chunks(LANES).enumerate() {
+                let at = number * LANES;
+                let mut found = [0, 1, 2, 3].map(|part| lane(&glow[3 * count + part], at));
+                let cut = |k: usize| end[at + k] < slices.edges[count] || found[0][k].is_nan();
+                if (0..opacity.len()).any(cut) {
+                    if !known {
+                        let dense = |line: &[f32], plane: usize| fill(&mut dense[plane], line);
+                        lines(&slices.density, row, &mut line, dense)?;
+                        let glow = |line: &[f32], plane: usize| fill(&mut glow[plane], line);
+                        lines(&own, within, &mut line, glow)?;
+                        known = true;
+                    }
+                    let rays = (&slopes[..], slices.slopes.1[row], &end[..]);
+                    found = block(gas, lamps, (&dense[..], &glow[..]), rays, at);
+                }
+                if let Some(light) = &mut light {
+                    let mut light = light.slice_mut(s![within, at..at + opacity.len(), ..]);
+                    let light = light.as_slice_mut().ok_or_else(layout)?.as_chunks_mut::<3>().0;
+                    for (k, (light, &opacity)) in light.iter_mut().zip(opacity).enumerate() {
+                        (0..3).for_each(|c| light[c] += found[c][k] * opacity);
+                    }
+                }
+                if let Some(far) = &mut far {
+                    for (k, &opacity) in opacity.iter().enumerate() {
+                        let there = opacity > 0.0;
+                        far[[within, at + k]] = if there { found[3][k] } else { f32::INFINITY };
+                    }
                 }
             }
         }
@@ -135,49 +214,66 @@ pub fn see(
     })
 }
 
+/// How far coarse samples are apart, for a depth of 1.
+fn apart(grid: (&[f32], &[f32])) -> f32 {
+    most(grid.0[1] - grid.0[0], grid.1[1] - grid.1[0])
+}
+
 /// Fills a row of coarse samples with the light of lamps in each slice over its extinction and what reaches the
 /// eye, red, green and blue of one after the other; NaN where the samples are too far apart. Every second is found.
 #[dispatch]
-fn samples<const LEVEL: u8>(
-    slices: &Slices<'_>,
-    grid: (&[f32], &[f32]),
-    lamps: &Lamps,
-    row: usize,
-    out: ArrayViewMut2<'_, f32>,
-) {
-    let (mut out, down) = (out, grid.1[row]);
-    let step = most(grid.0[1] - grid.0[0], grid.1[1] - grid.1[0]);
-    for (number, edges) in slices.edges.windows(2).enumerate() {
-        let dense = slices.density.slice(s![number, row, ..]);
-        let above = slices.density.slice(s![number, row.max(2) - 2, ..]);
-        let last = dense.len() - 1;
-        for at in (0..=last + 1).step_by(2 * LANES) {
-            let mut rays = Rays { down, ..Rays::default() };
-            for k in 0..LANES {
-                let column = (at + 2 * k).min(last);
-                let x = grid.0[column];
-                rays.slope[k] = x;
-                rays.length[k] = (1.0 + x * x + down * down).sqrt();
-                rays.from[k] = edges[0] * rays.length[k];
-                rays.to[k] = edges[1] * rays.length[k];
-                rays.extinction[k] = dense[column];
-            }
-            let light = near::<LEVEL>(lamps, &rays, step);
-            for k in 0..LANES.min((last + 1 - at).div_ceil(2) + 1) {
-                let column = (at + 2 * k).min(last);
-                let (here, beside) = (rays.extinction[k], dense[column.max(2) - 2]);
-                let change = most((beside - here).abs(), (above[column] - here).abs());
-                let seen = left::<f32, LEVEL>(here * rays.from[k]);
+fn second<const LEVEL: u8>(gas: Gas<'_>, lamps: &Lamps, row: usize, out: ArrayViewMut2<'_, f32>) {
+    let ((slices, grid, middles), mut out) = (gas, out);
+    let (last, reach) = (grid.0.len() - 1, STEEP[0] * apart(grid));
+    for at in (0..=last + 1).step_by(2 * LANES) {
+        let columns: [usize; LANES] = std::array::from_fn(|k| (at + 2 * k).min(last));
+        let mut rays = Rays::new(columns.map(|column| grid.0[column]), grid.1[row]);
+        for number in 0..middles.len() {
+            let dense = |row: usize| slices.density.slice(s![number, row, ..]);
+            let (dense, above) = (dense(row), dense(row.max(2) - 2));
+            let own = columns.map(|column| dense[column]);
+            rays.at(&slices.edges[number..], &[f32::INFINITY; LANES], own);
+            let light = near::<LEVEL>(lamps, &rays, reach);
+            for (k, column) in columns.into_iter().enumerate() {
+                let (beside, above) = (dense[column.max(2) - 2], above[column]);
+                let change = most((beside - own[k]).abs(), (above - own[k]).abs());
+                let seen = left::<f32, LEVEL>(own[k] * rays.from[k]);
                 let rough = change * (rays.to[k] - rays.from[k]) * seen > ROUGH;
                 for c in 0..3 {
                     out[[3 * number + c, column]] = if rough { f32::NAN } else { light[c][k] };
                 }
             }
         }
-        for line in 3 * number..3 * number + 3 {
-            for column in (1..last).step_by(2) {
-                out[[line, column]] = 0.5 * (out[[line, column - 1]] + out[[line, column + 1]]);
+    }
+    for mut line in out.outer_iter_mut() {
+        for column in (1..last).step_by(2) {
+            line[column] = 0.5 * (line[column - 1] + line[column + 1]);
+        }
+    }
+}
+
+/// Fills the last four lines of a row of coarse samples with what is [`Seen`] of all slices; the light that is NaN is found
+/// for that, and NaN is left where these samples are too far apart.
+#[dispatch]
+fn samples<const LEVEL: u8>(gas: Gas<'_>, lamps: &Lamps, row: usize, out: ArrayViewMut2<'_, f32>) {
+    let ((slices, grid, middles), mut out) = (gas, out);
+    let (last, reach) = (grid.0.len() - 1, STEEP[1] * apart(grid));
+    for at in (0..=last).step_by(LANES) {
+        let columns: [usize; LANES] = std::array::from_fn(|k| (at + k).min(last));
+        let mut rays = Rays::new(columns.map(|column| grid.0[column]), grid.1[row]);
+        let mut seen = Seen::none();
+        for (number, &middle) in middles.iter().enumerate() {
+            let dense = slices.density.slice(s![number, row, ..]);
+            let own = columns.map(|column| dense[column]);
+            rays.at(&slices.edges[number..], &[f32::INFINITY; LANES], own);
+            let mut found = [0, 1, 2].map(|c| columns.map(|column| out[[3 * number + c, column]]));
+            if found[0].iter().any(|light| light.is_nan()) {
+                found = near::<LEVEL>(lamps, &rays, reach);
             }
+            seen.add::<LEVEL>(&rays, &found, middle);
+        }
+        for (k, column) in columns.into_iter().enumerate() {
+            (0..4).for_each(|part| out[[3 * middles.len() + part, column]] = seen.part(part, k));
         }
     }
 }
@@ -194,52 +290,34 @@ fn lane(line: &[f32], at: usize) -> Lane {
     *line[at..].first_chunk().expect("lines have room for whole lanes")
 }
 
-type Lines<'a> = (&'a [Vec<f32>], &'a [Vec<f32>], &'a [f32], &'a [f32]);
-
-/// The light of some pixels of a row from `at` on, red, green and blue, what goes through and the depth; of lines
-/// of the slices' extinction and of the light that was found on the coarse grid, edges and places.
+/// What is [`Seen`] at some pixels of a row from `at` on; of lines of the slices' extinction and of the light that was
+/// found on the coarse grid.
 #[dispatch]
 fn block<const LEVEL: u8>(
+    gas: Gas<'_>,
     lamps: &Lamps,
-    gas: Lines<'_>,
+    known: (&[Vec<f32>], &[Vec<f32>]),
     row: (&[f32], f32, &[f32]),
     at: usize,
-) -> [Lane; 5] {
-    let ((dense, glow, edges, places), (slopes, down, end)) = (gas, row);
-    let ([mut red, mut green, mut blue, mut far], one) = ([[0.0; LANES]; 4], [1.0; LANES]);
-    let mut rays = Rays { down, through: one, ..Rays::default() };
-    for k in 0..LANES {
-        let x = slopes[at + k];
-        rays.slope[k] = x;
-        rays.length[k] = (1.0 + x * x + down * down).sqrt();
-    }
-    let end = lane(end, at);
-    for (number, place) in places.iter().enumerate() {
-        let (from, to) = (edges[number], edges[number + 1]);
-        rays.extinction = lane(&dense[number], at);
+) -> [Lane; 4] {
+    let ((dense, glow), (slopes, down, end)) = (known, row);
+    let (mut rays, end, mut seen) =
+        (Rays::new(lane(slopes, at), down), lane(end, at), Seen::none());
+    for (number, edges) in gas.0.edges.windows(2).enumerate() {
+        rays.at(edges, &end, lane(&dense[number], at));
         let mut found = [0, 1, 2].map(|c| lane(&glow[3 * number + c], at));
         let mut exact = 0;
         for k in 0..LANES {
-            rays.from[k] = from * rays.length[k];
-            rays.to[k] = most(least(end[k], to), from) * rays.length[k];
             // Counted, since a reduction of floats or of booleans takes no vectors.
-            exact += u32::from(end[k] < to) + u32::from(found[0][k].is_nan());
+            let rough = (end[k] < edges[1]) | found[0][k].is_nan();
+            exact += u32::from((end[k] > edges[0]) & rough);
         }
         if exact > 0 && !lamps.lamps.is_empty() {
             found = near::<LEVEL>(lamps, &rays, 0.0);
         }
-        for k in 0..LANES {
-            let scale = rays.extinction[k] * rays.through[k];
-            red[k] += found[0][k] * scale;
-            green[k] += found[1][k] * scale;
-            blue[k] += found[2][k] * scale;
-            let thick = rays.extinction[k] * (rays.to[k] - rays.from[k]);
-            let after = rays.through[k] * left::<f32, LEVEL>(thick);
-            far[k] += place * (rays.through[k] - after);
-            rays.through[k] = after;
-        }
+        seen.add::<LEVEL>(&rays, &found, gas.2[number]);
     }
-    [red, green, blue, rays.through, far]
+    [0, 1, 2, 3].map(|part| std::array::from_fn(|k| seen.part(part, k)))
 }
 
 /// The part of a ray inside a spot's cone, metres, of the cosine of its rim: where
@@ -268,11 +346,11 @@ fn cone(along: f32, behind: f32, foot: f32, aside: f32, cosine: f32) -> [f32; 2]
 
 /// The light of all lamps in a slice, by channels, as [`one`] has it.
 #[inline(always)]
-fn near<const LEVEL: u8>(lamps: &Lamps, rays: &Rays, step: f32) -> [Lane; 3] {
+fn near<const LEVEL: u8>(lamps: &Lamps, rays: &Rays, reach: f32) -> [Lane; 3] {
     let mut light = [[0.0; LANES]; 3];
     for lamp in &lamps.lamps {
         let found = match lamp.place {
-            Some(place) => one::<LEVEL>(lamps, lamp, place, rays, step),
+            Some(place) => one::<LEVEL>(lamps, lamp, place, rays, reach),
             None => sun::<LEVEL>(lamps, lamp.way, rays),
         };
         for (light, color) in light.iter_mut().zip(lamp.color) {
@@ -297,15 +375,15 @@ fn sun<const LEVEL: u8>(lamps: &Lamps, way: [f64; 3], rays: &Rays) -> Lane {
     light
 }
 
-/// The light of a lamp in a slice over its extinction and what reaches the eye; NaN where rays that are `step` apart
-/// for a depth of 1 are too far apart for it.
+/// The light of a lamp in a slice over its extinction and what reaches the eye; NaN where it is nearer to
+/// the rays than `reach` for a depth of 1.
 #[inline(always)]
 fn one<const LEVEL: u8>(
     lamps: &Lamps,
     lamp: &Lamp,
     place: [f64; 3],
     rays: &Rays,
-    step: f32,
+    reach: f32,
 ) -> Lane {
     let [x, y, z] = [0, 1, 2].map(|axis| (place[axis] - lamps.eye[axis]) as f32);
     let way = lamp.way.map(|part| part as f32);
@@ -330,7 +408,7 @@ fn one<const LEVEL: u8>(
         // The nearest place of the slice to the lamp.
         let s = least(most(foot[k], from[k]), to[k]);
         let distance = (wide[k] * wide[k] + (s - foot[k]) * (s - foot[k])).sqrt();
-        let steep = distance < STEEP * step * s || (spot && step > 0.0);
+        let steep = distance < reach * s || (spot && reach > 0.0);
         light[k] = if steep { f32::NAN } else { 0.0 };
     }
     if outer > 0.0 {

@@ -4,14 +4,9 @@
 //! Else they are sorted once, front to back. Every pixel has one owner and its particles come in an
 //! order that follows from the arguments alone, so bits do not depend on the thread count.
 
-use ndarray::ArrayView2;
-
-use super::draw::Drawing;
-use super::picture::{Picture, Touched};
 use super::sprite::{Cloud, Eye, Form, Look, Sprite};
 use crate::base::error::{Cancel, Error, collected};
 use crate::base::pool;
-use crate::base::real::Real;
 
 /// Particles that are projected together.
 const RUN: usize = 1024;
@@ -25,7 +20,7 @@ pub fn sprites(
     cancel: &Cancel,
 ) -> Result<Vec<Sprite>, Error> {
     let count = cloud.centers.nrows();
-    let mut sprites = collected((0..count).map(|_| Sprite::NONE))?;
+    let mut sprites = collected((0..count).map(|_| Sprite::default()))?;
     pool::for_each(sprites.chunks_mut(RUN).enumerate(), |(run, sprites)| {
         cancel.check()?;
         for (i, sprite) in sprites.iter_mut().enumerate() {
@@ -37,23 +32,6 @@ pub fn sprites(
         Ok(())
     })?;
     Ok(sprites)
-}
-
-/// Hands on the picture of particles in a frame of `shape`.
-pub fn drawn<M: Real>(
-    shape: (usize, usize),
-    cloud: &Cloud<'_>,
-    eye: &Eye,
-    look: &Look,
-    depth: Option<ArrayView2<M>>,
-    cancel: &Cancel,
-    draw: impl FnOnce(&Picture<'_, M>) -> Result<(), Error>,
-) -> Result<(), Error> {
-    cloud.check()?;
-    let sprites = &sprites(cloud, eye, look, shape, cancel)?;
-    let touched = &Touched::of(sprites, cloud.colors, shape.0)?;
-    let drawing = Drawing { sprites, colors: cloud.colors, look };
-    draw(&Picture { shape, eye, drawing, touched, depth })
 }
 
 /// A rough estimate of the work in nanoseconds, from a sample of the particles.

@@ -21,9 +21,10 @@ const CLOSE: f64 = 4.0;
 const LEAST_RADIUS: f64 = 1e-9;
 
 /// How a particle's footprint on a pixel is found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub enum Footprint {
     /// A billboard that faces the viewplane, as the paper draws it.
+    #[default]
     Viewplane,
     /// The same, widened by (1 + |s|^2)^(1/4), so that its area and so the mean density are right.
     ViewplaneC,
@@ -125,9 +126,10 @@ impl Cloud<'_> {
 }
 
 /// What the footprint on the picture is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
     /// A product of two Gaussians, sampled.
+    #[default]
     Point,
     /// The same, integrated over pixels.
     Box,
@@ -137,7 +139,7 @@ pub enum Form {
     Ray,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Default, Clone, Copy)]
 pub struct Sprite {
     pub form: Form,
     /// The model that it is drawn by.
@@ -163,21 +165,6 @@ pub struct Sprite {
 }
 
 impl Sprite {
-    pub const NONE: Self = Self {
-        form: Form::Point,
-        model: Footprint::Viewplane,
-        rows: [0; 2],
-        columns: [0; 2],
-        middle: [0.0; 2],
-        radius: 0.0,
-        place: [0.0; 3],
-        away: 0.0,
-        sigma: 0.0,
-        opacity: 0.0,
-        key: 0.0,
-        index: 0,
-    };
-
     /// The image in a picture (H, W), or None where it cannot be seen.
     pub fn of(
         particle: &Particle,
@@ -204,7 +191,7 @@ impl Sprite {
             key: if look.footprint.by_ray() { away } else { depth },
             model,
             index,
-            ..Self::NONE
+            ..Self::default()
         };
         let (size, middle) = if depth > 0.0 {
             projected(place, radius, eye, model, shape)

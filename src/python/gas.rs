@@ -81,55 +81,6 @@ fn colors_of(colors: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 3]>> {
     Ok(colors.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
 }
 
-/// Draws premultiplied linear RGBA of a gas into `out` (H, W, 4).
-#[pyfunction]
-pub fn gas_splat(
-    py: Python<'_>,
-    out: LayerMut<'_>,
-    gas: Gas<'_>,
-    colors: PyReadonlyArray2<'_, f64>,
-    lens: Lens,
-    manner: Manner,
-    depth: Option<Plane<'_>>,
-) -> PyResult<()> {
-    let colors = colors_of(&colors)?;
-    let cloud = gas.cloud(&colors);
-    let (eye, look) = (eye_of(lens), look_of(manner)?);
-    either!(LayerMut mut out = out => {
-        let out = out.as_array_mut();
-        let (height, width, _) = out.dim();
-        let nanoseconds = splat::estimate((height, width), &cloud, &eye, &look);
-        each_map!(&depth, map => gate::run(py, nanoseconds, |cancel| {
-            splat::drawn((height, width), &cloud, &eye, &look, map, cancel, |picture| {
-                picture.light(out, [0, height, 0, width], cancel)
-            })
-        }))
-    })
-}
-
-/// Draws the alpha of a gas into `out` (H, W).
-#[pyfunction]
-pub fn gas_alpha(
-    py: Python<'_>,
-    out: PlaneMut<'_>,
-    gas: Gas<'_>,
-    lens: Lens,
-    manner: Manner,
-    depth: Option<Plane<'_>>,
-) -> PyResult<()> {
-    let cloud = gas.cloud(&[[0.0; 3]]);
-    let (eye, look) = (eye_of(lens), look_of(manner)?);
-    gate::each_precision!(out, view => {
-        let (height, width) = view.dim();
-        let nanoseconds = splat::estimate((height, width), &cloud, &eye, &look);
-        each_map!(&depth, map => gate::run(py, nanoseconds, |cancel| {
-            splat::drawn((height, width), &cloud, &eye, &look, map, cancel, |picture| {
-                picture.alpha(view, [0, height, 0, width], cancel)
-            })
-        }))
-    })
-}
-
 /// A gas as one eye sees it: its particles projected and sorted once, to be drawn in any part.
 #[pyclass(frozen, module = "flurries._core")]
 pub struct SortedGas {
@@ -169,8 +120,8 @@ pub fn gas_sort(
 /// An alpha (h, w), or premultiplied linear RGBA (h, w, 4), to be written.
 #[derive(FromPyObject)]
 pub enum GasMut<'py> {
-    Alpha(PyReadwriteArray2<'py, f32>),
-    Light(PyReadwriteArray3<'py, f32>),
+    Alpha(PlaneMut<'py>),
+    Light(LayerMut<'py>),
 }
 
 /// Draws the part `window` (top, bottom, left, right) of a gas into `out`, (h, w) or (h, w, 4); `depth`
@@ -182,24 +133,24 @@ pub fn gas_draw(
     out: GasMut<'_>,
     gas: &SortedGas,
     window: [usize; 4],
-    depth: Option<PyReadonlyArray2<'_, f32>>,
+    depth: Option<Plane<'_>>,
 ) -> PyResult<()> {
     let SortedGas { shape, sprites, touched, colors, eye, look, .. } = gas;
-    let depth = depth.as_ref().map(|map| map.as_array());
     let drawing = Drawing { sprites, colors, look };
-    let picture = Picture { shape: *shape, eye, drawing, touched, depth };
     let rows = window[1].saturating_sub(window[0]) as f64;
     let work = gas.nanoseconds * rows / (shape.0 as f64).max(1.0);
-    match out {
-        GasMut::Alpha(mut out) => {
-            let out = out.as_array_mut();
-            gate::run(py, work, |cancel| picture.alpha(out, window, cancel))
+    each_map!(&depth, depth => {
+        let picture = Picture { shape: *shape, eye, drawing, touched, depth };
+        match out {
+            GasMut::Alpha(out) => gate::each_precision!(out, view => {
+                gate::run(py, work, |cancel| picture.alpha(view, window, cancel))
+            }),
+            GasMut::Light(out) => either!(LayerMut mut out = out => {
+                let out = out.as_array_mut();
+                gate::run(py, work, |cancel| picture.light(out, window, cancel))
+            }),
         }
-        GasMut::Light(mut out) => {
-            let out = out.as_array_mut();
-            gate::run(py, work, |cancel| picture.light(out, window, cancel))
-        }
-    }
+    })
 }
 
 /// Fills `out` (n,) with the light of a direction that reaches each particle.
@@ -254,13 +205,14 @@ pub fn gas_slices(
     gate::run(py, work, |cancel| slices::add(out, &slices, detail, cancel))
 }
 
-/// Writes the opacity of slices and the sum of `places`, each times the share that its slice takes, (H, W), and
-/// adds the light of lamps that they scatter to `light` (H, W, 3).
+/// Adds to `light` (H, W, 3) that of lamps which slices of an opacity (H, W) scatter, and writes their mean depth to
+/// `far` (H, W), if given; `grid` and `places` are those of its [`see`].
 #[pyfunction]
 pub fn gas_glow(
     py: Python<'_>,
-    mut planes: (PyReadwriteArray2<'_, f32>, PyReadwriteArray2<'_, f32>),
     mut light: Option<PyReadwriteArray3<'_, f32>>,
+    mut far: Option<PyReadwriteArray2<'_, f32>>,
+    opacity: PyReadonlyArray2<'_, f32>,
     bank: Bank<'_>,
     grid: (PyReadonlyArray1<'_, f32>, PyReadonlyArray1<'_, f32>),
     places: Vec<f32>,
@@ -269,9 +221,10 @@ pub fn gas_glow(
     eye: [f64; 3],
 ) -> PyResult<()> {
     let lamps = Lamps::of(lamps.as_slice()?, optics.0, optics.1, eye)?;
-    let planes = (planes.0.as_array_mut(), planes.1.as_array_mut());
-    let (light, slices) = (light.as_mut().map(|light| light.as_array_mut()), bank.slices()?);
-    let work = (60 * planes.0.len() * (1 + lamps.lamps.len()) * places.len()) as f64;
+    let light = light.as_mut().map(|light| light.as_array_mut());
+    let far = far.as_mut().map(|far| far.as_array_mut());
+    let (opacity, slices) = (opacity.as_array(), bank.slices()?);
+    let work = (6 * opacity.len() * (1 + lamps.lamps.len()) * places.len()) as f64;
     let gas = (&slices, (grid.0.as_slice()?, grid.1.as_slice()?), &places[..]);
-    gate::run(py, work, |cancel| see(planes, light, gas, &lamps, cancel))
+    gate::run(py, work, |cancel| see(light, far, opacity, gas, &lamps, cancel))
 }

@@ -38,9 +38,7 @@ mod core {
         shade_add, shade_over, snow, veil, whiten,
     };
     #[pymodule_export]
-    use super::gas::{
-        SortedGas, gas_alpha, gas_draw, gas_glow, gas_light, gas_slices, gas_sort, gas_splat,
-    };
+    use super::gas::{SortedGas, gas_draw, gas_glow, gas_light, gas_slices, gas_sort};
     #[pymodule_export]
     use super::gate::{
         InternalError, reproducible, set_reproducible, set_scope, set_threads, threads,

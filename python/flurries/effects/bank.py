@@ -113,17 +113,14 @@ class Bank:
         if plain:
             return alpha, None, None
         light = blank((*frame.shape, 3)) if lit or frame.lights else None
-        far, total = blank(frame.shape), blank(frame.shape)
-        if parts:
-            dense = np.concatenate([part.dense for part in parts])
-            edges = [*parts[0].edges, *(edge for part in parts[1:] for edge in part.edges[1:])]
-            places = [place for part in parts for place in part.places]
-            lamps, eye = frame.lamps(without=self.air(frame.t)), frame.camera.offset
-            glow = light if frame.lights else None
-            whole, grid = (dense, edges, frame.depth, slopes), density.rays.slopes
-            _core.gas_glow((total, far), glow, whole, grid, places, lamps, optics_of(mist), eye)
-        if lit and light is not None and parts:
-            total, lumps = np.zeros_like(total), [one for part in parts for one in part.lumps]
+        far = np.full(frame.shape, np.inf, np.float32) if frame.whole else None
+        if not parts:
+            return alpha, light, far
+        dense = np.concatenate([part.dense for part in parts])
+        edges = [edge for number, part in enumerate(parts) for edge in part.edges[number > 0 :]]
+        places = [place for part in parts for place in part.places]
+        if lit and light is not None:
+            total, lumps = blank(frame.shape), [one for part in parts for one in part.lumps]
             for number, place in enumerate(places):
                 one = dense[number][None], edges[number : number + 2], frame.depth, slopes
                 taken = blank(frame.shape)
@@ -135,16 +132,15 @@ class Bank:
                 if lit_by_sun(mist, frame):
                     shade = sunny(density, place, lumps[number], base)
                 _core.shade_add(light, taken, shade.given())
-        if light is not None:
             # Slices are lit without their short waves, which the opacity has.
             scale = alpha / np.maximum(total, np.float32(1e-6))
             for channel in range(3):  # Three at once take longer.
                 light[..., channel] *= scale
-        if not frame.whole:
-            return alpha, light, None
-        with np.errstate(divide="ignore", invalid="ignore"):
-            np.divide(far, total, out=far)
-        np.copyto(far, np.inf, where=~(np.minimum(alpha, far, out=total) > 0.0))
+        if frame.lights or frame.whole:
+            whole, grid = (dense, edges, frame.depth, slopes), density.rays.slopes
+            lamps, eye = frame.lamps(without=self.air(frame.t)), frame.camera.offset
+            glow = light if frame.lights else None
+            _core.gas_glow(glow, far, alpha, whole, grid, places, lamps, optics_of(mist), eye)
         return alpha, light, far
 
 

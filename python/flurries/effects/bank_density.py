@@ -211,9 +211,8 @@ _FINE_RINGS = np.append([SHORTEST, 4.0, 8.0], _HANDOVER)
 _STRIDE, _SHORT = 7919, 1_000_003
 
 
-def coarse_shape(frame: Frame) -> tuple[int, int]:
-    height, width = (-(-side // COARSE) + 2 * MARGIN for side in frame.shape)
-    return height, width
+def coarse_shape(frame: Frame) -> tuple[int, ...]:
+    return tuple(-(-side // COARSE) + 2 * MARGIN for side in frame.shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,7 +239,7 @@ class Waves:
     def long(self, depth: float, number: int) -> Array:
         """Return the density of a slice over its mean in its long waves, coarse, float32."""
         field, tile = np.empty(coarse_shape(self.frame), np.float32), self._tiles[0]
-        edges, outer = _rings(tile), self._outer(depth)
+        edges, outer = _rings(tile), self.frame.camera.focal * self.scale / depth
         gains = _gains(edges, outer)[0] / _spline(edges)
         self._fill(field, depth, self._tiles, edges / COARSE, gains, _STRIDE * number)
         variance = self.spread * self.spread * _variances(tile, outer)[0]
@@ -250,13 +249,11 @@ class Waves:
 
     def short(self, depth: float, half: int) -> tuple[Array, float]:
         """Return short waves of slices about a depth, (H, W) of variance 1, and their size."""
-        out, outer = np.empty(self.frame.shape, np.float32), self._outer(depth)
+        out, frame = np.empty(self.frame.shape, np.float32), self.frame
+        outer = frame.camera.focal * self.scale / depth
         gains, tiles = _gains(_FINE_RINGS, outer)[1], FINE_APART if self._flows else FINE
         self._fill(out, depth, tiles, _FINE_RINGS, gains, _STRIDE * half + _SHORT)
         return out, self.spread * math.sqrt(_variances(self._tiles[0], outer)[1])
-
-    def _outer(self, depth: float) -> float:
-        return float(self.frame.camera.focal * self.scale / depth)
 
     def _fill(
         self, out: Array, depth: float, tiles: tuple[tuple[int, int], int],

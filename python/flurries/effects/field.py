@@ -118,10 +118,8 @@ class Field:
             # No waves are left of tiles of which nothing can be seen.
             shown = visible.tiles(*layout.tiling)
             shortest = np.where(shown, 0.0 if shortest is None else shortest, band[1])
-        texture = Texture(
-            tile=tile, overlap=overlap, blend=self.blend, wavelengths=band, exponent=self.exponent,
-            jitter=self.jitter, ring_edges=edges, alias=self.alias, shutter=way.shutter,
-        )  # fmt: skip
+        rings = None if edges is None else tuple(edges.tolist())
+        texture = _texture(self, layout.tiling, band, rings, way.shutter)
         return Request(
             texture, frame.shape, frame.seed, drift=drift, shift=shift, velocity=velocity,
             shift_rate=shift_rate, shortest=shortest, window=frame.window, lap=whole,
@@ -225,6 +223,17 @@ def _layout(
         edges = np.asarray(band[0] * (band[1] / band[0]) ** (np.arange(rings + 1) / rings))
     small = field.tile is not None and field.tile < needed
     return Layout(((tile, tile), overlap), shape, band, edges, needed if small else 0.0)
+
+
+@kept(64)
+def _texture(
+    field: Field, tiling: tuple[tuple[int, int], int], band: tuple[float, float],
+    rings: tuple[float, ...] | None, shutter: float,
+) -> Texture:  # fmt: skip
+    return Texture(
+        tile=tiling[0], overlap=tiling[1], blend=field.blend, wavelengths=band, alias=field.alias,
+        exponent=field.exponent, jitter=field.jitter, ring_edges=rings, shutter=shutter,
+    )  # fmt: skip
 
 
 # The share of what is left of rain's texture that stands still is 13.5 c / M for wavelengths of 4

@@ -190,7 +190,7 @@ def plane_motions(
     for first in range(0, len(b), _ROWS):
         rows = slice(first, first + _ROWS)
         far = np.maximum(depth[rows if len(depth) > 1 else slice(1)].astype(np.float64), NEAREST)
-        seen, down = np.isfinite(far), b[rows]
+        seen, down, nearest = np.isfinite(far), b[rows], far.min()
         if not (whole := bool(seen.all())):
             np.copyto(far, 1.0, where=~seen)
         for motion, (turned, aside, ends, shifted) in zip(motions, views, strict=True):
@@ -200,9 +200,9 @@ def plane_motions(
                 x, y, z = (way * far + part for way, part in zip(ray, aside, strict=True))
             later = far + z
             # What passes the eye meanwhile: as fast as now.
-            passing = later < 0.5 * far
+            passing = (turns or nearest < -3.0 * z) and later < 0.5 * far
             scale = np.divide(1.0, np.maximum(later, NEAREST, out=later), out=later)
-            if passing.any():
+            if np.any(passing):
                 np.divide(1.0, far, out=scale, where=passing)
             if not whole:
                 scale *= seen

@@ -132,10 +132,8 @@ def _drawn(
             raise ValueError("depth must not be NaN: infinity says that nothing stands there")
     inputs = [one for one in (*vars(gas).values(), colors, ground) if one is not None]
     result = check.output(out, size if colors is None else (*size, 4), kind, *inputs)
-    if colors is None:
-        _core.gas_alpha(result, gas, *sight, ground)
-    else:
-        _core.gas_splat(result, gas, colors, *sight, ground)
+    sorted_ = _core.gas_sort(size, gas, np.zeros((1, 3)) if colors is None else colors, *sight)
+    _core.gas_draw(result, sorted_, (0, size[0], 0, size[1]), ground)
     return result
 
 

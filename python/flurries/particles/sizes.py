@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flurries._contract import Float64
+from flurries._kept import kept
 
 Law = Callable[[Float64], Float64]
 
@@ -74,6 +75,7 @@ class Sizes:
         at, share = self.nodes(self.smallest, self.largest)
         return float(share @ law(at))
 
+    @kept(64)
     def moment(self, power: float) -> float:
         """Return the mean of diameter ** power, m ** power."""
         return self.mean_of(lambda diameter: np.asarray(diameter**power))
