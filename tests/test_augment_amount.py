@@ -141,8 +141,7 @@ PHOTOGRAPHS = ("astronaut", "coffee", "camera", "rocket")
 def test_similarity_falls_at_every_step_and_hard_is_below_natural(kind: str, size: int):
     found = np.zeros((2, 5))
     for number, name in enumerate(PHOTOGRAPHS):
-        picture = getattr(data, name)()
-        grey = fl.io.fit(np.ascontiguousarray(picture), (size, size))
+        grey = fl.io.fit(np.ascontiguousarray(getattr(data, name)()), (size, size))
         grey = grey if grey.ndim == 2 else np.ascontiguousarray(grey[..., 1])
         for (row, column), _ in np.ndenumerate(found):
             profile = ("natural", "hard")[row]
@@ -154,10 +153,8 @@ def test_similarity_falls_at_every_step_and_hard_is_below_natural(kind: str, siz
 
 def test_far_flakes_leave_no_lattice():
     """What alternates from pixel to pixel is no stronger than the waves beside it."""
-    alphas = [
-        fl.augment.Snowfall(severity=5, seed=2).apply(np.zeros((128, 128)), index=k).alpha
-        for k in range(8)
-    ]
+    snow = fl.augment.Snowfall(severity=5, seed=2)
+    alphas = [snow.apply(np.zeros((128, 128)), index=k).alpha for k in range(8)]
     power = sum(np.abs(np.fft.fft2(a.astype(np.float64) - a.mean())) ** 2 for a in alphas)
     for along in (power, power.T):
         beside = along[54:64].sum(axis=1).mean()

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.ndimage import uniform_filter
+from scipy.ndimage import find_objects, label, uniform_filter
 
 import flurries as fl
 from flurries import _core
@@ -75,29 +75,32 @@ def test_pictures_of_one_weather_have_nothing_in_common(kind: str):
 
 def test_a_process_keeps_some_bytes():
     sheets._SHEETS.clear()
-    dark = np.zeros((64, 64), np.uint8)
     for size in range(40, 640, 8):
         fl.augment.Rainfall(severity=5, seed=1)(np.zeros((8, size), np.uint8), index=size)
-    clip = np.stack([dark] * 20)
-    fl.augment.Snowfall(severity=5, seed=1).clip(clip, index=1)
+    fl.augment.Snowfall(severity=5, seed=1).clip(np.zeros((20, 64, 64), np.uint8), index=1)
     assert sheets._SHEETS.bytes <= 1.2 * sheets.MOST_BYTES
 
 
-@pytest.mark.parametrize("wind", [-2.0, 2.0])
-def test_streaks_of_sheets_lie_along_the_wind(wind: float):
-    """The long axis of how alike a place and those around it are."""
-    weather = fl.augment.Rainfall(severity=4, wind=wind, fall=6.0, exposure=0.03, seed=2)
-    (here,) = airs_of(weather, (256, 256))
-    plane = np.empty((256, 256), np.float32)
-    _core.sheet_read(plane, (0, 0), here.layers, None, False)
-    power = np.abs(np.fft.rfft2(plane - plane.mean(), s=(512, 512))) ** 2
-    alike = np.fft.fftshift(np.fft.irfft2(power))[216:297, 216:297]
-    alike = np.where(alike > 0.15 * alike.max(), alike, 0.0)
-    y, x = np.mgrid[-40:41, -40:41]
-    across, down, both = ((alike * part).sum() for part in (x * x, y * y, x * y))
-    angle = 0.5 * math.atan2(2.0 * both, down - across)
-    # Half of a step of directions, and what sheets of so few streaks differ by.
-    assert angle == pytest.approx(math.atan2(wind, 6.0), abs=0.08 + 0.02)
+@pytest.mark.parametrize("profile, size", [("natural", 512), ("hard", 128), ("hard", 224)])
+@pytest.mark.parametrize("way", [(0.0, 6.0, 0.005), (2.0, 5.0, 0.01), (-2.0, 5.0, 0.01)])
+def test_streaks_are_the_way_of_a_drop(profile: Any, size: int, way: tuple[float, float, float]):
+    """As long down the picture, at half of the light, and leaning as much; of single ones."""
+    how = dict(zip(("wind", "fall", "exposure"), way, strict=True))
+    weather = fl.augment.Rainfall(severity=1, profile=profile, seed=2, **how)
+    (here,) = airs_of(weather, (size, size))
+    layer, plane, found = here.layers[0], np.empty((900, 900), np.float32), []
+    _core.sheet_read(plane, (0, 0), [layer], None, False)
+    parts = label(plane > 0.0, np.ones((3, 3)))[0]
+    for number, at in enumerate(find_objects(parts), 1):
+        light = plane[at] * (parts[at] == number)
+        if all(0 < side.start < side.stop < 900 for side in at) and len(light) > 3:
+            down, (y, x) = light.sum(axis=1), np.indices(light.shape)
+            both = np.cov(y.ravel(), x.ravel(), aweights=light.ravel(), ddof=0)
+            found.append((sum(down >= 0.5 * np.quantile(down, 0.75)), both[0, 1] / both[0, 0]))
+    pixels = here.view.focal / math.sqrt(layer[4] * layer[5])
+    long, lean = np.median(found, axis=0)
+    assert len(found) > 100 and long == pytest.approx(pixels * way[1] * way[2], abs=0.6)
+    assert lean == pytest.approx(way[0] / way[1], abs=0.03)
 
 
 def moved(alpha: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

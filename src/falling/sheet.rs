@@ -21,9 +21,6 @@ const CELL: (usize, usize) = (32, 128);
 /// Flakes that are counted at once, at most on average: the table of the law of Poisson stays short.
 const COUNTED: f64 = 32.0;
 
-/// Parts of a torus that are stamped apart.
-const PARTS: usize = 16;
-
 /// Where flakes are: cells of one size, which need not be whole pixels.
 struct Cells {
     hash: Hash,
@@ -174,7 +171,7 @@ impl Sheet {
         let (stride, each, (above, left)) = (stamps.stride, stamps.each, stamps.reach);
         let (down, right) = (number / 4, number % 4);
         let mut parts = Vec::new();
-        for cells in pool::split(self.cells.rows, PARTS) {
+        for cells in pool::split(self.cells.rows, pool::threads()) {
             let pixel = |cells: usize| ((cells as u64 * self.cells.steps[0]) >> 34) as usize;
             let top = pixel(cells.start) as i64 - above as i64;
             // Moved within its pixel, a flake may lie one row further.

@@ -28,8 +28,7 @@ _SCRATCH = threading.local()
 # The hard profile has so many times more weather at most before what is near than before the sky.
 _DENSEST = 4.0
 
-# Per metre.
-_LEAST = 1e-12
+_LEAST = 1e-12  # Per metre.
 
 # By so much of the near depth, on either side, flakes fade in.
 _NEAR_FADE = 0.2
@@ -113,10 +112,12 @@ class Here:
         if not self.hard or self.amount == 0.0:
             return calibration.natural(self.kind, self.amount)
         loss = calibration.hard_loss(self.kind, self.amount)
+        open_air = -math.log1p(-loss) / (self.far - self.near)
+        if self.open:
+            return open_air
         # Equally likely densities.
         density = np.maximum(1.0 + self.patches * _NORMAL, 0.0) if self.patches else np.ones(1)
         found = calibration.extinction(loss, self._way(self.distances.quantiles), density)
-        open_air = -math.log1p(-loss) / (self.far - self.near)
         return found if self.kind == "fog" else min(found, _DENSEST * open_air)
 
     def _way(self, depth: Any) -> Any:

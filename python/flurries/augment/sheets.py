@@ -19,14 +19,15 @@ from flurries._threads import reproducible
 from flurries.augment.calibration import APART, Kind, area_of, sizes_of
 from flurries.effects.sheets import hash_of
 from flurries.effects.strength import OPACITY
-from flurries.particles.population import FADE, layer_edges
+from flurries.particles.population import FADE
 from flurries.particles.sizes import Sizes
 
 # Bytes of all sheets of a process, at most: the oldest go.
 MOST_BYTES = 128 << 20
 
-# Layers of depth, and sizes of flakes in each.
-_LAYERS, _SIZES = 5, 4
+# Layers of depth, of what moves and of pictures by themselves, even parts of speed by so much, else
+# of depth; and sizes of flakes in each.
+_LAYERS, _SPEED, _SIZES = (5, 3), 0.75, 4
 
 # Rungs of flakes' widths, as a ratio, and their least in pixels: of narrower ones none is seen.
 _WIDTHS, _NARROW = (1.36, 1.05), 0.3
@@ -40,27 +41,27 @@ _LEAN = 0.6
 # Flakes that are drawn for each pixel of a picture, by itself and of a film or pair; pictures by
 # themselves that are no larger than this have all their flakes from sheets, and those where so many
 # would reach less far, of the nearest depth.
-_DRAWN, _DRAWN_MOVING, _SHEETS_ALONE, _NONE = 0.0001, 0.0015, 600, 0.75
+_DRAWN, _SHEETS_ALONE, _NONE = (0.0001, 0.0015), 600, 0.75
 
 # Diameter in px of the largest flakes of sheets, and their longest streak.
 _LARGEST, _LONGEST = 30.0, 192.0
 
 # Large pictures and small ones have sheets of their own, whose sides have so many pixels at least
 # and at most; ratios of two rungs of streaks, and of those that are stretched as they are read.
-_SIDES, _LARGEST_SIDE, _STREAKS, _STRETCHED = (240.0, 144.0), 512.0, (1.7, 2.0), 2.5
+_SIDES, _LARGEST_SIDE, _STREAKS, _STRETCHED = (240.0, 144.0), 400.0, (1.7, 2.5), 4.0
 
 # Up to which size a picture is small; the ratio of two rungs of the number of flakes; how many
 # times those of a sheet there are at least, and what this is rounded up by: drops may be fainter.
 _SHARED = {
-    "snow": (160, (1.15, 3.5), (0.93, 1.25), 0.0), "rain": (160, (2.0, 3.0), (0.47, 0.95), 0.55),
+    "snow": (160, (1.15, 3.5), (0.93, 1.0), 0.0), "rain": (160, (2.5, 3.0), (0.5, 0.6), 0.5),
 }  # fmt: skip
 
 # Where hard weather has more flakes for each pixel than the first, they are fewer and denser.
-_FEWER = 0.01, 0.66
+_FEWER = 0.012, 0.66
 
 # Flakes that a sheet has at least if it can; and for each pixel at most, narrow and wide ones: more
 # are as many that are stronger.
-_FLAKES, _MOST = 60.0, (0.5, 2.0)
+_FLAKES, _MOST = 24.0, (0.2, 2.0)
 
 _SHEETS = ALL[__name__] = Kept(most_bytes=MOST_BYTES)
 
@@ -97,10 +98,8 @@ class Look(NamedTuple):
 
     def make(self) -> "Sheet":
         width = _WIDTHS[self.hard] ** self.width
-        length, count = (
-            max(width, 1.0) * self.streak,
-            _SHARED[self.kind][1][self.small] ** self.flakes,
-        )
+        length = max(width, 1.0) * self.streak
+        count = _SHARED[self.kind][1][self.small] ** self.flakes
         side = min(max(math.sqrt(_FLAKES / count), _SIDES[self.small]), _LARGEST_SIDE)
         number = 1 + self.width + round(8.0 * self.streak) - 3 * self.flakes
         rows, columns = (
@@ -144,7 +143,8 @@ def sheets_of(falling: Falling, longer: int, moving: bool) -> tuple[float, list[
     if leans := kind == "rain" and not moving and abs(across) <= _LEAN * down:
         lean, angle, way, ratio = across / down, 0.0, down * exposure, _STRETCHED
     found, mode = list[Layer](), reproducible()
-    for near, far, pixels, rung, few, many in _slabs(kind, tenths, density, lens, reach, deep):
+    slabs = _slabs(kind, tenths, density, lens, reach, deep, _LAYERS[not moving])
+    for near, far, pixels, rung, few, many in slabs:
         length, turn = max(pixels * way / max(_WIDTHS[hard] ** rung, 1.0), 1e-9), 0.0
         step, scale = round(math.log(length, ratio)), 1.0
         streak = ratio**step if step >= 0 else 0.0
@@ -168,11 +168,14 @@ def sheets_of(falling: Falling, longer: int, moving: bool) -> tuple[float, list[
 
 @kept(64)
 def _slabs(
-    kind: Kind, tenths: int, density: float, lens: float, reach: float, deep: float
+    kind: Kind, tenths: int, density: float, lens: float, reach: float, deep: float, layers: int
 ) -> list[tuple[float, float, float, int, float, float]]:
     """Return slabs' depths, pixels of a metre, and of their flakes rung, number and strength."""
     hard, found = tenths == 0, []
-    edges = layer_edges(reach * (1.0 + 0.5 * FADE), deep, _LAYERS).tolist()
+    first = reach * (1.0 + 0.5 * FADE)
+    speed, depth = _SPEED / (1.0 / first - 1.0 / deep), (1.0 - _SPEED) / (deep - first)
+    parts = (speed / first - depth * first - part / layers for part in range(layers + 1))
+    edges = [(math.hypot(b, 2.0 * math.sqrt(depth * speed)) - b) / (2.0 * depth) for b in parts]
     for near, far in itertools.pairwise(edges):
         pixels = lens / math.sqrt(near * far)
         # Those of one depth that have the slab's coverage and variance.
@@ -197,8 +200,7 @@ def _laws(kind: Kind, tenths: int) -> tuple[Sizes, float, float]:
 @kept(8)
 def _shape(kind: Kind, hard: bool) -> Float64:
     """Return the diameters that cover what their shares of flakes do, over the quadratic mean."""
-    law = sizes_of(kind, 0 if hard else 6)
-    squares = law.quantile(np.arange(0.5, 4096.0) / 4096) ** 2
+    squares = sizes_of(kind, 0 if hard else 6).quantile(np.arange(0.5, 4096.0) / 4096) ** 2
     edges = np.rint(4096 * (1.0 - np.linspace(1.0, 0.0, _SIZES + 1) ** 2)).astype(int)
     means = np.array([squares[i:j].mean() for i, j in itertools.pairwise(edges)])
     return np.asarray(np.sqrt(means / squares.mean()))
@@ -210,8 +212,7 @@ def _reach_of(falling: Falling, way: float, longer: int, moving: bool) -> float:
     largest = wide * float(_shape(falling.kind, falling.tenths == 0)[-1])
     images = lens * max(largest / _LARGEST, way / _LONGEST)
     first = 1.0 / (1.0 + 0.5 * FADE)
-    share = _DRAWN_MOVING if moving else _DRAWN
-    cost = (3.0 * share * lens**2 / falling.density) ** (1.0 / 3.0)
+    cost = (3.0 * _DRAWN[moving] * lens**2 / falling.density) ** (1.0 / 3.0)
     if images <= first and not moving and (longer <= _SHEETS_ALONE or cost < _NONE):
         return first
     reach = max(cost, images, 1.5 if moving else 1.2)

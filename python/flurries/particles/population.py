@@ -82,18 +82,16 @@ class Slab:
     coverage: float  # Mean of what they cover of a pixel.
 
 
-def layer_edges(near: float, far: float, count: int, variance: Law | None = None) -> Float64:
-    """Return depths between layers: of even parts of speed, of depth, and of variance if given."""
+def layer_edges(near: float, far: float, count: int, variance: Law) -> Float64:
+    """Return depths between layers: of even parts of speed, of depth, and of variance."""
     if near >= far:
         return np.array([near, far])
-    depths, weights = np.geomspace(near, far, 1025), [0.75, 0.25]
-    sums = [1.0 / near - 1.0 / depths, depths - near]
-    if variance is not None:
-        some, weights = depths[::8], EVEN
-        own = variance(some)
-        areas = np.cumsum((own[1:] + own[:-1]) * np.diff(some))
-        sums.append(np.interp(depths, some, [0.0, *areas]))
-    share = sum(weight * each / each[-1] for weight, each in zip(weights, sums, strict=True))
+    depths = np.geomspace(near, far, 1025)
+    some = depths[::8]
+    own = variance(some)
+    areas = np.cumsum((own[1:] + own[:-1]) * np.diff(some))
+    sums = [1.0 / near - 1.0 / depths, depths - near, np.interp(depths, some, [0.0, *areas])]
+    share = sum(weight * each / each[-1] for weight, each in zip(EVEN, sums, strict=True))
     return np.interp(np.linspace(0.0, 1.0, count + 1), share, depths)
 
 
