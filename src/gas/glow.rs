@@ -189,7 +189,9 @@ pub fn see(
                         let dense = |line: &[f32], plane: usize| fill(&mut dense[plane], line);
                         lines(&slices.density, row, &mut line, dense)?;
                         let glow = |line: &[f32], plane: usize| fill(&mut glow[plane], line);
-                        lines(&own, within, &mut line, glow)?;
+                        if lit {
+                            lines(&own, within, &mut line, glow)?;
+                        }
                         known = true;
                     }
                     let rays = (&slopes[..], slices.slopes.1[row], &end[..]);
