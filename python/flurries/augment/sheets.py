@@ -53,7 +53,7 @@ _SIDES, _LARGEST_SIDE, _STREAKS, _STRETCHED = (240.0, 144.0), 400.0, (1.7, 2.5),
 # Up to which size a picture is small; the ratio of two rungs of the number of flakes; how many
 # times those of a sheet there are at least, and what this is rounded up by: drops may be fainter.
 _SHARED = {
-    "snow": (160, (1.15, 3.5), (0.93, 1.0), 0.0), "rain": (160, (2.5, 3.0), (0.5, 0.6), 0.5),
+    "snow": (160, (1.15, 3.5), (0.93, 1.0), 0.0), "rain": (160, (3.5, 4.0), (0.5, 0.55), 0.5),
 }  # fmt: skip
 
 # Where hard weather has more flakes for each pixel than the first, they are fewer and denser.
