@@ -34,15 +34,11 @@ impl Torus {
     pub fn new(sides: [f64; 3], center: [f64; 3]) -> Result<Self, Error> {
         for side in sides {
             if !(1e-100..=1e100).contains(&side) {
-                return Err(Error::invalid(
-                    "box",
-                    format!("sides must be from 1e-100 to 1e100, got {side}"),
-                ));
+                let message = format!("sides must be from 1e-100 to 1e100, got {side}");
+                return Err(Error::invalid("box", message));
             }
         }
-        for value in center {
-            finite("center", value)?;
-        }
+        center.into_iter().try_for_each(|value| finite("center", value).map(|_| ()))?;
         Ok(Self { sides, center })
     }
 }
@@ -66,10 +62,8 @@ fn wrap(x: f64, side: f64) -> f64 {
 fn product(argument: &'static str, rate: f64, time: f64) -> Result<(f64, f64), Error> {
     let rounded = rate * time;
     if !rounded.is_finite() {
-        return Err(Error::invalid(
-            argument,
-            format!("times time must be finite, got {rate} times {time}"),
-        ));
+        let message = format!("times time must be finite, got {rate} times {time}");
+        return Err(Error::invalid(argument, message));
     }
     Ok((rounded, rate.mul_add(time, -rounded)))
 }

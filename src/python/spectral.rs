@@ -16,7 +16,7 @@ use crate::spectral::band::{Band, band_amplitude as band_kernel};
 use crate::spectral::field::{Field, Lap, Window};
 use crate::spectral::filter::{Alias, TemporalFilter, temporal_filter as filter_kernel};
 use crate::spectral::grid::random_phase as random_kernel;
-use crate::spectral::opacity::Opacity;
+use crate::spectral::opacity::{Block, Lifted, Opacity};
 use crate::spectral::stripes::Mapped;
 use crate::spectral::tent::{self, Motion};
 use crate::spectral::tiles::{Blend, Row, blend_tiles as blend_kernel};
@@ -154,8 +154,9 @@ pub fn opacity(
             let (mut out, field) = (out.as_array_mut(), field.as_array());
             gate::run(py, field.len() as f64, |_| {
                 pool::for_each(out.outer_iter_mut().zip(field.outer_iter()), |(mut out, field)| {
-                    let out = out.as_slice_mut().ok_or_else(layout)?;
-                    map.map_row(field.as_slice().ok_or_else(layout)?, out);
+                    let (cols, out) = (out.len(), out.as_slice_mut().ok_or_else(layout)?);
+                    let field = (field.as_slice().ok_or_else(layout)?, cols);
+                    map.map_block(Block { rows: 1, cols, field, out: (out, cols) }, Lifted::None);
                     Ok(())
                 })
             })

@@ -40,25 +40,23 @@ pub struct Work<T> {
 
 impl<T: Real> Dense<T> {
     pub fn new(waves: &Waves) -> Result<Self, Error> {
-        let half = waves.reach + 1;
-        Ok(Self {
-            tile: waves.tile,
-            half,
-            stride: columns_padded(waves.columns),
-            down: Tables::new(waves.tile.0, half, |_| 1.0, by_sum)?,
-            across: Tables::new(waves.tile.1, waves.columns, mirrored, in_blocks)?,
-        })
+        Self::with(waves.tile, waves.reach + 1, waves.columns, columns_padded(waves.columns))
     }
 
     /// Tables for the waves of a square tile of n px whose indices are below `half`, whole lanes in a row.
     pub fn square(n: usize, half: usize) -> Result<Self, Error> {
-        Ok(Self {
-            tile: (n, n),
-            half,
-            stride: padded(half),
-            down: Tables::new(n, half, |_| 1.0, by_sum)?,
-            across: Tables::new(n, half, mirrored, in_blocks)?,
-        })
+        Self::with((n, n), half, half, padded(half))
+    }
+
+    fn with(
+        tile: (usize, usize),
+        half: usize,
+        columns: usize,
+        stride: usize,
+    ) -> Result<Self, Error> {
+        let down = Tables::new(tile.0, half, |_| 1.0, by_sum)?;
+        let across = Tables::new(tile.1, columns, mirrored, in_blocks)?;
+        Ok(Self { tile, half, stride, down, across })
     }
 
     /// Places of a row of the spectrum.

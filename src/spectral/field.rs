@@ -144,11 +144,9 @@ impl Field {
             // A shift is that of all waves.
             let most = if name.starts_with("shift") { 1 } else { self.rings() };
             if !(fits(rows, grid.0) && fits(cols, grid.1) && fits(rings, most) && pair == 2) {
+                let ((down, across), own) = (grid, self.rings());
                 let message = format!(
-                    "this frame has {} x {} tiles and {} rings, got vectors for {rows} x {cols} and {rings}",
-                    grid.0,
-                    grid.1,
-                    self.rings()
+                    "this frame has {down} x {across} tiles and {own} rings, got vectors for {rows} x {cols} and {rings}"
                 );
                 return Err(Error::invalid(name, message));
             }

@@ -83,12 +83,10 @@ pub const fn role(ky: i64, kx: i64, (height, width): (usize, usize)) -> Role {
 pub fn reduce(phase: f64) -> f64 {
     let rest = phase - (phase + 0.5).floor();
     // Adding 1/2 rounds: next to an edge the rest may land on the other side of it.
-    if rest >= 0.5 {
-        rest - 1.0
-    } else if rest < -0.5 {
-        rest + 1.0
-    } else {
-        rest
+    match rest {
+        _ if rest >= 0.5 => rest - 1.0,
+        _ if rest < -0.5 => rest + 1.0,
+        _ => rest,
     }
 }
 

@@ -116,14 +116,6 @@ impl Opacity {
         Ok(self)
     }
 
-    pub fn map_row<T: Real>(&self, field: &[T], out: &mut [T]) {
-        let cols = out.len();
-        self.map_block(
-            Block { rows: 1, cols, field: (field, cols), out: (out, cols) },
-            Lifted::None,
-        );
-    }
-
     /// Maps a block; what is lifted is added before the amount and the upper clip (see
     /// [`Self::mean_of`]).
     pub fn map_block<T: Real>(&self, mut block: Block<'_, '_, T>, mut lifted: Lifted<'_, T>) {

@@ -207,10 +207,8 @@ impl Columns {
         for ((out, frequency), offset) in rows {
             *out = -(shift[1] * frequency) - offset;
         }
-        let columns = values.column_phase.iter_mut();
-        for ((out, frequency), offset) in
-            columns.zip(&self.column_frequency).zip(&self.column_offset)
-        {
+        let columns = values.column_phase.iter_mut().zip(&self.column_frequency);
+        for ((out, frequency), offset) in columns.zip(&self.column_offset) {
             *out = -(shift[0] * frequency) - offset;
         }
         for (hash, &ky) in values.hash.iter_mut().zip(&self.ky) {

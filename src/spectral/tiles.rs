@@ -132,15 +132,12 @@ pub fn blend_tiles<T: Real>(
     let (rows, cols, tile_height, tile_width) = tiles.dim();
     let down = Row { length: height, tile: tile_height, overlap }.checked()?;
     let across = Row { length: width, tile: tile_width, overlap }.checked()?;
-    if (rows, cols) != (down.count(), across.count()) {
-        return Err(Error::invalid(
-            "tiles",
-            format!(
-                "shape ({height}, {width}) with this tile and overlap takes {} x {} tiles, got {rows} x {cols}",
-                down.count(),
-                across.count()
-            ),
-        ));
+    let (high, wide) = (down.count(), across.count());
+    if (rows, cols) != (high, wide) {
+        let message = format!(
+            "shape ({height}, {width}) with this tile and overlap takes {high} x {wide} tiles, got {rows} x {cols}"
+        );
+        return Err(Error::invalid("tiles", message));
     }
     let (wy, wx) = (down.weights::<T>(blend)?, across.weights::<T>(blend)?);
     out.fill(T::zero());

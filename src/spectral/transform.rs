@@ -56,8 +56,7 @@ pub fn inverse_transform<T: Real>(
     })?;
 
     let to_real = T::to_real(width, plain);
-    let tasks = pool::rows(out, pool::threads());
-    pool::for_each(tasks, |(run, part)| {
+    pool::for_each(pool::rows(out, pool::threads()), |(run, part)| {
         real_rows(part, run.start, &columns, &used, to_real.as_ref(), cancel)
     })
 }

@@ -107,10 +107,7 @@ impl Volume {
             };
             let middle = self.velocity.step(direction, wave.frequency) * frames;
             let range = match self.cells {
-                Cells::One => {
-                    let n = middle.round_ties_even();
-                    n..=n
-                }
+                Cells::One => middle.round_ties_even()..=middle.round_ties_even(),
                 Cells::Overlap => {
                     let (low, high) = self.rates(wave.ky, wave.kx);
                     // Integers n with n - 1/2 < high and n + 1/2 > low: touching is not passing.

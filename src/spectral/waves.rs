@@ -84,12 +84,9 @@ impl Waves {
         let largest = gains.iter().fold(0.0_f64, |most, &gain| most.max(gain));
         let mut squares = Sum::default();
         for wave in &mut self.list {
-            let gain = gains.get(wave.ring).ok_or_else(|| {
-                Error::invalid(
-                    "ring_gains",
-                    format!("must have one number for each ring, got {}", gains.len()),
-                )
-            })?;
+            let few = || format!("must have one number for each ring, got {}", gains.len());
+            let gain = gains.get(wave.ring);
+            let gain = gain.ok_or_else(|| Error::invalid("ring_gains", few()))?;
             wave.amplitude *= if largest > 0.0 { gain / largest } else { 0.0 };
             squares.add(2.0 * wave.amplitude * wave.amplitude);
         }

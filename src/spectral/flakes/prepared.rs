@@ -52,8 +52,7 @@ impl<T: Real> Prepared<T> {
         let mut values = Aligned::zeroed(number * size)?;
         let tasks = values.chunks_exact_mut(size).zip(spectra.axis_iter(Axis(0)));
         pool::for_each(tasks, |(values, spectrum)| {
-            let spectrum = spectrum.to_slice();
-            let spectrum = spectrum.ok_or_else(layout)?;
+            let spectrum = spectrum.to_slice().ok_or_else(layout)?;
             let numbers = parts(spectrum);
             let trace = match T::own(numbers) {
                 Some(numbers) => fold(values, numbers, (tile, half, stride)),
