@@ -29,7 +29,6 @@ NOISE, CRF = 2.0, 18
 MOST = {
     "direction": 3.0, "speed": 0.1, "density": 0.3, "size": 0.2, "exposure": 0.15, "light": 0.05,
 }  # fmt: skip
-
 # Flakes at a time, which the processor keeps at hand.
 _FEW = 30_000
 
@@ -195,8 +194,3 @@ def errors_of(found: Any, one: Case) -> dict[str, float]:
         "exposure": found.snow.shutter / one.view.shutter - 1.0,
         "light": float(light) / float(np.mean(one.color)) - 1.0,
     }
-
-
-def misses(found: Any, one: Case) -> list[str]:
-    """Return which numbers of a match are not as right as they must be."""
-    return [name for name, off in errors_of(found, one).items() if abs(off) > MOST[name]]

@@ -7,6 +7,7 @@ their height and by the shade of the plate.
 
 import io
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple
@@ -16,20 +17,20 @@ import numpy as np
 from flurries._contract import Array, Float64
 from flurries.camera import Camera
 from flurries.effects import Snow
-from flurries.matching.watched import LUMA
+from flurries.matching.watched import LUMA, soft
 from flurries.scene import Scene
 
 # Frames of a candidate; how bright a camera's noise is; the level (crf) of h264 that is tried
 # first, and shares of the clip's bytes between which it stays.
-COUNT, _NOISE, LEVEL, _ALIKE = 16, np.float32(2.0 / 255.0), 18.0, (0.4, 1.6)
-# Shades of the plate; shares of a shade's pixels that are peaks above a height; and the least
-# height, of white, of those that are counted and of those that may grow to it.
-_SHADES, _LEAST, _KEPT = 4, 6.0 / 255.0, 4.0 / 255.0
-_RANKS = np.array([375, 188, 94, 47, 22, 9, 3, 1]) / 230_400.0
+COUNT, _NOISE, LEVEL, ALIKE = 16, np.float32(2.0 / 255.0), 18.0, (0.4, 1.6)
+# Shades of the plate; heights, of white, that peaks are counted between, up to so many for each
+# pixel, as those near each other are one; the least that may grow; and what no ball covers more.
+_SHADES, _HEIGHTS, _RARE = 8, 6.0 / 255.0 * 1.25 ** np.arange(17.0), 1.0 / 600.0
+_KEPT, _WHOLE = 4.0 / 255.0, 0.99
 # By how many times numbers of peaks spread more than those of chance, as flakes are seen in some
 # frames and at some heights; and what their logarithms are right by at best.
 _SEEN, _SURE = 6.0, 0.09
-# By how much is tried, and gone at a time: logarithms of density and mean size, and light.
+# By how much is tried, and gone from a candidate: logarithms of density and mean size, and light.
 _TRIED, _FAR = np.array([0.05, 0.04, 0.02]), np.array([0.5, 0.2, 0.1])
 
 
@@ -41,22 +42,24 @@ class Peaks(NamedTuple):
     pixels: int  # That were looked at.
 
 
-def peaks(frames: Array, mean: Array) -> Peaks:
-    """Return the peaks of frames (n, h, w) less their mean (h, w)."""
-    heights, behind = [], []
-    for frame in frames:
-        for axis in (0, 1):
-            rows = np.moveaxis(frame, axis, 0)
-            frame = np.moveaxis(0.25 * (rows[2:] + rows[:-2]) + 0.5 * rows[1:-1], 0, axis)
-        soft = np.abs(frame)
-        middle = soft[1:-1, 1:-1]
+def peaks(frames: Array, mean: Array, count: int) -> Peaks:
+    """Return the peaks of frames (n, h, w) less their mean (h, w), by `count` that have one."""
+
+    def found(frame: Array, behind: Array) -> tuple[Array, Array]:
+        height = np.abs(soft(frame))
+        middle = height[1:-1, 1:-1]
         top = middle > _KEPT
         for row, col in product(range(3), range(3)):
-            beside = soft[row:, col:][: middle.shape[0], : middle.shape[1]]
+            beside = height[row:, col:][: middle.shape[0], : middle.shape[1]]
             top &= (middle >= beside) if (row, col) <= (1, 1) else (middle > beside)
-        heights.append(middle[top])
-        behind.append(mean[2:-2, 2:-2][top])
-    return Peaks(np.concatenate(heights), np.concatenate(behind), frames.size)
+        return middle[top], behind[2:-2, 2:-2][top]
+
+    parts = frames[: len(frames) // count * count].reshape(-1, count, *mean.shape)
+    means = parts.mean(axis=1, keepdims=True)
+    rest, behind = (parts - means).reshape(-1, *mean.shape), np.repeat(mean + means[:, 0], count, 0)
+    with ThreadPoolExecutor(2) as both:
+        heights, places = zip(*both.map(found, rest, behind), strict=True)
+    return Peaks(np.concatenate(heights), np.concatenate(places), rest.size)
 
 
 def shown(
@@ -66,20 +69,21 @@ def shown(
     """Return the peaks of a candidate before a plate, and bytes as of `leaning`."""
     flakes = replace(snow, color=1.0, shape="round", seed=seed)  # Balls, as those of the waves.
     scene = Scene(np.zeros_like(plate), camera=camera, effects=[flakes], fps=fps, lens=None)
+
     chance, pictures, used = np.random.default_rng(seed), [], 0.0
     for t in range(count):
         picture = plate + scene.render(t) * (colors.astype(np.float32) - plate)
         picture += chance.standard_normal(picture.shape, np.float32) * _NOISE
         pictures.append(np.rint(255.0 * np.clip(picture, 0.0, 1.0)).astype(np.uint8))
-    if level is not None:
-        pictures, used = _coded(pictures, level, fps)
-    frames = np.array([picture @ (LUMA / np.float32(255.0)) for picture in pictures])
-    mean = frames.mean(axis=0)
-    return peaks(frames - mean, mean), used
+    if level is None:
+        frames = np.array([one @ (LUMA / np.float32(255.0)) for one in pictures])
+    else:
+        frames, used = _coded(pictures, level, fps)
+    return peaks(frames[1:], np.zeros_like(frames[0]), count - 1), used
 
 
-def _coded(pictures: list[Array], level: float, fps: float) -> tuple[list[Array], float]:
-    """Return pictures after h264 at a level, and bytes as of `leaning`."""
+def _coded(pictures: list[Array], level: float, fps: float) -> tuple[Array, float]:
+    """Return the brightness of pictures after h264 at a level, and bytes as of `leaning`."""
     import av
 
     store, (height, width) = io.BytesIO(), (side // 2 * 2 for side in pictures[0].shape[:2])
@@ -91,8 +95,10 @@ def _coded(pictures: list[Array], level: float, fps: float) -> tuple[list[Array]
             out.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
         out.mux(stream.encode())
     with av.open(io.BytesIO(store.getvalue())) as film:
-        found = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
-    return found, leaning(io.BytesIO(store.getvalue()))
+        found = [frame.to_ndarray()[:height] for frame in film.decode(video=0)]
+    # Black is 16 in films, and white 235.
+    frames = (np.array(found, np.float32) - 16.0) / np.float32(219.0)
+    return frames, leaning(io.BytesIO(store.getvalue()))
 
 
 def leaning(film: Any) -> float:
@@ -104,52 +110,39 @@ def leaning(film: Any) -> float:
     return float(sum(sizes)) / max(len(sizes), 1)
 
 
-def level_for(level: float, share: float) -> float:
-    """Return a level at which a candidate has the clip's bytes, of which it has a share."""
-    alike = _ALIKE[0] < share < _ALIKE[1]
-    return level if alike else min(max(level + 6.0 * math.log2(max(share, 0.01)), 0.0), 45.0)
-
-
 def nearer(
     real: Peaks, ours: Peaks, light: float, usual: Float64, known: Float64
 ) -> tuple[Float64, Float64, float]:
     """Return how a candidate changes to show the clip's peaks, and how unlike they stay."""
     # Changes (3,) of the logarithms of density and size, and of the light, with their covariance;
     # `usual` ones are expected, with the inverse covariance `known`.
-    shades = np.quantile(real.behind, np.linspace(0.0, 1.0, _SHADES + 1)[1:-1])
-    clip, candidate = (np.searchsorted(shades, part.behind) for part in (real, ours))
-    ranks, edges = (_RANKS * real.pixels / _SHADES).astype(int), []
-    for shade in range(_SHADES):
-        heights = np.sort(real.height[clip == shade])[::-1]
-        limits = heights[ranks[ranks < len(heights)]]
-        edges.append([*limits[limits > _LEAST], np.inf])
-    share = real.pixels / ours.pixels
-    flat = ours.height / np.maximum(np.abs(light - ours.behind), 0.03)
+    shades = np.quantile(np.append(real.behind, ours.behind), np.arange(1, _SHADES) / _SHADES)
 
-    def numbers(heights: Array, shade: Array) -> Float64:
-        """Return how many peaks of each shade are between limits."""
-        parts = zip((heights[shade == n] for n in range(_SHADES)), edges, strict=True)
-        counts = [np.diff([np.count_nonzero(part >= end) for end in ends]) for part, ends in parts]
-        return np.asarray(np.maximum(-np.concatenate(counts), 0.5))
+    def roots(part: Peaks, by: Float64) -> Float64:
+        """Return roots of numbers of changed peaks by shade and height: all spread alike."""
+        contrast = np.abs(light - part.behind)
+        cover = 1.0 - np.minimum(part.height / np.maximum(contrast, 0.03), _WHOLE)
+        height = (1.0 - cover ** math.exp(2.0 * by[1])) * np.abs(light + by[2] - part.behind)
+        cell = np.searchsorted(shades, part.behind) * (len(_HEIGHTS) + 1)
+        cell += np.searchsorted(_HEIGHTS, height, side="right")
+        counts = np.bincount(cell, minlength=_SHADES * (len(_HEIGHTS) + 1)).reshape(_SHADES, -1)
+        return np.asarray(np.sqrt(counts[:, 1:] * (math.exp(by[0]) * real.pixels / part.pixels)))
 
-    def changed(by: Float64) -> Float64:
-        """Return numbers of a changed candidate: a peak is as high as its flake covers."""
-        heights = flat * math.exp(2.0 * by[1]) * np.abs(light + by[2] - ours.behind)
-        return numbers(heights, candidate) * math.exp(by[0]) * share
-
-    by = np.zeros(3)
-    many, few = numbers(real.height, clip), changed(by)
-    sure = np.sqrt(_SEEN * (1.0 / many + share / few) + _SURE**2)
-    used = (many > 8.0) & (few > 4.0)
-
-    def left(by: Float64) -> Float64:
-        return np.asarray((np.log(changed(by) / many) / sure)[used])
-
-    for _ in range(4):
-        tried = [left(by + step) - left(by - step) for step in np.diag(_TRIED)]
-        slopes = np.array(tried) / (2.0 * _TRIED[:, None])
-        square = slopes @ slopes.T + known
-        change = np.linalg.solve(square, -slopes @ left(by) - known @ (by - usual))
-        by = by + np.clip(change, -_FAR, _FAR)
-    unlike = float(np.sqrt((left(by) ** 2).mean())) if used.any() else math.inf
+    by, many, few = np.zeros(3), roots(real, np.zeros(3)), roots(ours, np.zeros(3))
+    both = many**2 + few**2
+    sure = np.sqrt(0.25 * _SEEN * (1.0 + real.pixels / ours.pixels) + 0.125 * _SURE**2 * both)
+    # Where peaks are near each other, twice as many flakes have not twice as many.
+    above = np.cumsum(both[:, ::-1], axis=1)[:, ::-1]
+    used = (above < 2.0 * _RARE * real.pixels / _SHADES) & (both > 0.0)
+    # The clip's slopes count as much as the candidate's: by these alone chance makes flakes fewer.
+    steps, parts = np.diag(_TRIED), (real, ours)
+    tried = [[roots(part, step) - roots(part, -step) for step in steps] for part in parts]
+    slopes = (np.sum(tried, axis=0) / (4.0 * _TRIED[:, None, None]) / sure)[:, used]
+    square = slopes @ slopes.T + known
+    for _ in range(8):
+        left = ((roots(ours, by) - many) / sure)[used]
+        change = np.linalg.solve(square, -slopes @ left - known @ (by - usual))
+        by = np.clip(by + change, -_FAR, _FAR)
+    alike = (np.minimum(many, few) > 2.0)[used]
+    unlike = math.sqrt(float((left[alike] ** 2).mean())) if alike.any() else math.inf
     return by, np.linalg.inv(square), unlike

@@ -2,10 +2,9 @@
 
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from flurries.effects import Snow
 from flurries.io import linear_to_srgb, open_background, srgb_to_linear
 from flurries.io.files import path_text
 from flurries.light.shot import Light
-from flurries.matching.candidate import COUNT, LEVEL, leaning, level_for, nearer, peaks, shown
+from flurries.matching.candidate import ALIKE, COUNT, LEVEL, leaning, nearer, peaks, shown
 from flurries.matching.direction import WINDOW, direction, spectra
 from flurries.matching.fit import FAR, NEAR, OPACITY, Lens, fit, sizes_of
 from flurries.matching.watched import LONG, LUMA, Watched, light_of, tinted, watch
@@ -148,7 +147,7 @@ def match(
         f"frames has {count}: a film needs {LEAST}, and one picture needs clean, its plate",
     )
     numbers = range(min(count, LONG))
-    seen = watch(_ahead(read, progress(numbers) if progress else numbers), plate)
+    seen = watch(map(read, progress(numbers) if progress else numbers), plate)
     height, width = seen.mean.shape[:2]
     _refuse(
         min(height, width) < WINDOW,
@@ -166,18 +165,10 @@ def _opened(name: str, given: Any) -> tuple[Callable[[int], Array], int, float |
         used = leaning(path) if source.fps else 0.0
         return lambda n: source.frame(n).pixels, source.count or 1, source.fps, used
     pictures = [given] if getattr(given, "ndim", 0) == 3 else [np.asarray(one) for one in given]
-    came = {one.shape for one in pictures if one.ndim != 3 or one.shape[2] < 3} or "none"
-    if came != "none" or not pictures:
-        raise ValueError(f"{name} must have pictures (H, W, 3), got {came}")
+    came = {one.shape for one in pictures}
+    if len(came) != 1 or len(pictures[0].shape) != 3 or pictures[0].shape[2] < 3:
+        raise ValueError(f"{name} must have pictures (H, W, 3) of one size, got {came or 'none'}")
     return pictures.__getitem__, len(pictures), None, 0.0
-
-
-def _ahead(read: Callable[[int], Array], numbers: Iterable[int]) -> Iterator[Array]:
-    """Yield what is read, and read the next one while one is looked at."""
-    with ThreadPoolExecutor(1) as reader:
-        begun: Iterator[Any] = chain((reader.submit(read, n) for n in numbers), (None,))
-        for one, _ in pairwise(begun):
-            yield one.result()
 
 
 def _refuse(when: bool, why: str) -> None:
@@ -201,7 +192,6 @@ def _matched(seen: Watched, camera: Camera, fps: float, used: float) -> Match:
         # How opaque the air is on average, by places that differ from the light.
         cover = float(((mean - behind) * (light - behind)).sum() / ((light - behind) ** 2).sum())
         _refuse(not 0.002 < cover < 0.98, "no snow: frames are no nearer to white than clean is")
-    light = min(light, 1.0) if film else light
     found = spectra(luma, mean, light)
     way = direction(found, camera.focal)
     turns = "; the camera does more than turn" if np.abs(seen.shifts).max() > 0.5 else ""
@@ -270,28 +260,28 @@ def _closer(
 ) -> tuple[Snow, float, Float64, float]:  # fmt: skip
     """Return snow and light that show the clip's peaks, (3,) errors, and how unlike they are."""
     mean, colors = seen.mean @ LUMA, tinted(seen.frames, seen.mean, light)
-    real, level = peaks(seen.frames @ LUMA, mean), LEVEL if used else None
-    # Waves tell a product of number and square of contrast.
-    mixed, unsure = np.eye(3), max(1.0, misfit / _FITS) ** 2
-    mixed[0, 2] = 2.0 / math.sqrt(float(((light - mean) ** 2).mean()))
-    spread = np.diag(np.square([*_BEFORE, max(1.5 * doubt, 0.03) / unsure]))
+    count, level = min(COUNT, len(seen.frames)), LEVEL if used else None
+    # What a codec takes its first frame from is not before it, and it keeps more.
+    real, unsure = peaks(seen.frames[1:] @ LUMA, mean, count - 1), max(1.0, misfit / _FITS) ** 2
+    spread = np.diag(np.square([*_BEFORE, doubt / unsure]))
     spread[:2, :2] += _CUBES**2 * np.outer((-3.0, 1.0), (-3.0, 1.0))
-    known = mixed.T @ np.linalg.inv(unsure**2 * spread) @ mixed
+    known = np.asarray(np.linalg.inv(unsure**2 * spread), float)
     start = at = np.array([math.log(snow.density), math.log(snow.flake_size[1]), light])
 
-    def tried(seed: int, count: int) -> tuple[Float64, Float64, float, float]:
+    def tried(seed: int) -> tuple[Float64, Float64, float, float]:
         """Return where a candidate leads, its covariance, how unlike it stays, and its bytes."""
         air, shade = _snow(snow, *at[:2]), colors + at[2] - light
         plate = _plate(seen, air, shade)
         ours, took = shown(air, camera, fps, plate, shade, level, seed, count)
-        by, error, unlike = nearer(real, ours, at[2], start - at, known)
+        by, error, unlike = nearer(real, ours, float(at[2]), start - at, known)
         return np.minimum(at + by, (np.inf, np.inf, 1.0)), error, unlike, took
 
-    at, *_, took = tried(0, COUNT // 2)
-    if level is not None:
-        level = level_for(level, took / used)
+    at, *_, took = tried(0)
+    if level is not None and not ALIKE[0] < took / used < ALIKE[1]:
+        # A step of 6 is half the bytes.
+        level = min(max(level + 6.0 * math.log2(max(took / used, 0.01)), 0.0), 45.0)
     # What two more lead to, drawn at once, is less by chance.
     with ThreadPoolExecutor(2) as both:
-        found, errors, unlike, _ = zip(*both.map(tried, (1, 2), (COUNT, COUNT)), strict=True)
-    at, error = np.mean(found, axis=0), np.mean(errors, axis=0)
-    return _snow(snow, *at[:2]), float(at[2]), np.sqrt(np.diag(error)), float(np.mean(unlike))
+        found = zip(*both.map(tried, (1, 2)), strict=True)
+    at, error, unlike, _ = (np.mean(part, axis=0) for part in found)
+    return _snow(snow, *at[:2]), float(at[2]), np.sqrt(np.diag(error)), float(unlike)

@@ -6,8 +6,9 @@ that of the flakes' optical density alone, and the plate need not be known.
 """
 
 import math
-from collections.abc import Iterable
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -72,19 +73,19 @@ def watch(pictures: Iterable[Array], clean: Array | None) -> Watched:
     """Return what is seen of pictures, before a plate if it is given."""
     kept: list[Array] = []
     shifts: list[tuple[float, float]] = []
-    shape: tuple[int, ...] = ()
-    for picture in pictures:
-        shape = _size("frames", picture, shape)
-        kept.append(smaller(picture, -(-shape[1] // WIDE)))
-        shifts.append(moved(kept[0].mean(axis=2), kept[-1].mean(axis=2)))
-    scale = -(-shape[1] // WIDE)
+    parts = ((one.shape, smaller(one, -(-one.shape[1] // WIDE))) for one in pictures)
+    for shape, small in _ahead(parts):
+        size, scale = shape[:2], -(-shape[1] // WIDE)
+        kept.append(small)
+        shifts.append(moved(kept[0].mean(axis=2), small.mean(axis=2)))
     if np.abs(shifts).max() > 0.25:
         kept = [laid_back(one, shift) for one, shift in zip(kept, shifts, strict=True)]
     frames = np.stack(kept)
     unseen = np.isnan(frames)
     mean = np.nanmean(frames, axis=0) if unseen.any() else frames.mean(axis=0)
     if clean is not None:
-        _size("clean", clean, shape)
+        if clean.shape[:2] != size:
+            raise ValueError(f"clean must be {size} as frames are, got {clean.shape[:2]}")
         clean = smaller(clean, scale)
         if len(frames) == 1:
             # That of a still is its plate behind an even veil, whose light and opacity fit best.
@@ -95,10 +96,13 @@ def watch(pictures: Iterable[Array], clean: Array | None) -> Watched:
     return Watched(frames, mean, clean, np.array(shifts), scale)
 
 
-def _size(name: str, picture: Array, size: tuple[int, ...]) -> tuple[int, ...]:
-    if size and picture.shape[:2] != size:
-        raise ValueError(f"{name} must be (H, W) = {size} as frames' first, got {picture.shape}")
-    return picture.shape[:2]
+def _ahead(parts: Iterator[Any]) -> Iterator[Any]:
+    """Yield parts, and make the next one while one is looked at."""
+    with ThreadPoolExecutor(1) as reader:
+        coming = reader.submit(next, parts, None)
+        while (one := coming.result()) is not None:
+            coming = reader.submit(next, parts, None)
+            yield one
 
 
 # The light of what falls is that at which flakes would not be seen: one of light L before a plate
@@ -119,10 +123,21 @@ LUMA = np.array([0.299, 0.587, 0.114], np.float32)
 _LEVELS = np.linspace(0.2, 1.6, 561)
 
 
+def soft(picture: Array) -> Array:
+    """Return a picture (h, w) that is smooth over 3 px, (h - 2, w - 2)."""
+    for axis in (0, 1):
+        rows = np.moveaxis(picture, axis, 0)
+        picture = np.moveaxis(0.25 * (rows[2:] + rows[:-2]) + 0.5 * rows[1:-1], 0, axis)
+    return picture
+
+
 def light_of(frames: Array, mean: Array) -> tuple[float, float]:
     """Return the light of flakes in frames (n, h, w) less their mean (h, w), and its error."""
     place = int(_DARK * len(frames))
-    shade = (np.partition(frames, place, axis=0)[place] + mean)[:-1, :-1].ravel()
+    shade = np.partition(frames, place, axis=0)[place] + mean
+    # Codecs smooth what a flake changes, by the plate's contrast around it.
+    shade, mean = (soft(soft(one)) for one in (shade, mean))
+    shade, frames = shade[:-1, :-1].ravel(), frames[:, 2:-2, 2:-2]
     edges = np.quantile(shade, np.linspace(0.0, 1.0, _SHADES + 1))
     cell = np.clip(np.searchsorted(edges, shade) - 1, 0, _SHADES - 1)
     number = np.maximum(np.bincount(cell, minlength=_SHADES), 1)
@@ -145,9 +160,9 @@ def light_of(frames: Array, mean: Array) -> tuple[float, float]:
         off = (weight * (own - gain[:, None] * contrast) ** 2).sum(axis=1)
         share = off / (weight * own**2).sum(axis=1)
         light = float(_LEVELS[int(share.argmin())])
-    # Lights that fit nearly as well.
+    # Lights up to two errors away fit nearly as well.
     good = _LEVELS[share < share.min() * (1.0 + 4.0 / (_SHADES - 2)) + 1e-6]
-    return light, float(np.hypot(_SURE, good[-1] - good[0]))
+    return min(light, 1.0), float(np.hypot(_SURE, 0.25 * (good[-1] - good[0])))
 
 
 def tinted(frames: Array, mean: Array, light: float) -> Float64:
