@@ -139,7 +139,7 @@ def nearer(
     tried = [[roots(part, step) - roots(part, -step) for step in steps] for part in parts]
     slopes = (np.sum(tried, axis=0) / (4.0 * _TRIED[:, None, None]) / sure)[:, used]
     square = slopes @ slopes.T + known
-    for _ in range(8):
+    for _ in range(5):
         left = ((roots(ours, by) - many) / sure)[used]
         change = np.linalg.solve(square, -slopes @ left - known @ (by - usual))
         by = np.clip(by + change, -_FAR, _FAR)
