@@ -48,7 +48,7 @@ _LARGEST, _LONGEST = 30.0, 192.0
 
 # Large pictures and small ones have sheets of their own, whose sides have so many pixels at least
 # and at most; ratios of two rungs of streaks, and of those that are stretched as they are read.
-_SIDES, _LARGEST_SIDE, _STREAKS, _STRETCHED = (240.0, 144.0), 400.0, (1.7, 2.5), 4.0
+_SIDES, _LARGEST_SIDE, _STREAKS, _STRETCHED = (230.0, 132.0), 400.0, (1.7, 2.5), 4.0
 
 # Up to which size a picture is small; the ratio of two rungs of the number of flakes; how many
 # times those of a sheet there are at least, and what this is rounded up by: drops may be fainter.
