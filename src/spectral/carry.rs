@@ -4,13 +4,10 @@
 //! tile before it left there (which holds the row above already), its upper rows what the row above
 //! left. So only borders are stored and read again, and a tile's middle never leaves the first cache.
 
-#![expect(unsafe_code, reason = "rows by `Lanes`")]
-
 use crate::base::aligned::Aligned;
 use crate::base::error::Error;
-use crate::base::lanes::Lanes;
 use crate::base::real::Real;
-use crate::base::simd::{AVX2, AVX512, dispatch, multiply_add};
+use crate::base::simd::{dispatch, multiply_add};
 
 /// Columns that a loop advances by.
 const LANES: usize = 16;
@@ -142,50 +139,23 @@ fn add<const LEVEL: u8, T: Real>(
     shared: usize,
 ) {
     let (wy, wx) = weights;
+    let (lead_weights, weights) = wx.split_at(lead);
     for (y, (&wy, pixels)) in wy.iter().zip(pixels.chunks_exact_mut(wx.len())).enumerate() {
-        let left = &left[y * lead..][..lead];
-        let above = if y < shared { &above[y * span..][..wx.len()] } else { &[] };
-        match LEVEL {
-            AVX512 => row::<T, T::Avx512, LEVEL>(pixels, wy, wx, left, above),
-            AVX2 => row::<T, T::Avx2, LEVEL>(pixels, wy, wx, left, above),
-            _ => row::<T, T::Portable, LEVEL>(pixels, wy, wx, left, above),
+        let (head, tail) = pixels.split_at_mut(lead);
+        let left = &left[y * lead..][..head.len()];
+        for i in 0..head.len() {
+            head[i] = multiply_add::<T, LEVEL>(wy * lead_weights[i], head[i], left[i]);
         }
-    }
-}
-
-/// A row of them, by whole vectors: a plain loop over so few columns takes twice as long.
-#[inline(always)]
-fn row<T: Real, V: Lanes<T>, const LEVEL: u8>(
-    pixels: &mut [T],
-    wy: T,
-    wx: &[T],
-    left: &[T],
-    above: &[T],
-) {
-    let (lead, whole) = (left.len(), pixels.len() - pixels.len() % V::N);
-    // What the reads and writes below rely on.
-    assert!(pixels.len() == wx.len() && (above.is_empty() || above.len() == wx.len()));
-    assert!(lead == wx.len() || lead.is_multiple_of(V::N));
-    for at in (0..whole).step_by(V::N) {
-        // SAFETY: `at` + N is at most `whole`, and before `lead` where `at` is.
-        unsafe {
-            let to = pixels.as_mut_ptr().add(at);
-            let (weight, own) = (V::splat(wy).mul(V::load(wx.as_ptr().add(at))), V::load(to));
-            let sum = if at < lead {
-                weight.multiply_add(own, V::load(left.as_ptr().add(at)))
-            } else if !above.is_empty() {
-                weight.multiply_add(own, V::load(above.as_ptr().add(at)))
-            } else {
-                weight.mul(own)
-            };
-            sum.store(to);
+        let weights = &weights[..tail.len()];
+        if y < shared {
+            let above = &above[y * span + lead..][..tail.len()];
+            for i in 0..tail.len() {
+                tail[i] = multiply_add::<T, LEVEL>(wy * weights[i], tail[i], above[i]);
+            }
+        } else {
+            for i in 0..tail.len() {
+                tail[i] = wy * weights[i] * tail[i];
+            }
         }
-    }
-    for i in whole..pixels.len() {
-        let (weight, own) = (wy * wx[i], pixels[i]);
-        pixels[i] = match (if i < lead { left } else { above }).get(i) {
-            Some(&before) => multiply_add::<T, LEVEL>(weight, own, before),
-            None => weight * own,
-        };
     }
 }
