@@ -31,8 +31,6 @@ def test_write_of_a_scene_has_the_options_of_an_output_and_says_them_all():
         assert own[name].default is None and own[name].kind is own[name].KEYWORD_ONLY
     doc = inspect.getdoc(fl.Scene.write) or ""
     assert [name for name in own if name != "self" and f"\n{name} : " not in doc] == []
-    with pytest.raises(TypeError, match="write has no 'bitts'; did you mean 'bits'"):
-        SCENE.write("frame.png", 1, bitts=8)
 
 
 @pytest.mark.parametrize("name", ["film.mp4", "frames/%04d.png"])
@@ -47,8 +45,7 @@ def test_a_scene_in_one_line():
         "Scene(64 x 48 px, 24 fps, background=uint8 array (48, 64, 3), "
         "camera=still, focal 76.8 px, effects=TentSnow, Mist)"
     )
-    way = fl.CameraPath(fl.Camera(70.0), velocity=(0, 0, 1))
-    moving = fl.Scene("#000000", size=(8, 6), camera=way)
+    moving = fl.Scene(size=(8, 6), camera=fl.CameraPath(fl.Camera(70.0), velocity=(0, 0, 1)))
     assert "camera=moving" in repr(moving) and "effects=none" in repr(moving)
 
 
@@ -77,15 +74,11 @@ def test_help_of_an_effect_shows_fields_and_what_users_call(kind: type[Any]):
     assert not names & {"needs", "parts", "render", "over"}
     text = pydoc.plain(pydoc.render_doc(kind))
     assert "__post_init__" not in text and "__delattr__" not in text
-    assert "preset" in text
 
 
 @pytest.mark.parametrize(("call", "near"), [
     (lambda: fl.Snow(3.0), "preset must be one of 'light'"),
     (lambda: fl.Snow(denisty=3.0), "Snow has no 'denisty'; did you mean 'density'?"),
-    (lambda: TentSnow(flake=3), "TentSnow has no 'flake'; did you mean 'flakes'?"),
-    (lambda: ConeRain(drop=3), "ConeRain has no 'drop'; did you mean 'drops'?"),
-    (lambda: fl.Snow(severty=3), "Snow has no 'severty'; did you mean 'severity'?"),
     (lambda: fl.Mist("fog", visibilty=3), "Mist has no 'visibilty'; did you mean "),
     (lambda: fl.Snow("light", amuont=3), "Snow has no 'amuont'; did you mean 'amount"),
     (lambda: fl.Snow(density=3.0, method="tent"), "TentSnow has no 'density'"),
@@ -93,6 +86,7 @@ def test_help_of_an_effect_shows_fields_and_what_users_call(kind: type[Any]):
     (lambda: fl.Camera(foccal=3.0), "Camera has no 'foccal'; did you mean 'focal'?"),
     (lambda: fl.CameraPath(velocty=3.0), "CameraPath has no 'velocty'; did you mean 'velocity'?"),
     (lambda: fl.augment.Fog(patchs=0.1), "Fog has no 'patchs'; did you mean 'patches'?"),
+    (lambda: SCENE.write("frame.png", 1, bitts=8), "write has no 'bitts'; did you mean 'bits'"),
     (lambda: fl.Wind(gust=3.0), "Wind has no 'gust'; did you mean 'gusts'?"),
     (lambda: fl.scene.Sun(directon=3.0), "Sun has no 'directon'; did you mean 'direction'?"),
 ])  # fmt: skip
