@@ -1,5 +1,5 @@
 """``python -m flurries``: the command line."""
 
-from flurries.cli import program
+from flurries.cli.main import program
 
 program()

@@ -1,5 +1,5 @@
 """The command line."""
 
-from flurries.cli.main import main, program
+from flurries.cli.main import main
 
-__all__ = ["main", "program"]
+__all__ = ["main"]
