@@ -146,7 +146,7 @@ def measure(
     else:
         scene = case.scene(seed, of)
         # What turns sees the wind from another side later.
-        apart = pictures(scene, APART[:1] if case.camera == "turning" else APART)
+        apart = pictures(scene, tuple(np.array(APART) / 9.0 ** (case.camera == "turning")))
         cut = [picture[top:bottom, left:right] for picture in pictures(scene, times[1:])]
     each = [judges.numbers(picture) for picture in apart]
     ours = {name: float(np.mean([one[name] for one in each])) for name in each[0]}
