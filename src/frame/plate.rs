@@ -45,8 +45,8 @@ fn summed<S: Sample<Working = f32>, const N: usize>(
         let mut found = [0.0_f32; 4];
         for pixel in pixels {
             let cover = if N == 4 { pixel[3].load() / S::SCALE as f32 } else { 1.0 };
-            let light = |v: f32| if S::INTEGER { table[v as usize] * cover } else { v };
-            let rgb = [pixel[0], pixel[1], pixel[2]].map(|own| light(own.load()));
+            let light = |v: S| if S::INTEGER { table[v.level()] * cover } else { v.load() };
+            let rgb = [pixel[0], pixel[1], pixel[2]].map(light);
             if S::INTEGER || rgb.iter().all(|v| v.is_finite()) {
                 found = std::array::from_fn(|k| found[k] + if k < 3 { rgb[k] } else { cover });
             }

@@ -18,6 +18,8 @@ pub trait Sample: Copy + PartialEq + Send + Sync {
     type Portable: Samples<Self>;
     /// The value in the background's own units.
     fn load(self) -> Self::Working;
+    /// An integer's own value: its place in a table.
+    fn level(self) -> usize;
     /// Clipped and rounded to the nearest integer, ties to even; or a float as it is.
     fn store(value: Self::Working) -> Self;
 }
@@ -59,6 +61,10 @@ macro_rules! integer_sample {
                 f32::from(self)
             }
             #[inline]
+            fn level(self) -> usize {
+                usize::from(self)
+            }
+            #[inline]
             fn store(value: f32) -> Self {
                 // Added to 2^23 a float's last bits are its value rounded to the nearest integer, ties
                 // to even: a conversion with a vector form, which the saturating cast has not.
@@ -81,6 +87,10 @@ macro_rules! float_sample {
             #[inline]
             fn load(self) -> $float {
                 self
+            }
+            #[inline]
+            fn level(self) -> usize {
+                0
             }
             #[inline]
             fn store(value: $float) -> Self {
