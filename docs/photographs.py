@@ -193,8 +193,8 @@ def costs() -> None:
         scenes[f"{look}, even"] = sharp.replace(effects=[fl.Snow(look, clumps=0.0)])
         scenes[f"{look} in gusts"] = sharp.replace(effects=[fl.Snow(look, wind=gusty)])
     times: dict[str, list[float]] = {name: [] for name in scenes}
-    # Each film by itself, twice: in turns each would find what it keeps driven out of the cache.
-    for name, scene in 2 * [*scenes.items()]:
+    # Each film by itself, six times: in turns each would find what it keeps driven out of the cache.
+    for name, scene in 6 * [*scenes.items()]:
         for t in range(6):
             start = time.process_time()
             scene.render(t)
@@ -212,7 +212,7 @@ def costs() -> None:
     light = fl.scene.Light(0.5)
     for name, wall in (("shot light", None), ("shot light by depth", depth)):
         found = []
-        for _ in range(7):
+        for _ in range(25):
             start = time.process_time()
             plate_light(plate, "display", *light.at(0.0)[1:], wall).local(
                 2304.0, asymmetry=0.76, albedo=0.9
