@@ -193,7 +193,7 @@ def costs() -> None:
         scenes[f"{look}, even"] = sharp.replace(effects=[fl.Snow(look, clumps=0.0)])
         scenes[f"{look} in gusts"] = sharp.replace(effects=[fl.Snow(look, wind=gusty)])
     times: dict[str, list[float]] = {name: [] for name in scenes}
-    # Each film by itself, six times: in turns each would find what it keeps driven out of the cache.
+    # Each film by itself, six times: in turns each would find its sheets driven out of the cache.
     for name, scene in 6 * [*scenes.items()]:
         for t in range(6):
             start = time.process_time()
