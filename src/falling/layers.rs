@@ -9,7 +9,7 @@ use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis, s};
 use super::bent::APART;
 use super::sheet::Sheet;
 use crate::base::error::{Cancel, Error, finite, layout, pushed};
-use crate::base::normal::{Normal, least, most, polynomial_at};
+use crate::base::normal::{Normal, least, ln, most};
 use crate::base::pool::{self, line};
 use crate::base::simd::{dispatch, multiply_add};
 
@@ -358,19 +358,6 @@ fn lanes<const LEVEL: u8>(out: &mut [f32; LANES], bytes: &[u8; LANES], gain: f32
 #[inline(always)]
 pub fn left<const LEVEL: u8>(depth: f32) -> f32 {
     f32::exp_at::<LEVEL>(-most(least(depth, OPAQUE), 0.0))
-}
-
-/// The natural logarithm of a number from 0 to 1, and a large negative number of 0.
-///
-/// 2 artanh(y) of y = (m - 1) / (m + 1), for a mantissa m from the root of 1/2 to that of 2.
-#[inline(always)]
-fn ln<const LEVEL: u8>(x: f32) -> f32 {
-    let bits = most(x, 1e-36).to_bits();
-    let steps = bits.wrapping_sub(0x3F35_04F3) as i32 >> 23;
-    let m = f32::from_bits(bits.wrapping_sub((steps << 23) as u32));
-    let y = (m - 1.0) / (m + 1.0);
-    let odd = polynomial_at::<f32, 5, LEVEL>([2.0 / 9.0, 2.0 / 7.0, 0.4, 2.0 / 3.0, 2.0], y * y);
-    multiply_add::<f32, LEVEL>(steps as f32, std::f32::consts::LN_2, y * odd)
 }
 
 /// Of a run of depths; NaN hides nothing, as what is infinitely far.

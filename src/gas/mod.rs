@@ -1,6 +1,7 @@
 //! Gas as splatted Gaussian particles (Johnson and McAllister 2005).
 
 pub mod batch;
+mod beam;
 pub mod cut;
 pub mod draw;
 pub mod footprint;
