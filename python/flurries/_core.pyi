@@ -23,8 +23,8 @@ __all__ = [
     "particle_draw_lit", "particle_edge_fade", "particle_ids", "particle_positions",
     "particle_splat", "particle_sway_offsets", "plate_cells", "random_phase", "reproducible",
     "set_reproducible", "set_scope", "set_threads", "shade_add", "shade_over", "sheet_bent",
-    "sheet_read", "snow", "temporal_filter", "temporal_gain", "tent_rate", "threads",
-    "tile_shares", "to_half", "uniform", "veil", "volume", "whiten", "wind_waves",
+    "sheet_read", "smooth", "snow", "temporal_filter", "temporal_gain", "tent_rate", "threads",
+    "tile_count", "tile_shares", "to_half", "uniform", "veil", "volume", "whiten", "wind_waves",
 ]  # fmt: skip
 
 __version__: str
@@ -104,6 +104,8 @@ def encode_bytes(out: _Array, values: _Array, light: _Array, edges: _Array) -> N
 def veil(
     out: _Array, way: _Array, extinction: float, patches: tuple[_Array, float, float] | None
 ) -> None: ...
+def tile_count(length: int, tile: int, overlap: int) -> int: ...
+def smooth(values: _Float64) -> None: ...
 def box_means(out: _Float64, boxes: _Float64, alpha: _Array, veil: _Array, seen: float) -> None: ...
 def uniform(out: _Float64, seed: int, stream: int) -> None: ...
 def wind_waves(out: _Float64, points: _Float64, k: _Float64, weights: _Float64) -> None: ...

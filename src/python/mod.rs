@@ -46,7 +46,7 @@ mod core {
     #[pymodule_export]
     use super::numbers::{
         all_within, lamp_light, particle_edge_fade, particle_positions, particle_sway_offsets,
-        to_half, uniform, wind_waves,
+        smooth, to_half, uniform, wind_waves,
     };
     #[pymodule_export]
     use super::particles::{
@@ -55,7 +55,7 @@ mod core {
     #[pymodule_export]
     use super::spectral::{
         advance_phase, band_amplitude, blend_tiles, field, inverse_transform, opacity,
-        random_phase, temporal_filter, temporal_gain, tent_rate, tile_shares, volume,
+        random_phase, temporal_filter, temporal_gain, tent_rate, tile_count, tile_shares, volume,
     };
 
     #[pymodule_init]

@@ -7,10 +7,17 @@ use pyo3::prelude::*;
 use super::gate::{self, arrays, either};
 use crate::air;
 use crate::base::lamps::{Lamps, light};
+use crate::base::pixel::smoothstep;
 use crate::base::real::Real;
 use crate::base::{pool, random, scan};
 use crate::encode::to_half as half;
 use crate::particles::torus::{self, Torus};
+
+/// Makes values (n,) 0 below 0, 1 above 1 and the cubic between.
+#[pyfunction]
+pub fn smooth(mut values: PyReadwriteArray1<'_, f64>) {
+    values.as_array_mut().map_inplace(|t| *t = smoothstep(*t));
+}
 
 /// Fills `out` (n, 3) with the positions of flakes 0..n at `time`.
 #[pyfunction]

@@ -105,6 +105,12 @@ pub fn inverse_transform(
     })
 }
 
+/// How many tiles there are along one axis; they start at multiples of `tile - overlap`.
+#[pyfunction]
+pub fn tile_count(length: usize, tile: usize, overlap: usize) -> PyResult<usize> {
+    Ok(Row { length, tile, overlap }.checked()?.count())
+}
+
 /// Fills `out` (length, tiles) with each tile's share of each pixel along one axis. A row sums to 1; a
 /// tile's field is added with its share (linear) or with the share's root (power).
 #[pyfunction]

@@ -84,8 +84,8 @@ def tile_middles(
 ) -> tuple[Float64, Float64]:
     """Return the middles of tiles, px from the principal point: across, and down."""
     cx, cy = camera.principal(shape)
-    across = np.array(starts(shape[1], tile[1], overlap)) + tile[1] / 2 - cx
-    down = np.array(starts(shape[0], tile[0], overlap)) + tile[0] / 2 - cy
+    across = starts(shape[1], tile[1], overlap) + tile[1] / 2 - cx
+    down = starts(shape[0], tile[0], overlap) + tile[0] / 2 - cy
     return np.asarray(across, np.float64), np.asarray(down, np.float64)
 
 

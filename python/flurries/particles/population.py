@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from flurries import _core
 from flurries._contract import Float64
 from flurries.particles.sizes import Law, Sizes
 
@@ -108,8 +109,8 @@ def slabs_of(
     found = []
     for near, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
         depths = 0.5 * (near + end) + 0.5 * (end - near) * _NODES
-        left = np.clip((depths / edges[0] - 1.0) / FADE, 0.0, 1.0)
-        left *= left * (3.0 - 2.0 * left)
+        left = (depths / edges[0] - 1.0) / FADE
+        _core.smooth(left)
         volume = 0.5 * (end - near) * _WEIGHTS * depths**2 * left * (1.0 / focal) ** 2
         count = each.density * float(volume.sum())
         seen = volume / depths**moment

@@ -52,19 +52,19 @@ def tile_starts(length: int, *, tile: int = TILE, overlap: int = OVERLAP) -> npt
     pixels_ = check.integer("length", length, low=1, high=2**31 - 1)
     size = check.integer("tile", tile, low=1, high=2**15)
     (rows, _), shared = check.tile_of(size, overlap)
-    found = starts(pixels_, rows, shared)
-    if len(found) > _MOST_TILES:
+    count = _core.tile_count(pixels_, rows, shared)
+    if count > _MOST_TILES:
         raise ValueError(
-            f"length must take at most {_MOST_TILES} tiles, got {pixels_}, which takes "
-            f"{len(found)} of {rows} px with {shared} shared"
+            f"length must take at most {_MOST_TILES} tiles, got {pixels_}, which takes {count} "
+            f"of {rows} px with {shared} shared"
         )
-    return np.array(found, np.intp)
+    return starts(pixels_, rows, shared)
 
 
-def starts(length: int, tile: int, overlap: int) -> range:
+def starts(length: int, tile: int, overlap: int) -> npt.NDArray[np.intp]:
     """Return the first pixels of tiles, for numbers that are checked."""
-    step = tile - overlap
-    return range(0, max(length - tile, 0) + step, step)
+    count = _core.tile_count(length, tile, overlap)
+    return np.arange(count, dtype=np.intp) * (tile - overlap)
 
 
 def power_shares(length: int, *, tile: int, overlap: int, blend: str) -> tuple[Float64, Float64]:
