@@ -26,8 +26,8 @@ MATTERS = {"snow": SNOW, "rain": RAIN}
 NEAR, FAR = 1.5, scenes.BACKDROP
 
 # The same of the hard profile, for a focal length of so many pixels, whatever a picture's size:
-# a small picture has the same flakes in pixels, and stands for what is as much nearer.
-HARD_NEAR, HARD_FAR, _LENS = 1.3, 7.0, 600.0
+# a small picture has the same flakes in pixels, and stands for what is nearer.
+_HARD_ENDS, _LENS = {"snow": (2.0, 8.0), "rain": (1.3, 7.0)}, 600.0
 
 # Smallest and largest flakes and drops of the hard profile, metres: those of the heaviest snow and
 # rain, of which smaller ones would only be a veil. And how much brighter than its opacity a drop
@@ -95,7 +95,7 @@ def depths_of(kind: Kind, profile: Profile, focal: float) -> tuple[float, float]
     """Return the depths between which weather lies, metres, for a focal length in pixels."""
     if kind == "fog":
         return 0.0, scenes.BACKDROP
-    near, far = HARD_NEAR * focal / _LENS, HARD_FAR * focal / _LENS
+    near, far = (end * focal / _LENS for end in _HARD_ENDS[kind])
     return (near, far) if profile == "hard" else (NEAR, FAR)
 
 
