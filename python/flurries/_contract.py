@@ -8,6 +8,7 @@ import functools
 import inspect
 import math
 import operator
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
@@ -19,6 +20,8 @@ import numpy.typing as npt
 from flurries import _core
 
 Array: TypeAlias = npt.NDArray[Any]
+ArrayLike: TypeAlias = npt.ArrayLike
+PathLike: TypeAlias = str | os.PathLike[str]
 Float64: TypeAlias = npt.NDArray[np.float64]
 
 _Kind = TypeVar("_Kind")

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from flurries import _contract as check
 from flurries import _core
-from flurries._contract import Array
+from flurries._contract import Array, ArrayLike
 from flurries._warnings import warn_of_levels
 
 __all__ = ["join", "over", "snow"]
@@ -43,7 +42,7 @@ def _background(background: object, channels: Sequence[int]) -> tuple[Array, Arr
 
 
 def snow(
-    background: npt.ArrayLike, alpha: npt.ArrayLike, *,
+    background: ArrayLike, alpha: ArrayLike, *,
     intensity: float | Sequence[float] = PAPER_WHITE, out: Array | None = None,
 ) -> Array:  # fmt: skip
     """Snow of one color over a picture, Eq. 7 in the picture's own values.
@@ -87,7 +86,7 @@ def _intensity(intensity: Any, channels: int) -> list[float]:
     return list(np.broadcast_to(color, channels).tolist())
 
 
-def over(background: npt.ArrayLike, layer: npt.ArrayLike, *, out: Array | None = None) -> Array:
+def over(background: ArrayLike, layer: ArrayLike, *, out: Array | None = None) -> Array:
     """Premultiplied RGBA layer over a picture: ``layer + (1 - layer alpha) * background``.
 
     Parameters
@@ -109,7 +108,7 @@ def over(background: npt.ArrayLike, layer: npt.ArrayLike, *, out: Array | None =
 
 
 def join(
-    layers: Sequence[npt.ArrayLike], *, haze: float = 0.0, matte: npt.ArrayLike | None = None,
+    layers: Sequence[ArrayLike], *, haze: float = 0.0, matte: ArrayLike | None = None,
     out: Array | None = None,
 ) -> Array:  # fmt: skip
     """Opacity of layers of one color together, behind a matte.

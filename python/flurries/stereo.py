@@ -9,9 +9,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from flurries._contract import LARGEST, SMALLEST, Array, choice, flag, output, real
+from flurries._contract import LARGEST, SMALLEST, Array, ArrayLike, choice, flag, output, real
 from flurries._threads import reproducible
 from flurries.camera.lens import Camera, expect_camera
 from flurries.io.color import encode_bytes, linear_to_srgb, numbers, to_integer, to_linear
@@ -77,7 +76,7 @@ def eyes(
 
 
 def anaglyph(
-    left: npt.ArrayLike, right: npt.ArrayLike, *, matrix: str = "lsq2001", out: Array | None = None
+    left: ArrayLike, right: ArrayLike, *, matrix: str = "lsq2001", out: Array | None = None
 ) -> Array:
     """Return one picture for red and cyan glasses.
 
@@ -116,7 +115,7 @@ def anaglyph(
 
 
 def side_by_side(
-    left: npt.ArrayLike, right: npt.ArrayLike, *, cross: bool = False, out: Array | None = None
+    left: ArrayLike, right: ArrayLike, *, cross: bool = False, out: Array | None = None
 ) -> Array:
     """Return both pictures next to each other, (H, 2 W, ...), in their dtype.
 
@@ -131,7 +130,7 @@ def side_by_side(
     return _packed(pair[::-1] if flag("cross", cross) else pair, 1, out)
 
 
-def over_under(left: npt.ArrayLike, right: npt.ArrayLike, *, out: Array | None = None) -> Array:
+def over_under(left: ArrayLike, right: ArrayLike, *, out: Array | None = None) -> Array:
     """Return both pictures on top of each other, the left eye's above, (2 H, W, ...).
 
     Arguments are those of :func:`side_by_side`.
@@ -147,7 +146,7 @@ def _packed(pair: tuple[Array, Array], axis: int, out: Any) -> Array:
 
 
 def _pair(
-    left: npt.ArrayLike, right: npt.ArrayLike, channels: tuple[int, ...] | None
+    left: ArrayLike, right: ArrayLike, channels: tuple[int, ...] | None
 ) -> tuple[Array, Array]:
     """Return two pictures of one shape and native dtype."""
     pictures = []

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from flurries import _contract as check
-from flurries._contract import LARGEST, SMALLEST, Array, Float64
+from flurries._contract import LARGEST, SMALLEST, Array, ArrayLike, Float64
 from flurries._kept import kept
 from flurries.camera.rotation import rotation_matrix
 
@@ -103,9 +102,7 @@ def expect_camera(camera: object, *, stretched: bool = False) -> Camera:
     return camera
 
 
-def project(
-    points: npt.ArrayLike, camera: Camera, shape: tuple[int, int]
-) -> tuple[Float64, Float64]:
+def project(points: ArrayLike, camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
     """Pixel positions and depths of points.
 
     Parameters
@@ -138,8 +135,8 @@ def project(
 
 
 def image_velocity(
-    points_px: npt.ArrayLike, depth: npt.ArrayLike, velocity: npt.ArrayLike, camera: Camera,
-    shape: tuple[int, int], *, rotation: npt.ArrayLike = (0.0, 0.0, 0.0),
+    points_px: ArrayLike, depth: ArrayLike, velocity: ArrayLike, camera: Camera,
+    shape: tuple[int, int], *, rotation: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Float64:  # fmt: skip
     """Velocities of the images of points of the air.
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from flurries import _contract as check
-from flurries._contract import OVERLAP, SMALLEST, TILE, Float64
+from flurries._contract import OVERLAP, SMALLEST, TILE, ArrayLike, Float64
 from flurries.camera.lens import Camera, expect_camera, rotational
 from flurries.spectral.tiles import starts
 
 
 def tile_drift(
-    shape: tuple[int, int], displacement: npt.ArrayLike, camera: Camera, *, near_depth: float,
+    shape: tuple[int, int], displacement: ArrayLike, camera: Camera, *, near_depth: float,
     tile: int | tuple[int, int] = TILE, overlap: int = OVERLAP, out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
     """Drift of every tile of :func:`flurries.spectral.field` for a moving camera.
@@ -47,7 +46,7 @@ def tile_drift(
 
 
 def tile_shift(
-    shape: tuple[int, int], rotation: npt.ArrayLike, camera: Camera, *,
+    shape: tuple[int, int], rotation: ArrayLike, camera: Camera, *,
     tile: int | tuple[int, int] = TILE, overlap: int = OVERLAP, out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
     """Shift of every tile of :func:`flurries.spectral.field` for a turning camera.

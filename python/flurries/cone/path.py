@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from flurries import _contract as check
-from flurries._contract import LARGEST, SMALLEST, Float64
+from flurries._contract import LARGEST, SMALLEST, ArrayLike, Float64
 from flurries.cone.sheet import MOST_REPEATS, wrapped
 
 # Below this speed, m/s, there is no direction: the axis stays as it was.
@@ -93,8 +92,8 @@ class Path:
 
 
 def path(
-    times: npt.ArrayLike, drop: npt.ArrayLike, camera: npt.ArrayLike = (0.0, 0.0, 0.0), *,
-    damping: float = 1.0, exposure: npt.ArrayLike = 1.0 / 60.0, length: float = 0.02,
+    times: ArrayLike, drop: ArrayLike, camera: ArrayLike = (0.0, 0.0, 0.0), *,
+    damping: float = 1.0, exposure: ArrayLike = 1.0 / 60.0, length: float = 0.02,
     radius: float = 2.0, repeats: int = 4, still: float = STILL,
 ) -> Path:  # fmt: skip
     """Return axis, phase and stretch of the cone for a whole way of the camera.

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from flurries import _contract as check
 from flurries import _core
-from flurries._contract import Array, Float64
+from flurries._contract import Array, ArrayLike, Float64
 from flurries.camera.lens import Camera, expect_camera
 
 MOST_REPEATS = 4096
@@ -49,8 +49,8 @@ class Rays:
 
 
 def rays(
-    shape: tuple[int, int], camera: Camera, *, axis: npt.ArrayLike, slope: float = 0.0,
-    radius: float = math.inf, points_px: npt.ArrayLike | None = None,
+    shape: tuple[int, int], camera: Camera, *, axis: ArrayLike, slope: float = 0.0,
+    radius: float = math.inf, points_px: ArrayLike | None = None,
 ) -> Rays:  # fmt: skip
     """Return the places on a double cone that the pixels see; arguments as of :func:`layer`.
 
@@ -70,7 +70,7 @@ def rays(
 
 
 def pose(
-    shape: tuple[int, int], camera: Camera, axis: npt.ArrayLike, slope: float, radius: float
+    shape: tuple[int, int], camera: Camera, axis: ArrayLike, slope: float, radius: float
 ) -> Pose:
     """Return the pose of a camera in a cone, as a kernel takes it."""
     view = expect_camera(camera)
@@ -97,7 +97,7 @@ def reach_of(radius: object) -> float:
 
 
 def layer(
-    shape: tuple[int, int], camera: Camera, tile: npt.ArrayLike, *, axis: npt.ArrayLike,
+    shape: tuple[int, int], camera: Camera, tile: ArrayLike, *, axis: ArrayLike,
     phase: float, stretch: float = 1.0, slope: float = 0.0, repeats: int = 4,
     offset: tuple[float, float] = (0.0, 0.0), gain: float = 1.0, conserve: bool = True,
     radius: float = math.inf, dtype: npt.DTypeLike = np.float32, out: Array | None = None,

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from flurries import _contract as check
 from flurries import _core
-from flurries._contract import Array
+from flurries._contract import Array, ArrayLike
 from flurries._kept import kept
 from flurries.camera.lens import Camera, expect_camera
 from flurries.cone.sheet import MOST_REPEATS, Pose, layer, pose, reach_of, wrapped
@@ -39,10 +39,10 @@ Sheet: TypeAlias = tuple[int, int, int, float, float]
 
 
 def layers(
-    shape: tuple[int, int], camera: Camera, tile: npt.ArrayLike | Texture, *, axis: npt.ArrayLike,
+    shape: tuple[int, int], camera: Camera, tile: ArrayLike | Texture, *, axis: ArrayLike,
     phase: float, stretch: float = 1.0, slope: float = 0.0, repeats: int = 4,
-    gains: npt.ArrayLike = 1.0, conserve: bool = True, radius: float = math.inf,
-    depth: npt.ArrayLike | None = None, rows: tuple[int, int] | None = None,
+    gains: ArrayLike = 1.0, conserve: bool = True, radius: float = math.inf,
+    depth: ArrayLike | None = None, rows: tuple[int, int] | None = None,
     dtype: npt.DTypeLike = np.float32, out: Array | None = None,
 ) -> Array:  # fmt: skip
     """Return the joint alpha of four layers of one texture, each smaller and farther away.
@@ -181,7 +181,7 @@ def _view(
     return _View(poses, course, (stop - course[2], size[1]))
 
 
-def _before(depth: npt.ArrayLike, size: tuple[int, int], view: _View, radius: float) -> Array:
+def _before(depth: ArrayLike, size: tuple[int, int], view: _View, radius: float) -> Array:
     """Return the number of layers, nearest first, before a depth map, of a view's rows."""
     top, height = view.course[2], view.shape[0]
     part = check.aligned(check.plane_of("depth", depth, size)[top : top + height], np.float32)

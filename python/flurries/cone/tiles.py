@@ -9,7 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import Array, Float64, aligned, float_dtype, integer, output, real, seed_of
+from flurries._contract import (
+    Array,
+    ArrayLike,
+    Float64,
+    aligned,
+    float_dtype,
+    integer,
+    output,
+    real,
+    seed_of,
+)
 from flurries.cone.sheet import LARGEST_TILE, texture_of
 
 # Streams of counter-based numbers: places, sizes, opacities.
@@ -93,7 +103,7 @@ MOST_WORDS = 1 << 26
 class Texture:
     """A toroidal texture (n, n) of opacities, copied, and its filtered copies for many frames."""
 
-    def __init__(self, tile: npt.ArrayLike) -> None:
+    def __init__(self, tile: ArrayLike) -> None:
         self.tile = texture_of(tile).copy()
         self.tile.flags.writeable = False
         # Full scale of the tables; a texture without drops has no other.

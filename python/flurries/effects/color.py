@@ -5,9 +5,8 @@ from dataclasses import replace
 from typing import Any, Literal, NamedTuple, NewType, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-from flurries._contract import Array, Float64, suggestion
+from flurries._contract import Array, ArrayLike, Float64, suggestion
 from flurries._kept import kept
 from flurries.effects.motion import rays_at
 from flurries.frame.layer import Shade
@@ -125,9 +124,7 @@ def base_of(color: Any, frame: Frame) -> tuple[Base, RGB, bool]:
     return Base(sky, np.full(3, SUN * sky.mean())), (red, green, blue), True
 
 
-def lamp_shade(
-    frame: Frame, depths: npt.ArrayLike, weights: npt.ArrayLike, optics: Optics
-) -> Shade:
+def lamp_shade(frame: Frame, depths: ArrayLike, weights: ArrayLike, optics: Optics) -> Shade:
     """Return the light of lamps on flakes at depths, each weighed by what its layer covers."""
     height, width = frame.shape
     cell = float(max(math.ceil(max(height, width) / CELLS), 1))

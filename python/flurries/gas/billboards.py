@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
-import numpy.typing as npt
 
-from flurries._contract import Float64, choice, output, real
+from flurries._contract import ArrayLike, Float64, choice, output, real
 from flurries.gas.splatting import gas_of
 
 Form: TypeAlias = Literal["exact", "printed"]
@@ -19,7 +18,7 @@ FORMS = get_args(Form)
 
 
 def projection_error(
-    centers: npt.ArrayLike, radius: npt.ArrayLike, *, near: float = 1.0, form: Form = "exact",
+    centers: ArrayLike, radius: ArrayLike, *, near: float = 1.0, form: Form = "exact",
     out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
     """Return the error of a billboard's right edge on the viewplane.
@@ -65,7 +64,7 @@ def projection_error(
 
 
 def parallax_error(
-    centers: npt.ArrayLike, radius: npt.ArrayLike, *, near: float = 1.0, eye_distance: float,
+    centers: ArrayLike, radius: ArrayLike, *, near: float = 1.0, eye_distance: float,
     form: Form = "exact", out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
     """Return the error of the parallax of a billboard's right edge (section 3.3), (n, 2) float64.
@@ -105,7 +104,7 @@ def parallax_error(
     return result
 
 
-def _each(centers: npt.ArrayLike, radius: npt.ArrayLike) -> tuple[Float64, ...]:
+def _each(centers: ArrayLike, radius: ArrayLike) -> tuple[Float64, ...]:
     gas = gas_of(centers, radius, 0.0)
     x, y, depth = gas.centers.T.copy()
     return x, y, depth, np.broadcast_to(gas.radius, x.shape)

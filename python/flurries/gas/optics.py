@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from flurries import _contract as check
 from flurries import _core
-from flurries._contract import LARGEST, SMALLEST, Array, Float64
+from flurries._contract import LARGEST, SMALLEST, Array, ArrayLike, Float64
 from flurries.gas.splatting import gas_of
 
 _RIM = math.exp(-4.5)
@@ -95,7 +94,7 @@ def visibility(beta: float, *, contrast: float = 0.05) -> float:
 
 
 def light(
-    centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike, direction: npt.ArrayLike,
+    centers: ArrayLike, radius: ArrayLike, density: ArrayLike, direction: ArrayLike,
     *, forward: float = 0.5, out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
     """Return the share of the light that reaches each particle through the others (Harris 2001).
@@ -129,7 +128,7 @@ def light(
     return result
 
 
-def phase(cosine: npt.ArrayLike, *, kind: str = "rayleigh", asymmetry: float = 0.6) -> Array:
+def phase(cosine: ArrayLike, *, kind: str = "rayleigh", asymmetry: float = 0.6) -> Array:
     """Return the light that a gas scatters by an angle, over the mean of all directions.
 
     Parameters

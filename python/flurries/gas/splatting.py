@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from flurries import _contract as check
 from flurries import _core
-from flurries._contract import LARGEST, SMALLEST, Array, Float64
+from flurries._contract import LARGEST, SMALLEST, Array, ArrayLike, Float64
 from flurries.camera.lens import Camera, expect_camera
 
 Footprint: TypeAlias = Literal["viewplane_c", "viewplane", "viewpoint", "volume", "table"]
@@ -36,10 +36,10 @@ class Gas:
 
 
 def splat(
-    shape: tuple[int, int], centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike,
-    color: npt.ArrayLike, camera: Camera, *, footprint: Footprint = "viewplane_c",
+    shape: tuple[int, int], centers: ArrayLike, radius: ArrayLike, density: ArrayLike,
+    color: ArrayLike, camera: Camera, *, footprint: Footprint = "viewplane_c",
     edge: Edge = "taper", near: float = 0.1, near_mode: NearMode = "fade",
-    depth: npt.ArrayLike | None = None, occlusion: Occlusion = "soft", error: float | None = None,
+    depth: ArrayLike | None = None, occlusion: Occlusion = "soft", error: float | None = None,
     dtype: npt.DTypeLike = np.float32, out: Array | None = None,
 ) -> Array:  # fmt: skip
     """Return the image of a gas as a layer for `over` (Johnson 2005, sections 2 and 3).
@@ -103,9 +103,9 @@ def splat(
 
 
 def alpha(
-    shape: tuple[int, int], centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike,
+    shape: tuple[int, int], centers: ArrayLike, radius: ArrayLike, density: ArrayLike,
     camera: Camera, *, footprint: Footprint = "viewplane_c", edge: Edge = "taper",
-    near: float = 0.1, near_mode: NearMode = "fade", depth: npt.ArrayLike | None = None,
+    near: float = 0.1, near_mode: NearMode = "fade", depth: ArrayLike | None = None,
     occlusion: Occlusion = "soft", error: float | None = None, dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:  # fmt: skip
@@ -120,7 +120,7 @@ def alpha(
 
 def _drawn(
     shape: tuple[int, int], gas: Gas, colors: Float64 | None, camera: Camera,
-    manner: tuple[Any, ...], depth: npt.ArrayLike | None, dtype: npt.DTypeLike, out: Array | None,
+    manner: tuple[Any, ...], depth: ArrayLike | None, dtype: npt.DTypeLike, out: Array | None,
 ) -> Array:  # fmt: skip
     size = check.shape_of("shape", shape)
     kind = check.float_dtype(dtype)
@@ -138,7 +138,7 @@ def _drawn(
 
 
 def sorted_gas(
-    shape: tuple[int, int], gas: Gas, color: npt.ArrayLike, camera: Camera, *, footprint: str,
+    shape: tuple[int, int], gas: Gas, color: ArrayLike, camera: Camera, *, footprint: str,
     near: float,
 ) -> _core.SortedGas:  # fmt: skip
     """Return a gas whose parts `gas_draw` draws, near particles by their line integral."""
@@ -148,7 +148,7 @@ def sorted_gas(
     return _core.gas_sort(shape, gas, colors, lens_of(camera, shape), manner)
 
 
-def gas_of(centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike) -> Gas:
+def gas_of(centers: ArrayLike, radius: ArrayLike, density: ArrayLike) -> Gas:
     """Return particles as the kernels take them, or refuse them."""
     places = check.moderate("centers", check.rows_of("centers", centers, 3))
     sizes = check.each_of("radius", radius, len(places))
@@ -159,7 +159,7 @@ def gas_of(centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike
     return Gas(places, sizes, cover)
 
 
-def colors_of(color: npt.ArrayLike, count: int) -> Float64:
+def colors_of(color: ArrayLike, count: int) -> Float64:
     """Return (1, 3) or (count, 3) numbers."""
     values = check.moderate("color", check.table("color", color, ndim=None))
     if values.shape == (3,):

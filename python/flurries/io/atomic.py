@@ -13,6 +13,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
+from flurries._contract import PathLike
 from flurries.io.files import path_text
 
 PREFIX = ".flurries-"
@@ -32,7 +33,7 @@ before_renaming: ContextVar[Callable[[Path], None] | None] = ContextVar("renamin
 
 
 @contextmanager
-def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+def replacing(path: PathLike) -> Iterator[Path]:
     """Yield a temporary file with the same extension, which replaces `path` on success."""
     target = checked_target(path)
     temporary = _reserve(target)
@@ -62,7 +63,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         flush_folder(target.parent)
 
 
-def checked_target(path: str | os.PathLike[str]) -> Path:
+def checked_target(path: PathLike) -> Path:
     """Return `path` as a Path that a plain file can be written to, its folder made if need be."""
     text = path_text("path", path)
     target = Path(text)
@@ -93,7 +94,7 @@ def checked_target(path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def remove_leftovers(folder: str | os.PathLike[str]) -> list[Path]:
+def remove_leftovers(folder: PathLike) -> list[Path]:
     """Remove the temporary files of killed writers from a folder; return what was removed."""
     removed = []
     for found in sorted(Path(folder).glob(f"{PREFIX}{'?' * _OWNER}*")):

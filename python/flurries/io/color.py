@@ -8,16 +8,14 @@ paper white and a lamp may be 50.
 from __future__ import annotations
 
 import re
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import choice, rectangular
+from flurries._contract import Array, ArrayLike, choice, rectangular
 from flurries._kept import kept
 
-Array: TypeAlias = npt.NDArray[Any]
 Encoding: TypeAlias = Literal["display", "linear"]
 
 # The largest finite half float. Anything above rounds to infinity when it is stored as half.
@@ -26,7 +24,7 @@ LARGEST_HALF = 65504.0
 _HEX = re.compile(r"#[0-9a-fA-F]{6}")
 
 
-def numbers(name: str, values: npt.ArrayLike) -> Array:
+def numbers(name: str, values: ArrayLike) -> Array:
     """Return pixels as an array in the processor's order of bytes."""
     array = rectangular(name, values)
     if array.dtype.name not in ("uint8", "uint16", "float16", "float32", "float64"):
@@ -34,7 +32,7 @@ def numbers(name: str, values: npt.ArrayLike) -> Array:
     return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
-def planes_of(name: str, values: npt.ArrayLike) -> Array:
+def planes_of(name: str, values: ArrayLike) -> Array:
     """Return a picture as (H, W, 1, 3 or 4)."""
     array = numbers(name, values)
     planes = array[..., np.newaxis] if array.ndim == 2 else array
@@ -57,7 +55,7 @@ def parse_hex(name: str, text: str) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def srgb_to_linear(values: npt.ArrayLike) -> Array:
+def srgb_to_linear(values: ArrayLike) -> Array:
     """Decode sRGB display values to linear light, of the same shape.
 
     The exact two-part formula of IEC 61966-2-1. Below 0 its straight part goes on, above 1 its
@@ -76,7 +74,7 @@ def srgb_to_linear(values: npt.ArrayLike) -> Array:
     return np.where(display <= 0.04045, display / 12.92, power).astype(display.dtype, copy=False)
 
 
-def linear_to_srgb(values: npt.ArrayLike) -> Array:
+def linear_to_srgb(values: ArrayLike) -> Array:
     """Encode linear light as sRGB display values, not clipped; the inverse of `srgb_to_linear`.
 
     `values` and errors are as there.
@@ -188,7 +186,7 @@ def encode_bytes(light: Array) -> Array:
     return result
 
 
-def _floats(name: str, values: npt.ArrayLike) -> Array:
+def _floats(name: str, values: ArrayLike) -> Array:
     array = values if type(values) is np.ndarray else rectangular(name, values)
     if array.dtype.kind != "f":
         raise TypeError(f"{name} must be floats, got dtype {array.dtype}")

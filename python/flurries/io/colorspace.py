@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from flurries._contract import Array
 from flurries._kept import kept
-from flurries.io.color import Array, to_unit, unmultiply
+from flurries.io.color import to_unit, unmultiply
 from flurries.io.oiio import last_error, openimageio
 
 # What configurations call linear light of Rec. 709's primaries, in which the weather's colors are.

@@ -18,7 +18,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TypeVar
 
-from flurries._contract import _came, integer
+from flurries._contract import PathLike, _came, integer
 
 _Kind = TypeVar("_Kind")
 
@@ -86,7 +86,7 @@ def given(name: str, value: object, kind: type[_Kind]) -> _Kind:
     return value
 
 
-def path_text(name: str, path: str | os.PathLike[str]) -> str:
+def path_text(name: str, path: PathLike) -> str:
     text = os.fspath(path)
     if not isinstance(text, str):
         raise TypeError(f"{name} must be a string or a path, got {type(path).__name__}")
@@ -108,7 +108,7 @@ def file_of(name: str) -> Iterator[None]:
         raise
 
 
-def plain_file(path: str | os.PathLike[str]) -> Path:
+def plain_file(path: PathLike) -> Path:
     """Return `path` as a Path if it can be read; links count as what they lead to."""
     found = Path(path_text("path", path))
     _require_plain(found.stat(), found)  # FileNotFoundError names the file by itself.
@@ -125,7 +125,7 @@ def _require_plain(status: os.stat_result, path: Path) -> None:
         raise OSError(errno.EINVAL, "Is not a plain file", str(path))
 
 
-def read_bytes(path: str | os.PathLike[str], most: int, kind: str) -> bytes:
+def read_bytes(path: PathLike, most: int, kind: str) -> bytes:
     found = plain_file(path)
     # The name may lead elsewhere by now: a FIFO must not be waited for, nor a device be read.
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
@@ -140,7 +140,7 @@ def read_bytes(path: str | os.PathLike[str], most: int, kind: str) -> bytes:
     return data
 
 
-def read_text(path: str | os.PathLike[str], most: int, kind: str) -> str:
+def read_text(path: PathLike, most: int, kind: str) -> str:
     """Return the UTF-8 text of a file of at most `most` bytes, without a byte order mark."""
     try:
         return read_bytes(path, most, kind).decode("utf-8-sig").replace("\r\n", "\n")

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 from weakref import WeakSet
 
-from flurries._contract import choice, suggestion
+from flurries._contract import Array, PathLike, choice, suggestion
 from flurries._kept import Kept
-from flurries.io.color import Array, Encoding
+from flurries.io.color import Encoding
 from flurries.io.files import Budget, given, path_text, plain_file
 from flurries.io.films.process import Remote
 from flurries.io.films.reader import READABLE, Decoder, check_structure, require_library
@@ -128,7 +128,7 @@ class PictureSource(Source):
     """One picture for all frames, or a file for each; frame 0 has the lowest number."""
 
     def __init__(
-        self, name: str, spec: str | os.PathLike[str], damaged: str,
+        self, name: str, spec: PathLike, damaged: str,
         read: Callable[[Path], Picture], *, overscan: bool = False, deep: bool = False,
     ) -> None:  # fmt: skip
         path = _place(name, spec)
@@ -218,7 +218,7 @@ class VideoSource(Source):
         return Picture(self._ask("frame", number), None, "display", self.spec)
 
 
-def read_video(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Iterator[Array]:
+def read_video(path: PathLike, *, budget: Budget | None = None) -> Iterator[Array]:
     """Yield the frames of a video in order, each (H, W, 3): uint8, of more bits uint16."""
     with closing(VideoSource(path_text("path", path), budget=budget)) as film:
         for number in range(film.count):
@@ -226,9 +226,8 @@ def read_video(path: str | os.PathLike[str], *, budget: Budget | None = None) ->
 
 
 def open_background(
-    spec: str | os.PathLike[str], *, damaged: str = "stop", budget: Budget | None = None,
-    overscan: bool = False,
-) -> Source:  # fmt: skip
+    spec: PathLike, *, damaged: str = "stop", budget: Budget | None = None, overscan: bool = False
+) -> Source:
     """Open a background.
 
     Parameters
@@ -260,7 +259,7 @@ def open_background(
     return film
 
 
-def _place(name: str, spec: str | os.PathLike[str]) -> Path:
+def _place(name: str, spec: PathLike) -> Path:
     path = Path(path_text(name, spec)).absolute()
     # A file whose own name holds a token is that file.
     return path if path.exists() else Path(with_percent(str(path)))
@@ -270,9 +269,7 @@ def _is_pattern(path: Path) -> bool:
     return "%" in path.name and not path.exists()
 
 
-def open_depth(
-    spec: str | os.PathLike[str], *, budget: Budget | None = None, overscan: bool = False
-) -> Source:
+def open_depth(spec: PathLike, *, budget: Budget | None = None, overscan: bool = False) -> Source:
     """Open depth as `read_depth` has it: a picture, or a numbered sequence."""
     read = partial(_plane, read_depth, budget=budget, overscan=overscan)
     source = PictureSource("depth", spec, "stop", read, overscan=overscan, deep=True)
@@ -280,7 +277,7 @@ def open_depth(
     return source
 
 
-def open_matte(spec: str | os.PathLike[str], *, overscan: bool = False) -> Source | None:
+def open_matte(spec: PathLike, *, overscan: bool = False) -> Source | None:
     """Open the cover of what ``plate.####.exr:house,tree`` names; None without such names."""
     file, names = split_names(spec)
     if not names:

@@ -11,9 +11,17 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from flurries._contract import Float64, integer, real, rows_of, seed_of, suggesting, table
+from flurries._contract import (
+    ArrayLike,
+    Float64,
+    integer,
+    real,
+    rows_of,
+    seed_of,
+    suggesting,
+    table,
+)
 from flurries.motion.keys import Keys, Vector, as_vector
 from flurries.motion.waves import Waves, eddies, strongest
 
@@ -138,7 +146,7 @@ class Wind:
             return Keys([(frame, tuple(np.add(value, own))) for frame, value in self.mean.keys])
         return tuple(np.add(self.mean, own).tolist())
 
-    def velocity(self, points: npt.ArrayLike, seconds: float) -> Float64:
+    def velocity(self, points: ArrayLike, seconds: float) -> Float64:
         """Return the air's velocity (n, 3) at places (n, 3) of the house axes, without the profile.
 
         Metres, metres per second, and `seconds` since frame 0; a keyed `mean` counts in frames and

@@ -18,6 +18,7 @@ from threading import RLock
 from typing import Any
 
 from flurries import __version__
+from flurries._contract import PathLike
 from flurries.io.atomic import before_renaming, owner_of_new_files
 from flurries.io.files import hash_of
 from flurries.io.stores import Bucket, Line, Store, md5, store_of
@@ -280,7 +281,7 @@ def _bytes(entry: Line) -> bytes:
     return json.dumps(entry).encode()
 
 
-def check(place: str | os.PathLike[str]) -> tuple[int, list[str]]:
+def check(place: PathLike) -> tuple[int, list[str]]:
     """Compare the files of a folder or url with its journal: their number, and what is wrong."""
     store, folder = store_of(os.fspath(place))
     found = Journal(store, Path(folder))

@@ -9,13 +9,13 @@ import numpy.typing as npt
 
 from flurries import _contract as check
 from flurries import _core
-from flurries._contract import MOST_ELEMENTS, Array, Float64
+from flurries._contract import MOST_ELEMENTS, Array, ArrayLike, Float64
 from flurries.camera.lens import Camera, expect_camera
 
 
 def positions(
-    count: int, box: npt.ArrayLike, *, seed: int, velocity: npt.ArrayLike, time: float,
-    center: npt.ArrayLike = (0.0, 0.0, 0.0), sway: tuple[float, float] | None = None,
+    count: int, box: ArrayLike, *, seed: int, velocity: ArrayLike, time: float,
+    center: ArrayLike = (0.0, 0.0, 0.0), sway: tuple[float, float] | None = None,
     out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
     """Return the places of flakes at a time, in a box that wraps around a centre.
@@ -70,7 +70,7 @@ def sway_offsets(
 
 
 def edge_fade(
-    points: npt.ArrayLike, box: npt.ArrayLike, *, center: npt.ArrayLike = (0.0, 0.0, 0.0),
+    points: ArrayLike, box: ArrayLike, *, center: ArrayLike = (0.0, 0.0, 0.0),
     out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
     """Return the share (n,) of each flake that is shown, so that none pops where the box wraps.
@@ -86,10 +86,9 @@ def edge_fade(
 
 
 def splat(
-    shape: tuple[int, int], points: npt.ArrayLike, radius: npt.ArrayLike, camera: Camera, *,
-    opacity: npt.ArrayLike, velocity: npt.ArrayLike | None = None, shutter: float = 0.0,
-    near: float = 0.1, depth: npt.ArrayLike | None = None, dtype: npt.DTypeLike = np.float32,
-    out: Array | None = None,
+    shape: tuple[int, int], points: ArrayLike, radius: ArrayLike, camera: Camera, *,
+    opacity: ArrayLike, velocity: ArrayLike | None = None, shutter: float = 0.0, near: float = 0.1,
+    depth: ArrayLike | None = None, dtype: npt.DTypeLike = np.float32, out: Array | None = None,
 ) -> Array:  # fmt: skip
     """Return the alpha of many flakes of one color.
 
@@ -135,10 +134,9 @@ def splat(
 
 
 def ids(
-    shape: tuple[int, int], points: npt.ArrayLike, radius: npt.ArrayLike, camera: Camera, *,
-    opacity: npt.ArrayLike, velocity: npt.ArrayLike | None = None, shutter: float = 0.0,
-    near: float = 0.1, depth: npt.ArrayLike | None = None,
-    out: npt.NDArray[np.int32] | None = None,
+    shape: tuple[int, int], points: ArrayLike, radius: ArrayLike, camera: Camera, *,
+    opacity: ArrayLike, velocity: ArrayLike | None = None, shutter: float = 0.0, near: float = 0.1,
+    depth: ArrayLike | None = None, out: npt.NDArray[np.int32] | None = None,
 ) -> npt.NDArray[np.int32]:  # fmt: skip
     """Return the number (H, W) of the flake that each pixel shows, drawn as by :func:`splat`.
 
@@ -153,9 +151,9 @@ def ids(
 
 
 def _read(
-    shape: tuple[int, int], points: npt.ArrayLike, radius: npt.ArrayLike, camera: Camera,
-    opacity: npt.ArrayLike, velocity: npt.ArrayLike | None, shutter: float, near: float,
-    depth: npt.ArrayLike | None,
+    shape: tuple[int, int], points: ArrayLike, radius: ArrayLike, camera: Camera,
+    opacity: ArrayLike, velocity: ArrayLike | None, shutter: float, near: float,
+    depth: ArrayLike | None,
 ) -> tuple[tuple[Any, ...], list[npt.NDArray[Any]]]:  # fmt: skip
     place = check.rows_of("points", points, 3)
     aspect = expect_camera(camera, stretched=True).aspect
@@ -176,7 +174,7 @@ def _read(
     return ((place, width, cover, rate, exposure), lens, map_), inputs
 
 
-def _box(box: npt.ArrayLike, center: npt.ArrayLike) -> tuple[Any, Any]:
+def _box(box: ArrayLike, center: ArrayLike) -> tuple[Any, Any]:
     one = check.rectangular("box", box).ndim == 0
     sides = [check.real("box", box, above=0.0)] * 3 if one else check.vector("box", box, 3).tolist()
     return sides, check.vector("center", center, 3).tolist()

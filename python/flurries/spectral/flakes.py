@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from flurries import _contract as check
 from flurries import _core
-from flurries._contract import LARGEST, MOST_ELEMENTS, OVERLAP, Array, Float64
+from flurries._contract import LARGEST, MOST_ELEMENTS, OVERLAP, Array, ArrayLike, Float64
 from flurries.spectral.tiles import starts
 
 # Larger flakes are drawn one by one: in a texture they would cost a second each.
@@ -40,7 +40,7 @@ class Request(NamedTuple):
 
 
 def flake_patterns(
-    tile: int, *, counts: npt.ArrayLike, diameters: npt.ArrayLike, opacity: float = 0.9,
+    tile: int, *, counts: ArrayLike, diameters: ArrayLike, opacity: float = 0.9,
     patterns: int = 8, shear: float = 0.0, seed: int, dtype: npt.DTypeLike = np.complex64,
 ) -> Array:  # fmt: skip
     """Spectra of flakes at random places, for the layers of a texture.
@@ -119,8 +119,8 @@ def _vectors(name: str, value: object, layers: int, tiles: tuple[int, int]) -> F
 
 
 def optical_depth(
-    shape: tuple[int, int], patterns: npt.ArrayLike, *, drift: npt.ArrayLike,
-    velocity: npt.ArrayLike | None = None, shutter: float = 0.0, gain: npt.ArrayLike | None = None,
+    shape: tuple[int, int], patterns: ArrayLike, *, drift: ArrayLike,
+    velocity: ArrayLike | None = None, shutter: float = 0.0, gain: ArrayLike | None = None,
     shear: float = 0.0, seed: int | None, overlap: int = OVERLAP, dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:  # fmt: skip

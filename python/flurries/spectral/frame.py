@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from flurries import _contract as check
 from flurries import _core
-from flurries._contract import LARGEST, Array, Float64
+from flurries._contract import LARGEST, Array, ArrayLike, Float64
 from flurries.spectral.tables import random_phase, temporal_gain, tent_rate, warn_far, warn_long
 from flurries.spectral.texture import Texture, reads_texture
 from flurries.spectral.tiles import blend_tiles, opacity_map, starts
@@ -53,9 +53,9 @@ reads_texture(Request)
 
 
 def request(
-    shape: tuple[int, int], texture: Texture, *, seed: int, drift: npt.ArrayLike = NOWHERE,
-    shift: npt.ArrayLike = NOWHERE, velocity: npt.ArrayLike | None = None,
-    shift_rate: npt.ArrayLike | None = None, shortest: npt.ArrayLike | None = None,
+    shape: tuple[int, int], texture: Texture, *, seed: int, drift: ArrayLike = NOWHERE,
+    shift: ArrayLike = NOWHERE, velocity: ArrayLike | None = None,
+    shift_rate: ArrayLike | None = None, shortest: ArrayLike | None = None,
 ) -> Request:  # fmt: skip
     """Settle the arguments of `field`."""
     size = check.shape_of("shape", shape)
@@ -101,9 +101,9 @@ def _vectors(name: str, value: object, rings: int | None) -> Float64:
 
 
 def field(
-    shape: tuple[int, int], *, seed: int, texture: Texture = PLAIN, drift: npt.ArrayLike = NOWHERE,
-    shift: npt.ArrayLike = NOWHERE, velocity: npt.ArrayLike | None = None,
-    shift_rate: npt.ArrayLike | None = None, shortest: npt.ArrayLike | None = None,
+    shape: tuple[int, int], *, seed: int, texture: Texture = PLAIN, drift: ArrayLike = NOWHERE,
+    shift: ArrayLike = NOWHERE, velocity: ArrayLike | None = None,
+    shift_rate: ArrayLike | None = None, shortest: ArrayLike | None = None,
     time: float = 0.0, dtype: npt.DTypeLike = np.float32, out: Array | None = None,
 ) -> Array:  # fmt: skip
     """One whole frame of the snow field, made in overlapping tiles and blended.
@@ -145,12 +145,11 @@ def field(
 
 
 def alpha(
-    shape: tuple[int, int], *, seed: int, texture: Texture = PLAIN, drift: npt.ArrayLike = NOWHERE,
-    shift: npt.ArrayLike = NOWHERE, velocity: npt.ArrayLike | None = None,
-    shift_rate: npt.ArrayLike | None = None, shortest: npt.ArrayLike | None = None,
-    time: float = 0.0, mean: float = 0.5, spread: float = 3.0, power: float = 2.0,
-    amount: float = 1.0, preserve_mean: bool = False, dtype: npt.DTypeLike = np.float32,
-    out: Array | None = None,
+    shape: tuple[int, int], *, seed: int, texture: Texture = PLAIN, drift: ArrayLike = NOWHERE,
+    shift: ArrayLike = NOWHERE, velocity: ArrayLike | None = None,
+    shift_rate: ArrayLike | None = None, shortest: ArrayLike | None = None, time: float = 0.0,
+    mean: float = 0.5, spread: float = 3.0, power: float = 2.0, amount: float = 1.0,
+    preserve_mean: bool = False, dtype: npt.DTypeLike = np.float32, out: Array | None = None,
 ) -> Array:  # fmt: skip
     """Opacity (H, W), 0 to `amount`: :func:`opacity` of :func:`field` in one pass.
 
@@ -175,7 +174,7 @@ def alpha(
 
 def movie(
     frames: int, shape: tuple[int, int], *, seed: int, texture: Texture = PLAIN,
-    velocity: npt.ArrayLike = NOWHERE, contrast: float | None = None, mean: float = 0.5,
+    velocity: ArrayLike = NOWHERE, contrast: float | None = None, mean: float = 0.5,
     dtype: npt.DTypeLike = np.float32, out: Array | None = None,
 ) -> Array:  # fmt: skip
     """Frames 0 to T - 1 of a texture, as one array.

@@ -8,11 +8,10 @@ from types import MappingProxyType
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from flurries import _contract as check
 from flurries import _core
-from flurries._contract import LARGEST, SMALLEST, Float64
+from flurries._contract import LARGEST, SMALLEST, ArrayLike, Float64
 from flurries._warnings import warn
 
 Aliasing: TypeAlias = Literal["cut", "soft", "keep"]
@@ -42,7 +41,7 @@ def _cycles(name: str, value: object, wavelength_max: object) -> list[float]:
 
 
 def tent_rate(
-    shape: tuple[int, int], velocity: npt.ArrayLike, *, wavelength_max: float = 32.0,
+    shape: tuple[int, int], velocity: ArrayLike, *, wavelength_max: float = 32.0,
     loop: int | None = None, out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
     """Temporal frequency of each wave on the tent surface, cycles per frame.
@@ -165,7 +164,7 @@ def random_phase(
 
 
 def advance_phase(
-    phase: npt.ArrayLike, drift: npt.ArrayLike, *, shift: npt.ArrayLike = (0.0, 0.0),
+    phase: ArrayLike, drift: ArrayLike, *, shift: ArrayLike = (0.0, 0.0),
     wavelength_max: float = 32.0, out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
     """Phases after a displacement of the snow.
@@ -199,7 +198,7 @@ def advance_phase(
 
 
 def temporal_filter(
-    amplitude: npt.ArrayLike, velocity: npt.ArrayLike, *, shift_rate: npt.ArrayLike = (0.0, 0.0),
+    amplitude: ArrayLike, velocity: ArrayLike, *, shift_rate: ArrayLike = (0.0, 0.0),
     alias: Aliasing = "cut", soft_from: float = SOFT_FROM, shutter: float = 0.0,
     renormalise: bool = False, wavelength_max: float = 32.0, out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
@@ -245,7 +244,7 @@ def temporal_filter(
 
 
 def temporal_gain(
-    rate: npt.ArrayLike, *, alias: str, soft_from: float = SOFT_FROM, shutter: float = 0.0
+    rate: ArrayLike, *, alias: str, soft_from: float = SOFT_FROM, shutter: float = 0.0
 ) -> Float64:
     """Return the factors of the amplitudes of waves of these rates, cycles per frame."""
     given = np.ascontiguousarray(rate, np.float64)
@@ -269,7 +268,7 @@ def kept_power(cycles: float, alias: str, *, shutter: float = 0.0) -> float:
     return float(kept.mean() * math.asin(most) / (0.5 * np.pi))
 
 
-def wave_depth(wavelength: npt.ArrayLike, *, near_depth: float, longest: float) -> Float64:
+def wave_depth(wavelength: ArrayLike, *, near_depth: float, longest: float) -> Float64:
     """Return near_depth * longest / wavelength, the depths that waves stand for, or their waves."""
     # Each moves as a flake at its depth does. Infinite for 0, and 0 for what is infinite.
     with np.errstate(divide="ignore"):

@@ -8,10 +8,9 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from flurries import _contract as check
-from flurries._contract import LARGEST, OVERLAP, SMALLEST, TILE, Float64
+from flurries._contract import LARGEST, OVERLAP, SMALLEST, TILE, ArrayLike, Float64
 from flurries.spectral.tables import (
     ALIAS,
     BANDS,
@@ -86,10 +85,10 @@ class Texture:
     tile: int | tuple[int, int] = TILE
     overlap: int = OVERLAP
     blend: Blend = "power"
-    ring_edges: npt.ArrayLike | None = None
-    ring_gains: npt.ArrayLike | None = None
-    envelope: npt.ArrayLike | None = None
-    rate: npt.ArrayLike | None = None
+    ring_edges: ArrayLike | None = None
+    ring_gains: ArrayLike | None = None
+    envelope: ArrayLike | None = None
+    rate: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         tile, overlap = check.tile_of(self.tile, self.overlap)
@@ -200,7 +199,7 @@ _SPEEDS = ((-1, 0), (-1, 1))
 
 
 def cloud(
-    tile: int | tuple[int, int], velocity: npt.ArrayLike, *, seed: int, frequency: float = 0.125,
+    tile: int | tuple[int, int], velocity: ArrayLike, *, seed: int, frequency: float = 0.125,
     frequency_bandwidth: float = 0.5, orientation: float = 0.0,
     orientation_bandwidth: float | None = None, speed_bandwidth: float = 0.0,
     loop: int | None = None,

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from flurries import _contract as check
 from flurries import _core
-from flurries._contract import OVERLAP, TILE, Array, Float64
+from flurries._contract import OVERLAP, TILE, Array, ArrayLike, Float64
 
 Blend: TypeAlias = Literal["power", "linear"]
 BLEND = get_args(Blend)
@@ -19,7 +19,7 @@ _MOST_TILES = 2**22
 
 
 def inverse_transform(
-    amplitude: npt.ArrayLike, phase: npt.ArrayLike, *, dtype: npt.DTypeLike = np.float32,
+    amplitude: ArrayLike, phase: ArrayLike, *, dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:  # fmt: skip
     """Real field of two wave tables: the unnormalised inverse transform.
@@ -80,7 +80,7 @@ def power_shares(length: int, *, tile: int, overlap: int, blend: str) -> tuple[F
 
 
 def blend_tiles(
-    tiles: npt.ArrayLike, shape: tuple[int, int], *, overlap: int = OVERLAP, blend: Blend = "power",
+    tiles: ArrayLike, shape: tuple[int, int], *, overlap: int = OVERLAP, blend: Blend = "power",
     out: Array | None = None,
 ) -> Array:  # fmt: skip
     """Blend a grid of overlapping tiles into one picture (H, W), in their dtype.
@@ -109,7 +109,7 @@ def blend_tiles(
 
 
 def opacity(
-    field: npt.ArrayLike, *, mean: float = 0.5, spread: float = 3.0, power: float = 2.0,
+    field: ArrayLike, *, mean: float = 0.5, spread: float = 3.0, power: float = 2.0,
     amount: float = 1.0, out: Array | None = None,
 ) -> Array:  # fmt: skip
     """Opacity of a field: ``amount * clip(mean + field / (2 spread), 0, 1) ** power``.

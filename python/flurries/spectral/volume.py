@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from flurries import _contract as check
 from flurries import _core
-from flurries._contract import MOST_ELEMENTS, Array, Float64
+from flurries._contract import MOST_ELEMENTS, Array, ArrayLike, Float64, PathLike
 from flurries._warnings import warn
 from flurries.spectral.tables import BANDS, SOFT_FROM, Aliasing, warn_long
 from flurries.spectral.texture import Texture, reads_texture
@@ -46,7 +46,7 @@ reads_texture(Film)
 
 
 def film(
-    frames: int, shape: tuple[int, int], velocity: npt.ArrayLike, texture: Texture, *, seed: int,
+    frames: int, shape: tuple[int, int], velocity: ArrayLike, texture: Texture, *, seed: int,
     cells: Cells = "one", most_still: float = STILL,
 ) -> Film:  # fmt: skip
     """Settle the arguments of a film, and warn of what would disappoint."""
@@ -89,7 +89,7 @@ def rendered(asked: Film, times: Float64 | None, dtype: npt.DTypeLike, out: Arra
 
 
 def volume(
-    frames: int, size: int, velocity: npt.ArrayLike, *, seed: int,
+    frames: int, size: int, velocity: ArrayLike, *, seed: int,
     wavelengths: tuple[float, float] = BANDS["paper"], cells: Cells = "one",
     dtype: npt.DTypeLike = np.float32, out: Array | None = None,
 ) -> Array:  # fmt: skip
@@ -134,8 +134,8 @@ def volume(
 
 
 def loop(
-    frames: int, shape: tuple[int, int], velocity: npt.ArrayLike, *, seed: int,
-    time: npt.ArrayLike | None = None, wavelengths: tuple[float, float] = BANDS["paper"],
+    frames: int, shape: tuple[int, int], velocity: ArrayLike, *, seed: int,
+    time: ArrayLike | None = None, wavelengths: tuple[float, float] = BANDS["paper"],
     exponent: float = 1.0, alias: Aliasing = "keep", soft_from: float = SOFT_FROM,
     shutter: float = 0.0, jitter: bool = False, dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
@@ -191,7 +191,7 @@ INTEGERS, FLOATS = (".png", ".tif", ".tiff"), (".exr", ".tif", ".tiff")
 
 
 def export_loop(
-    pattern: str | os.PathLike[str], frames: int, shape: tuple[int, int], velocity: npt.ArrayLike,
+    pattern: PathLike, frames: int, shape: tuple[int, int], velocity: ArrayLike,
     *, seed: int, wavelengths: tuple[float, float] = BANDS["paper"], exponent: float = 1.0,
     alias: Aliasing = "keep", soft_from: float = SOFT_FROM, shutter: float = 0.0,
     jitter: bool = False, mean: float = 0.5, spread: float = 3.0, power: float = 2.0,

@@ -11,9 +11,7 @@ import os
 import re
 from pathlib import Path
 
-import numpy.typing as npt
-
-from flurries._contract import shape_of
+from flurries._contract import ArrayLike, PathLike, shape_of
 from flurries.camera.importers.matrices import from_matrices
 from flurries.camera.importers.text import read_chan, read_colmap, read_csv, read_kitti
 from flurries.camera.importers.usd import SUFFIXES, read_usd
@@ -24,8 +22,8 @@ __all__ = ["from_matrices", "load", "read_chan", "read_colmap", "read_kitti", "r
 
 
 def load(
-    path: str | os.PathLike[str], shape: tuple[int, int], *, camera: Camera | None = None,
-    down: npt.ArrayLike | None = None, scale: float = 1.0,
+    path: PathLike, shape: tuple[int, int], *, camera: Camera | None = None,
+    down: ArrayLike | None = None, scale: float = 1.0,
 ) -> CameraPath:  # fmt: skip
     """Return the camera path of a file, by its kind.
 

@@ -7,9 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from flurries._contract import Float64, choice, flag, integer, moderate, real, table
+from flurries._contract import ArrayLike, Float64, choice, flag, integer, moderate, real, table
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import quaternions_of
@@ -22,8 +21,8 @@ AXES = ("x right, y down, z forward", "x right, y up, z back")
 
 
 def from_matrices(
-    matrices: npt.ArrayLike, camera: Camera, *, axes: str, inverse: bool = False,
-    focal: npt.ArrayLike | None = None, scale: float = 1.0, start: int = 0,
+    matrices: ArrayLike, camera: Camera, *, axes: str, inverse: bool = False,
+    focal: ArrayLike | None = None, scale: float = 1.0, start: int = 0,
 ) -> CameraPath:  # fmt: skip
     """Return the camera path of poses, one for each frame from `start` on.
 

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from flurries._contract import Float64, real, shape_of, vector
+from flurries._contract import ArrayLike, Float64, PathLike, real, shape_of, vector
 from flurries.camera.importers.matrices import AXES, FLIP, from_matrices, path_of
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
@@ -38,7 +37,7 @@ _MODELS = {
 }  # fmt: skip
 
 
-def _lines_of(path: str | os.PathLike[str]) -> list[str]:
+def _lines_of(path: PathLike) -> list[str]:
     return read_text(path, _MOST_BYTES, "camera file").splitlines()
 
 
@@ -56,7 +55,7 @@ def _floats(file: object, number: int, parts: Sequence[str]) -> list[float]:
     return found
 
 
-def read_csv(path: str | os.PathLike[str], camera: Camera, *, scale: float = 1.0) -> CameraPath:
+def read_csv(path: PathLike, camera: Camera, *, scale: float = 1.0) -> CameraPath:
     """Return the camera path of a table, as trackers and modelling programs export them."""
     file = os.fspath(path)
     try:
@@ -99,7 +98,7 @@ def read_csv(path: str | os.PathLike[str], camera: Camera, *, scale: float = 1.0
     return CameraPath(camera, **found, extend="stop")
 
 
-def _read_numbers(path: str | os.PathLike[str], widths: tuple[int, ...]) -> tuple[str, Float64]:
+def _read_numbers(path: PathLike, widths: tuple[int, ...]) -> tuple[str, Float64]:
     """Return a file of numbers as rows, comments and empty lines left out."""
     file, rows = os.fspath(path), list[list[float]]()
     for number, line in enumerate(_lines_of(path), 1):
@@ -116,9 +115,8 @@ def _read_numbers(path: str | os.PathLike[str], widths: tuple[int, ...]) -> tupl
 
 
 def read_chan(
-    path: str | os.PathLike[str], shape: tuple[int, int], *, camera: Camera | None = None,
-    scale: float = 1.0,
-) -> CameraPath:  # fmt: skip
+    path: PathLike, shape: tuple[int, int], *, camera: Camera | None = None, scale: float = 1.0
+) -> CameraPath:
     """Return the camera path of a Nuke ``.chan`` file."""
     # Lines of `frame tx ty tz rx ry rz` and perhaps `vfov`: degrees, y up, looking along -z. The
     # angle of view is that of the pictures' height; `camera` is the lens where there is none.
@@ -143,7 +141,7 @@ def _euler(degrees: Float64) -> Float64:
     return np.asarray(y @ x @ z)
 
 
-def read_kitti(path: str | os.PathLike[str], camera: Camera, *, scale: float = 1.0) -> CameraPath:
+def read_kitti(path: PathLike, camera: Camera, *, scale: float = 1.0) -> CameraPath:
     """Return the camera path of KITTI's poses: a line is a matrix (3, 4) to the first camera."""
     file, rows = _read_numbers(path, (12,))
     try:
@@ -153,9 +151,8 @@ def read_kitti(path: str | os.PathLike[str], camera: Camera, *, scale: float = 1
 
 
 def read_colmap(
-    folder: str | os.PathLike[str], shape: tuple[int, int], *, down: npt.ArrayLike | None = None,
-    scale: float = 1.0,
-) -> CameraPath:  # fmt: skip
+    folder: PathLike, shape: tuple[int, int], *, down: ArrayLike | None = None, scale: float = 1.0
+) -> CameraPath:
     """Return the camera path of a COLMAP reconstruction in text, a folder."""
     # Images are frames by the numbers that their names end in; if not all do, in the order of their
     # names. The axes have no relation to the ground and no unit: `down` is where things fall, the

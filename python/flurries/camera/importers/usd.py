@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import warnings
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Float64, real, shape_of
+from flurries._contract import Float64, PathLike, real, shape_of
 from flurries.camera.importers.matrices import FLIP, path_of
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
@@ -44,7 +43,7 @@ Refused = LookupError
 
 
 def read_usd(
-    path: str | os.PathLike[str], shape: tuple[int, int], *, camera: Camera | None = None,
+    path: PathLike, shape: tuple[int, int], *, camera: Camera | None = None,
     prim: str | None = None, scale: float = 1.0,
 ) -> CameraPath:  # fmt: skip
     """Return the camera path of a USD stage, which says its axes and unit; time codes are frames.

@@ -18,7 +18,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from flurries.io.color import Array
+from flurries._contract import Array
 from flurries.io.files import Budget, given
 from flurries.io.timecode import TimeCode
 

@@ -16,12 +16,10 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import choice
+from flurries._contract import Array, ArrayLike, PathLike, choice
 from flurries.io.atomic import replacing
-from flurries.io.color import Array
 from flurries.io.files import given
 from flurries.io.films.codecs import QUALITIES, Encoder, encoder_for, frame_rate
 from flurries.io.films.process import Remote
@@ -68,7 +66,7 @@ class VideoWriter:
     """Writes a video frame by frame; it appears where the block is left without an exception."""
 
     def __init__(
-        self, path: str | os.PathLike[str], size: tuple[int, int], fps: float | Fraction, *,
+        self, path: PathLike, size: tuple[int, int], fps: float | Fraction, *,
         quality: str = "high", sound: Sound | None = None, comment: str = "",
         codec: str | None = None, bits: int | None = None, alpha: bool = False,
         tags: Tags | None = None,
@@ -122,7 +120,7 @@ class VideoWriter:
             film.call("join_own")
             film.call("finish", self.count)
 
-    def write(self, frame: npt.ArrayLike) -> None:
+    def write(self, frame: ArrayLike) -> None:
         """Append a frame, (H, W, 3), or (H, W, 4) with alpha, uint8 or uint16, display values."""
         if self._film is None:
             raise RuntimeError(f"{self.path}: frames are written inside a 'with' block")

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flurries._contract import Array
+from flurries._contract import Array, PathLike
 from flurries.io.files import read_text
 from flurries.io.pictures.header import Opened, opened_picture
 
@@ -66,7 +66,7 @@ def hash_of(name: str) -> int:
     return mixed ^ 1 << 23 if mixed >> 23 & 255 in (0, 255) else mixed
 
 
-def split_names(spec: str | os.PathLike[str]) -> tuple[str, list[str]]:
+def split_names(spec: PathLike) -> tuple[str, list[str]]:
     """Return the file and the names of ``plate.exr:house,tree``; of another file no names."""
     file, mark, names = os.fspath(spec).partition(".exr:")
     if not mark or Path(spec).exists():

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from flurries._contract import mapping, rectangular
+from flurries._contract import Array, ArrayLike, PathLike, mapping, rectangular
 from flurries.io.atomic import replacing
-from flurries.io.color import Array, to_half, to_single
+from flurries.io.color import to_half, to_single
 from flurries.io.files import Budget, given
 from flurries.io.oiio import openimageio
 from flurries.io.pictures.header import Opened, opened_picture
@@ -46,7 +45,7 @@ _DEEP_ROWS = 16
 
 
 def write_layers(
-    path: str | os.PathLike[str], layers: Mapping[str, npt.ArrayLike], *, half: bool = True,
+    path: PathLike, layers: Mapping[str, ArrayLike], *, half: bool = True,
     metadata: Mapping[str, object] | None = None, slate: Slate | None = None,
 ) -> None:  # fmt: skip
     """Write one EXR with several named layers; atomic and verified as `write_picture`.
@@ -74,7 +73,7 @@ def write_layers(
 
 
 def write_layer_views(
-    path: str | os.PathLike[str], views: Mapping[str, Mapping[str, npt.ArrayLike]], *,
+    path: PathLike, views: Mapping[str, Mapping[str, ArrayLike]], *,
     half: bool = True, metadata: Mapping[str, object] | None = None, slate: Slate | None = None,
 ) -> None:  # fmt: skip
     """Write an EXR with a part for each view, usually "left" and "right", of layers each."""
@@ -88,7 +87,7 @@ def write_layer_views(
 
 
 def _write(
-    path: str | os.PathLike[str], views: Mapping[str, Mapping[str, npt.ArrayLike]], half: bool,
+    path: PathLike, views: Mapping[str, Mapping[str, ArrayLike]], half: bool,
     metadata: Mapping[str, object] | None, slate: Slate | None,
 ) -> None:  # fmt: skip
     """Write a part for each view; one without a name is not marked."""
@@ -103,7 +102,7 @@ def _write(
     write_parts(path, parts)
 
 
-def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -> dict[str, Array]:
+def read_layers(path: PathLike, *, budget: Budget | None = None) -> dict[str, Array]:
     """Read all layers of an EXR, the inverse of `write_layers`.
 
     They are float32, (H, W) for single channels and (H, W, C) else; the display window is not
@@ -131,9 +130,7 @@ def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -
     return found
 
 
-def read_views(
-    path: str | os.PathLike[str], *, budget: Budget | None = None
-) -> tuple[Array, Array]:
+def read_views(path: PathLike, *, budget: Budget | None = None) -> tuple[Array, Array]:
     """Read (left, right), (H, W, 3 or 4), of an EXR: two parts, or one with two views in it."""
     with opened_picture(path, budget) as opened:
         parts = opened.parts
@@ -156,12 +153,12 @@ def _eye(opened: Opened, prefix: str) -> Array:
     return opened.read("float", wanted)[0]
 
 
-def require_exr(path: str | os.PathLike[str], content: str) -> None:
+def require_exr(path: PathLike, content: str) -> None:
     if format_of(path).name != "openexr":
         raise ValueError(f"{os.fspath(path)}: only .exr holds {content}")
 
 
-def _part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> Part:
+def _part_of(layers: Mapping[str, ArrayLike], half: bool) -> Part:
     planes: dict[str, tuple[Array, str]] = {}
     sizes = set()
     for name, values in mapping("layers", layers).items():
@@ -203,7 +200,7 @@ def _part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> Part:
     return Part(specification, band)
 
 
-def _checked_layer(name: str, values: npt.ArrayLike) -> Any:
+def _checked_layer(name: str, values: ArrayLike) -> Any:
     """Return a layer as (H, W, C)."""
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise ValueError(
@@ -255,7 +252,7 @@ class Deep:
 
 
 def write_deep(
-    path: str | os.PathLike[str], deep: Deep, *, half: bool = True,
+    path: PathLike, deep: Deep, *, half: bool = True,
     metadata: Mapping[str, object] | None = None, slate: Slate | None = None,
 ) -> None:  # fmt: skip
     """Write samples into a deep EXR; large pictures take long, number by number."""
@@ -288,7 +285,7 @@ def write_deep(
             raise OSError(f"{target}: does not read back as what was written")
 
 
-def read_deep(path: str | os.PathLike[str]) -> Deep:
+def read_deep(path: PathLike) -> Deep:
     """Return the samples of a deep EXR.
 
     OSError or ValueError if the file cannot be read, or is none with these channels.

@@ -5,10 +5,9 @@ from collections.abc import Sequence
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
-import numpy.typing as npt
 
-from flurries._contract import choice, integer, is_pair, rectangular
-from flurries.io.color import Array, encoding_of, light_of, linear_to_srgb, planes_of, to_integer
+from flurries._contract import Array, ArrayLike, choice, integer, is_pair, rectangular
+from flurries.io.color import encoding_of, light_of, linear_to_srgb, planes_of, to_integer
 from flurries.io.oiio import last_error, openimageio
 
 _FILTER = "lanczos3"
@@ -19,7 +18,7 @@ Fit: TypeAlias = Literal["cover", "stretch"]
 
 
 def fit(
-    pixels: npt.ArrayLike, size: Sequence[int], how: Fit = "cover", *, encoding: str | None = None
+    pixels: ArrayLike, size: Sequence[int], how: Fit = "cover", *, encoding: str | None = None
 ) -> Array:
     """Resize a picture to `size`, through a Lanczos filter of three lobes.
 
@@ -59,7 +58,7 @@ def fit(
     return values.astype(planes.dtype).reshape(shape)
 
 
-def fit_nearest(plane: npt.ArrayLike, size: Sequence[int]) -> Array:
+def fit_nearest(plane: ArrayLike, size: Sequence[int]) -> Array:
     """Scale data (h, w) to cover a frame as `fit` does, without values in between: by centres."""
     width, height = checked_size(size)
     array = rectangular("plane", plane)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -13,8 +12,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from flurries._contract import flag
-from flurries.io.color import Array, Encoding
+from flurries._contract import Array, PathLike, flag
+from flurries.io.color import Encoding
 from flurries.io.files import Budget, given, plain_file
 from flurries.io.oiio import last_error, let_open, libraries_silent, openimageio
 
@@ -166,9 +165,7 @@ class Opened:
         return upright(values, self.orientation)
 
 
-def read_header(
-    path: str | os.PathLike[str], *, overscan: bool = False, deep: bool = False
-) -> Header:
+def read_header(path: PathLike, *, overscan: bool = False, deep: bool = False) -> Header:
     """Read what a picture says about itself, without decoding its pixels."""
     with opened_picture(path, overscan=overscan, deep=deep) as opened:
         spec, reader = opened.specification, opened.reader
@@ -184,9 +181,8 @@ def read_header(
 
 @contextmanager
 def opened_picture(
-    path: str | os.PathLike[str], budget: Budget | None = None, *, overscan: bool = False,
-    deep: bool = False,
-) -> Iterator[Opened]:  # fmt: skip
+    path: PathLike, budget: Budget | None = None, *, overscan: bool = False, deep: bool = False
+) -> Iterator[Opened]:
     """Open a picture, at the first part with red, green and blue, or else its first."""
     flag("overscan", overscan)
     flag("deep", deep)

@@ -16,7 +16,7 @@ import deflate
 import numpy as np
 
 from flurries import _core
-from flurries.io.color import Array
+from flurries._contract import Array
 
 # Flakes are noise: higher levels take up to three times as long for 1 to 4 bytes in 100.
 LEVEL = 1

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flurries._contract import Array, PathLike
 from flurries.io.atomic import replacing
-from flurries.io.color import Array
 from flurries.io.files import Budget
 from flurries.io.oiio import last_error, openimageio
 from flurries.io.pictures.header import opened_picture
@@ -33,7 +33,7 @@ class Part(NamedTuple):
 
 
 def write_parts(
-    path: str | os.PathLike[str], parts: Sequence[Part], *, packed: bool = True,
+    path: PathLike, parts: Sequence[Part], *, packed: bool = True,
     lossless: bool = True, encoded: bytes = b"",
 ) -> None:  # fmt: skip
     """Write a picture of one part, or if it is packed here of several, and verify it."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import repeat
@@ -10,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from flurries._contract import depths, require
+from flurries._contract import Array, PathLike, depths, require
 from flurries._warnings import warn_of_units
-from flurries.io.color import Array, Encoding, to_unit
+from flurries.io.color import Encoding, to_unit
 from flurries.io.files import Budget
 from flurries.io.pictures.header import FLOATS, Opened, Window, opened_picture
 
@@ -79,7 +78,7 @@ class Picture:
 
 
 def read_picture(
-    path: str | os.PathLike[str], *, budget: Budget | None = None, overscan: bool = False
+    path: PathLike, *, budget: Budget | None = None, overscan: bool = False
 ) -> Picture:
     """Read a picture.
 
@@ -122,9 +121,7 @@ def luminance(picture: Picture) -> Array:
     return grey
 
 
-def read_depth(
-    path: str | os.PathLike[str], *, budget: Budget | None = None, overscan: bool = False
-) -> Array:
+def read_depth(path: PathLike, *, budget: Budget | None = None, overscan: bool = False) -> Array:
     """Read the depth channel of a picture, (H, W) float32.
 
     Outside an EXR's data window it is infinity. A deep EXR has two depths in a pixel: (H, W, 3), a

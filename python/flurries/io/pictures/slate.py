@@ -8,7 +8,6 @@ describes colors goes where the colors are the plate's still.
 from __future__ import annotations
 
 import json
-import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -18,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import mapping
+from flurries._contract import PathLike, mapping
 from flurries.io.color import Encoding
 from flurries.io.files import Budget
 from flurries.io.oiio import openimageio
@@ -134,7 +133,7 @@ class Slate:
                 specification.full_width, specification.full_height = self.display[2:]
 
 
-def read_slate(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Slate:
+def read_slate(path: PathLike, *, budget: Budget | None = None) -> Slate:
     """Read what a picture says; windows are those of a picture with its overscan."""
     with opened_picture(path, budget, overscan=True) as opened:
         spec, found = opened.specification, []

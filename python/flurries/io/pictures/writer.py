@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from flurries._contract import choice, integer
-from flurries.io.color import Array, encoding_of, in_file, numbers, planes_of
+from flurries._contract import Array, ArrayLike, PathLike, choice, integer
+from flurries.io.color import encoding_of, in_file, numbers, planes_of
 from flurries.io.files import given
 from flurries.io.oiio import openimageio
 from flurries.io.pictures.parts import Part, write_parts
@@ -58,7 +57,7 @@ _LONGEST_TEXT = 60_000
 
 
 def write_picture(
-    path: str | os.PathLike[str], pixels: npt.ArrayLike, *, alpha: npt.ArrayLike | None = None,
+    path: PathLike, pixels: ArrayLike, *, alpha: ArrayLike | None = None,
     encoding: str | None = None, premultiplied: bool | None = None, half: bool = True,
     bits: int | None = None, compression: str = "zip", quality: int = 95,
     metadata: Mapping[str, object] | None = None, slate: Slate | None = None,
@@ -152,7 +151,7 @@ def write_picture(
     write_parts(path, [part], packed=packed, lossless=lossless)
 
 
-def format_of(path: str | os.PathLike[str]) -> Format:
+def format_of(path: PathLike) -> Format:
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
         raise ValueError(
@@ -184,9 +183,7 @@ def _encode_jpeg(pixels: Array, quality: int, strings: Mapping[str, str], slate:
     return buffer.getvalue()
 
 
-def _checked_pixels(
-    pixels: npt.ArrayLike, alpha: npt.ArrayLike | None
-) -> tuple[Array, Array | None]:
+def _checked_pixels(pixels: ArrayLike, alpha: ArrayLike | None) -> tuple[Array, Array | None]:
     """Return colors (H, W, 1 or 3) and alpha (H, W) or None."""
     array = planes_of("pixels", pixels)
     if array.shape[2] == 4:

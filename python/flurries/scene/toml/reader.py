@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -13,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from flurries._contract import suggestion
+from flurries._contract import PathLike, suggestion
 from flurries.camera.importers import load as load_camera
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
@@ -57,7 +56,7 @@ _LONG_KEY = re.compile(
 )
 
 
-def load(path: str | os.PathLike[str]) -> Scene:
+def load(path: PathLike) -> Scene:
     """Return the scene of a TOML file of at most 1 MiB; the message of an error names the line."""
     file = Path(path)
     text = read_text(file, MOST_BYTES, "TOML scene file")

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from flurries._contract import PathLike
 from flurries.camera.path import CameraPath
 from flurries.effects.kinds import kind_of
 from flurries.effects.notes import Where
@@ -132,7 +133,7 @@ def _depth(
     return {"depth": float(value) if plain else _file(name, value, folder)}
 
 
-def save(scene: Scene, path: str | os.PathLike[str]) -> None:
+def save(scene: Scene, path: PathLike) -> None:
     expect_scene(scene)
     import tomli_w
 
