@@ -1,8 +1,4 @@
-"""The contract of the array functions: what may come in, and the one way to refuse the rest.
-
-Every refusal names the argument, says what came and what is wanted. Types and layouts are settled
-here; ranges that a kernel can judge are judged there.
-"""
+"""The contract of the array functions: what may come in, and the one way to refuse the rest."""
 
 import functools
 import inspect

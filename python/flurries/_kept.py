@@ -1,9 +1,7 @@
-"""What is made once and kept, all of it by one rule.
+"""What is made once and kept by its key alone: arguments, and the mode of the kernels.
 
-A result is kept by its key alone: the arguments, and the mode of the kernels where these make it.
-The results that were used last stay, so many or so many bytes of them. There is no lock, which a
-fork in another thread would leave closed: two threads may make the same thing twice, with the same
-bits. The child of a fork has what its parent kept. `ALL` lists what modules keep.
+There is no lock, which a fork in another thread would leave closed: two threads may make the same
+thing twice, with the same bits. `ALL` lists what modules keep.
 """
 
 from collections import OrderedDict

@@ -1,8 +1,7 @@
-"""The camera: where a point of the air is seen, and how its image moves (Langer 2004, section 7).
+"""The camera, its axes x right, y down, z forward: where a point is seen, and how it moves there.
 
-Axes: x right, y down, z forward = depth. Pixel (row i, column j) has its centre at x = j + 1/2,
-y = i + 1/2. Motions have no division by the forward speed, so that a camera that moves sideways,
-stands still or flies backwards is no special case.
+Motions have no division by the forward speed: a camera that stands or flies back is no special
+case. Pixel (row i, column j) has its centre at x = j + 1/2, y = i + 1/2.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """A camera that turns and zooms: integrals in its axes, weighed by its focal length.
 
-Between keys R(t) = R_i exp([w] (t - t_i)), w in the camera's own axes: integrals of R^T u, u linear
-in time, are sums of elementary terms. See docs/internals/architecture.md.
+R(t) = R_i exp([w] (t - t_i)) between keys, w in its own axes: docs/internals/architecture.md.
 """
 
 import bisect

@@ -1,8 +1,4 @@
-"""Mist by its visibility: one extinction up to twice as far, even or with structure.
-
-Without a `center` it is all around the camera, and what is farther than it reaches is seen through
-all of it. With one it is a bank or a cloud that stands in the world.
-"""
+"""Mist by its visibility: one extinction up to twice as far, even or with structure."""
 
 import math
 from dataclasses import dataclass

@@ -1,8 +1,4 @@
-"""The density of a bank of mist: slices of depth with a profile and structure, solved for.
-
-Long waves are made on a grid of a quarter of the frame's size, short ones by tiles at its own, for
-half of the slices at a time: docs/internals/effects.md.
-"""
+"""The density of a bank of mist: slices of depth with a profile and structure, solved for."""
 
 from __future__ import annotations
 

@@ -1,10 +1,7 @@
 """Far flakes whose places move in their own ways: a camera that goes ahead, turns or zooms, gusts.
 
-The flakes of a layer lie on planes in the air, each a sheet, one behind the other, as far apart as
-the layer is thick, across the axes of poses that are some degrees apart. A plane is seen while it
-is in its layer and the camera near its pose; then it gives way to the next one. All of it follows
-from where the camera is and how it looks, not from a time. What a pixel sees of a plane is a place
-on it, which a lattice of nodes says for the opening and the close of the shutter.
+Planes in the air, one behind the other, each a sheet: one is seen while it is in its layer and the
+camera near its pose, whatever the time is. A lattice of nodes says what a pixel sees of each.
 """
 
 import itertools

@@ -49,13 +49,10 @@ def _wavelengths(name: str, value: object) -> tuple[float, float]:
     return low, high
 
 
-def _wind(name: str, value: object) -> Any:
-    return value if isinstance(value, Wind) else as_vector(name, value, 3)
-
-
 # What effects mean by the same names; a field whose default is None may be None.
 CHECKS: dict[str, Check] = {
-    "look": one_of(LOOKS), "amount": share, "haze": share, "fall": as_number, "wind": _wind,
+    "look": one_of(LOOKS), "amount": share, "haze": share, "fall": as_number,
+    "wind": lambda name, value: value if isinstance(value, Wind) else as_vector(name, value, 3),
     "color": lambda _, value: as_color(value), "seed": lambda _, value: seed_of(value),
     # In frames: an angle of 180 degrees, which is half a frame, is none.
     "shutter": partial(as_number, low=0.0, high=16.0),

@@ -1,7 +1,4 @@
-"""Rain and snow as textures on a double cone around the camera (Wang 2004), moved by its way.
-
-They cost the same however heavy they are, tilt with the camera's motion and stretch with its speed.
-"""
+"""Rain and snow as textures on a double cone around the camera (Wang 2004), moved by its way."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Snow and rain made of particles: one population each, drawn near and synthesized far.
-
-Numbers may change over time: by what is there, never by what a flake is.
-"""
+"""Snow and rain made of particles: one population each, drawn near and synthesized far."""
 
 from __future__ import annotations
 

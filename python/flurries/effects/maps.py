@@ -1,19 +1,12 @@
 """The tent's maps from waves to opacity: at every size of the picture, and before a wall.
 
-A look's band is given in pixels of a picture 1024 px wide and scales with the width, as if a larger
-picture had been made smaller. Waves shorter than 2 px have no pixels to be seen in, and pixels
-average over their own area what is longer: both take power from the field, and the opacity, which
-is no linear function of it, keeps its mean. At another width the map is the one whose opacity has
-the mean and the variance of the tuned one's averages.
+A larger picture looks as if it had been made smaller. Waves below 2 px have no pixels, and a pixel
+averages what is longer: at another width the map is the one whose opacity has the mean and variance
+of the averages of one 1024 px wide.
 
-Before a wall the waves that stand for nearer depths are left, and keep the contrast that they have
-before the sky. The mean goes with the share of the air. One factor on the sky's map would take that
-share of the waves' contrast, too, and less variance alone would leave the even veil that the map's
-mean makes. So a wall has a map of its own, clip(mean + deviation * z, 0, 1)^power of a field z of
-variance 1. A map that is no straight line makes of waves their harmonics, too. Held by what opacity
-and waves have in common, the power in the waves' band is up to 1.3^2 of the sky's; held by the
-variance of all that the waves show, .78^2 (looks before a wall at twice `near_depth`). So what is
-held is .7 of the logarithm of the first and .3 of the second.
+Before a wall the waves of nearer depths are left with the contrast that they have before the sky,
+and the mean goes with the share of the air, so a wall has a map of its own. Its harmonics count:
+held are .7 of the logarithm of what opacity and waves have in common, .3 of that of the variance.
 """
 
 import math

@@ -43,11 +43,10 @@ def _depths(_: str, depths: Any) -> tuple[float, float]:
     return (near if near > 0.0 else -np.inf), far
 
 
-def _of_severity(kind: Any, turned: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
-    return {"visibility": knob_of("visibility", {**given, **turned})}
-
-
-@checks.effect("severity", law=_of_severity)
+@checks.effect(
+    "severity",
+    law=lambda _, turned, given: {"visibility": knob_of("visibility", {**given, **turned})},
+)
 @dataclass(frozen=True, kw_only=True)
 class Mist(metaclass=checks.Described):
     """Mist, fog and clouds.

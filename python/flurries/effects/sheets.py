@@ -1,10 +1,7 @@
-"""The far flakes of a population: sheets, one for each layer of depth and class of size.
+"""The far flakes of a population: a sheet for each layer of depth and class of size.
 
-A sheet is a torus of flakes, made once and kept. A flake lives until its sheet wraps, and every
-sheet has a period of its own. Sheets hang from the principal point and their periods follow from
-the focal length, so that a crop or a larger picture shows the same flakes. Where all layers move
-evenly and as a whole a frame reads each sheet at its own place and adds them; else what a pixel
-sees of a sheet is told by `effects/bent.py`.
+A sheet is a torus with a period of its own, from the focal length, that hangs from the principal
+point: a crop or a larger picture shows the same flakes.
 """
 
 import math

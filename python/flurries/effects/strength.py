@@ -1,8 +1,4 @@
-"""Strength: how much falls, how far one sees in it and how much it hides, of one population.
-
-Of `rate`, `visibility`, `density`, sizes, `opacity` and `fall` any that are given hold, and the
-others follow. Here stands the one table of severities.
-"""
+"""Strength: how much falls, how far one sees in it and how much it hides, of one population."""
 
 import math
 from collections.abc import Callable, Mapping

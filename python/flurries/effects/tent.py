@@ -1,7 +1,4 @@
-"""Langer's snow and rain: near flakes and drops, before a spectral texture of all that lies behind.
-
-Of rain's waves a small tile has none that is slow enough for the frame rate: tiles grow with speed.
-"""
+"""Langer's snow and rain: near flakes and drops, before a texture of all that lies behind."""
 
 from __future__ import annotations
 

@@ -1,10 +1,4 @@
-"""The tent's texture of all that is far: its opacity at the picture's size, before a scene.
-
-A wave stands for a depth. Before a wall only the waves of nearer depths are left, with the
-amplitudes that they have before the sky (Langer 2004, section 8), and the map to opacity is the
-wall's own (`flurries/effects/maps.py`): these waves keep their contrast, and the mean opacity goes
-with the share of the air.
-"""
+"""The tent's texture of all that is far: its opacity at the picture's size, before a scene."""
 
 import math
 from collections.abc import Callable, Sequence

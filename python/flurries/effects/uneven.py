@@ -1,8 +1,6 @@
 """What differs from place to place: the wind beyond its mean, and the density of snow and rain.
 
-All displacements are metres since frame 0 and all velocities metres per frame, in the eye's axes.
-The density is the mean times a function of a sum of waves (`denser` in `src/falling/air.rs`), odd
-but for its mean of 1: clumps ride with flakes of the mean size, fronts of gusts are ahead of them.
+Displacements are metres since frame 0, velocities metres per frame, in the eye's axes.
 """
 
 import math

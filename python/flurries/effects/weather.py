@@ -1,8 +1,4 @@
-"""A population in the air of a film: which flakes are drawn, and which the texture stands for.
-
-What is near is drawn flake by flake up to the depth that `hand_overs` says; beyond it each class of
-size is synthesized in slabs of depth. Both take density, sizes, opacity, fall and wind from here.
-"""
+"""A population in the air of a film: which flakes are drawn, and which the texture stands for."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """What a billboard parallel to the viewplane gets wrong (Johnson 2005, section 3, corrected).
 
-The point looked at is the middle of a billboard's right edge, C + r u. Parallel to the viewplane u
-is (1, 0, 0); facing the eye it is (D, 0, -C_x) / S with S = hypot(C_x, D).
+The point looked at is the middle of its right edge, C + r u: u is (1, 0, 0) parallel to the
+viewplane and (D, 0, -C_x) / S, S = hypot(C_x, D), facing the eye.
 """
 
 from __future__ import annotations

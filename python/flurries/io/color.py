@@ -1,9 +1,4 @@
-"""The sRGB transfer functions and the steps between integers and floats.
-
-Three kinds of values meet in files: integers from 0 to 255 or 65535, display values from 0 to 1
-(the same numbers divided by their maximum), and scene-linear light, where 1 is the brightness of
-paper white and a lamp may be 50.
-"""
+"""sRGB: integers, display values of 0 to 1, and linear light, whose 1 is the white of paper."""
 
 from __future__ import annotations
 

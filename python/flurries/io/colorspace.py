@@ -1,7 +1,4 @@
-"""Color spaces by their names, through OpenColorIO: ``$OCIO``, or the configuration built into it.
-
-OpenImageIO holds OpenColorIO and is the gate to it here too.
-"""
+"""Color spaces by their names, through OpenColorIO: ``$OCIO`` or the one built into it."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Files that are read: plain ones only, and never more than fits into memory.
-
-A FIFO would be waited for without end, a device may never stop, and a picture of some kilobytes may
-claim billions of pixels. Every reader comes through here.
-"""
+"""Files that are read: plain ones only, and never more than fits into memory."""
 
 from __future__ import annotations
 

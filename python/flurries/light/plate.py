@@ -1,7 +1,4 @@
-"""The light that falls on the weather out of its own picture: from behind, around, all sides.
-
-With a depth it is told by levels: what stands in front of a wall takes none from beyond its edge.
-"""
+"""The light that falls on the weather out of its own picture: from behind, around, all sides."""
 
 from __future__ import annotations
 

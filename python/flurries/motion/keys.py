@@ -1,8 +1,4 @@
-"""Numbers that vary over time: keyframes, their values, and their integrals in closed form.
-
-Time is in frames and may be any float. Between keys values are linear, so that an integral is a sum
-of trapezoids and any frame can be asked for without the frames before it.
-"""
+"""Numbers that vary over time: keyframes, their values, and their integrals in closed form."""
 
 from __future__ import annotations
 

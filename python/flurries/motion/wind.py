@@ -1,7 +1,4 @@
-"""Wind that differs from place to place: with the depth, in gusts and swirls, or as it is given.
-
-Gusts, swirls and a field of one's own are plane waves of velocity, see `flurries.motion.waves`.
-"""
+"""Wind that differs from place to place: with the depth, in gusts and swirls, or as it is given."""
 
 from __future__ import annotations
 

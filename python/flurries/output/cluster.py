@@ -1,7 +1,4 @@
-"""Dask's workers as a crew, on this machine or on many that see one folder; frames as its arrays.
-
-A worker must have what the client has: if not, it refuses and says what, before a file.
-"""
+"""Dask's workers as a crew, on this machine or on many that see one folder; its arrays."""
 
 from __future__ import annotations
 

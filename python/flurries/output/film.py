@@ -1,8 +1,4 @@
-"""A scene's frames as files, or a video with the sound of the film that it lies over.
-
-A video is made in groups of frames, each a file of its own in a folder beside the film until all
-are there; so a run that was stopped goes on. The film joins them and encodes nothing again.
-"""
+"""A scene's frames as files, or a video with the sound of the film that it lies over."""
 
 from collections.abc import Callable, Iterable
 from contextlib import closing, suppress

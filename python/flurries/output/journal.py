@@ -1,8 +1,7 @@
 """The journal of a folder: what each file is, on the disk before the file has its name.
 
-A process writes lines to a file of its own beside the frames, and joins them to ``flurries.jsonl``
-when its run ends. All are read together, so nobody waits for a lock: a line is never in no file. A
-line without its file is a file not made; a file without a line is not ours.
+A process writes lines to a file of its own, and joins them to ``flurries.jsonl`` when its run ends.
+All are read together, so nobody waits for a lock. A file without a line is not ours.
 """
 
 from __future__ import annotations

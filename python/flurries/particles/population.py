@@ -1,7 +1,4 @@
-"""A population of flakes or drops: how many, how large, how fast, and how they are shared out.
-
-What is drawn and what is synthesized take classes of size and slabs of depth from here.
-"""
+"""A population of flakes or drops: how many, how large, how fast, and how they are shared out."""
 
 import math
 from dataclasses import dataclass, field

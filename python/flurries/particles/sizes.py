@@ -1,8 +1,4 @@
-"""Sizes of flakes and drops, how they fall, and how many carry a rate: measured laws.
-
-Diameters are exponential between a smallest and a largest one: a picture shows no flake of a tenth
-of a millimetre. docs/internals/effects.md says whose laws these are.
-"""
+"""Sizes of flakes and drops, how they fall, and how many carry a rate: measured laws."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """A scene that begins again after N frames: two rounds at a time, at t and at t - N.
 
-In each frame a few flakes of the first go and as many of the second come, as where the amount
-changes. What is no crowd of flakes looks at the frame's `lap`: waves turn by whole cycles.
+What is no crowd of flakes looks at the frame's `lap`: waves turn by whole cycles.
 """
 
 from __future__ import annotations

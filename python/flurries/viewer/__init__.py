@@ -1,8 +1,4 @@
-"""The viewer: sliders beside a picture that follows them, in a notebook or in a browser.
-
-Wang 2004 tunes its weather with such a tool. `fl.view` needs the extra ``flurries[view]`` in a
-notebook; ``flurries view`` in a browser needs nothing.
-"""
+"""The viewer: sliders beside a picture that follows them, in a notebook or in a browser."""
 
 from __future__ import annotations
 

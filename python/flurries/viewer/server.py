@@ -1,8 +1,4 @@
-"""The viewer in a browser: one page and its answers, for this machine and this user alone.
-
-Every address begins with a random token, against other users and other sites' pages; the name in a
-request must be this machine's, so that no foreign name can be made to point here.
-"""
+"""The viewer in a browser: one page and its answers, for this machine and this user alone."""
 
 import hmac
 import html
@@ -122,6 +118,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _name(self) -> str | None:
         """Return the path behind the token; None for strangers."""
+        # The token is against other users and other sites, the name against a foreign one that
+        # was made to point here.
         host = self.headers.get("Host", "")
         known = {f"{name}:{self.server.server_port}" for name in ("127.0.0.1", "localhost")}
         _, token, *rest = [*self.path.split("?")[0].split("/", 2), ""]

@@ -1,8 +1,4 @@
-"""A process of its own for libraries that do not survive what they are given.
-
-Codecs write past their own memory, over a full disk or a damaged film, and a damaged USD stage asks
-for all memory. Their process ends then, and here that is an error of one sentence.
-"""
+"""A process of its own for libraries that do not survive what they are given."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Reading video: any frame by its number, the same pixels in whatever order frames are asked for.
-
-Compressed frames build on earlier ones, so a frame is decoded from the last key frame before it.
-Reading on from where the decoder stands never seeks. Where frames are is known without decoding.
-"""
+"""Reading video: any frame by its number, the same pixels in whatever order."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Writing video: H.264 for everyone, VP9 for the web, FFV1 where no bit is lost, ProRes to cut.
-
-A `VideoWriter` is the user's side, in this process; a `Film` encodes and joins groups of frames in
-the codecs' process.
-"""
+"""Writing video: H.264 for everyone, VP9 for the web, FFV1 where no bit is lost, ProRes to cut."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """Cryptomatte: mattes of things by the names that a renderer has given them, in its EXR files.
 
-A name is hashed to 32 bits, which are kept as a float. Of each pixel the file has such numbers and
-their shares: ``CryptoObject00.R`` is a number, ``.G`` its share, ``.B`` and ``.A`` the next two.
+``CryptoObject00.R`` is a name's hash, 32 bits kept as a float, ``.G`` its share of the pixel.
 """
 
 import json

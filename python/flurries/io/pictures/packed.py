@@ -1,8 +1,6 @@
 """Rows of EXR, PNG and TIFF packed, and read back, by all threads.
 
-All three pack some rows at a time by deflate, each piece by itself. OpenImageIO does so in one
-thread, and turns numbers over on the way, which takes longer. So it writes what a file says of
-itself, with one row at most, and the rows come from here.
+OpenImageIO, which does so in one thread, writes headers with one row at most.
 """
 
 import struct

@@ -1,7 +1,4 @@
-"""Parts of a picture as files have them: written in bands, and read back.
-
-Rows are written in bands, so that no second copy of 16384 x 16384 px in another type is ever made.
-"""
+"""Parts of a picture as files have them: written in bands, and read back."""
 
 import os
 import struct

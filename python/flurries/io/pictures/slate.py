@@ -1,9 +1,4 @@
-"""What a picture's header says: a plate's words go into the frames that are made of it.
-
-Everything in a plate's header goes through but what is about how the file stores its pixels, and
-what is flurries' own: small strings under ``flurries:`` about how a picture was made. What
-describes colors goes where the colors are the plate's still.
-"""
+"""What a picture's header says: a plate's words go into the frames that are made of it."""
 
 from __future__ import annotations
 
