@@ -26,7 +26,7 @@ from matplotlib import pyplot as plt
 # In the order of the page.
 AXES = {found.name: found for found in vars(accuracy_axes).values() if isinstance(found, Axis)}
 
-DOCS = Path(__file__).parents[1] / "docs"
+DOCS, RUNS = Path(__file__).parents[1] / "docs", 20
 
 
 class Point(NamedTuple):
@@ -133,14 +133,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("axes", nargs="*", metavar="AXIS", help=f"of {', '.join(AXES)}")
     parser.add_argument("--write", action="store_true", help="make the page of all axes")
-    parser.add_argument("--runs", type=int, default=20)
     given = parser.parse_args()
     studies = []
     machine = f"{platform.machine()}, {os.cpu_count()} cores"
     parts = [_HEAD.format(machine=machine, threads=fl.settings().threads)]
     for axis in (AXES[name] for name in given.axes or AXES):
-        studies.append((axis, measure(list(axis.ways()), given.runs)))
-        parts.append(table(*studies[-1], given.runs))
+        studies.append((axis, measure(list(axis.ways()), RUNS)))
+        parts.append(table(*studies[-1], RUNS))
         print(parts[-1])
     if given.write:
         plot(studies, DOCS / "images/accuracy/accuracy.png")

@@ -1,6 +1,6 @@
 """The double cone's two properties and its speed, as ratios within one run.
 
-    python benches/cone.py [--runs N] [--size N] [--plot FILE]
+    python benches/cone.py [--plot FILE]
 
 Variants take turns on one thread, and processor time is counted, so that a busy machine
 matters less; read the ratios.
@@ -20,13 +20,13 @@ import flurries as fl
 from flurries import cone
 
 AXIS = (0.1, 1.0, 0.05)
+SIZE, RUNS = 1024, 25
 COUNTS = (300, 1000, 3000, 10_000, 30_000, 100_000, 300_000)
 
 
-def speed(size: int, runs: int) -> None:
+def speed() -> None:
     """Print what a frame costs against a copy of its alpha."""
-    shape, focal = (size, size), 1.2 * size
-    camera = fl.Camera(focal)
+    shape, camera = (SIZE, SIZE), fl.Camera(1.2 * SIZE)
     tile = cone.rain_tile(512, seed=1)
     texture = cone.Texture(tile)
     source = np.random.default_rng(0).random(shape, np.float32)
@@ -43,18 +43,18 @@ def speed(size: int, runs: int) -> None:
             cone.layer, shape, camera, tile, axis=AXIS, phase=0.3, out=out
         ),
     }
-    times = timed(calls, runs, clock=time.process_time)
+    times = timed(calls, RUNS, clock=time.process_time)
     copy = times["copy of the alpha"][0]
-    print(f"{size} x {size}, one thread, {runs} runs")
+    print(f"{SIZE} x {SIZE}, one thread, {RUNS} runs")
     for name, (value, _) in times.items():
         print(f"  {name:34}{value:9.2f} ms {value / copy:8.1f} copies")
 
 
-def density(size: int, runs: int) -> dict[str, list[float]]:
+def density() -> dict[str, list[float]]:
     """Print and return the milliseconds of a frame by the number of flakes in view."""
-    shape, camera = (size, size), fl.Camera(1.2 * size)
+    shape, camera = (SIZE, SIZE), fl.Camera(1.2 * SIZE)
     curves: dict[str, list[float]] = {"cone": [], "particles": []}
-    print(f"\ncost against density, {size} x {size}, one thread")
+    print(f"\ncost against density, {SIZE} x {SIZE}, one thread")
     print(f"  {'flakes':>8}{'cone':>11}{'particles':>11}")
     for count in COUNTS:
         rng = np.random.default_rng(count)
@@ -68,7 +68,7 @@ def density(size: int, runs: int) -> dict[str, list[float]]:
             "cone": partial(cone.layers, shape, camera, texture, axis=AXIS, phase=0.3),
             "particles": partial(flakes, shape, points, 0.01, camera),
         }
-        times = timed(calls, max(runs // 3, 3), clock=time.process_time)
+        times = timed(calls, RUNS // 3, clock=time.process_time)
         for name, curve in curves.items():
             curve.append(times[name][0])
         print(f"  {count:>8}{times['cone'][0]:>8.2f} ms{times['particles'][0]:>8.2f} ms")
@@ -115,13 +115,11 @@ def plot(curves: dict[str, list[float]], file: str) -> None:
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=25)
-    parser.add_argument("--size", type=int, default=1024)
     parser.add_argument("--plot", metavar="FILE", help="draw cost against density")
     options = parser.parse_args()
     fl.set_threads(1)
-    speed(options.size, options.runs)
-    curves = density(options.size, options.runs)
+    speed()
+    curves = density()
     if options.plot:
         plot(curves, options.plot)
     fall_speeds()

@@ -96,25 +96,16 @@ class Case:
         snow = self.effect()
         rain = self.weather == "rain"
         law = Law(
-            density=snow.density,
-            sizes=snow.drop_size if rain else snow.flake_size,
-            opacity=snow.opacity,
-            kind="rain" if rain else "snow",
-            fall=snow.fall,
-            near=snow.near,
-            far=snow.far,
-        )
+            density=snow.density, sizes=snow.drop_size if rain else snow.flake_size,
+            opacity=snow.opacity, kind="rain" if rain else "snow", fall=snow.fall,
+            near=snow.near, far=snow.far,
+        )  # fmt: skip
         velocity, spin = CAMERAS[self.camera]
         view = View(
-            size=self.size,
-            focal=1.2 * self.width,
-            velocity=velocity,
-            wind=(self.wind, 0.0, 0.0),
-            spin=spin,
-            sway=(0.0, 0.0) if rain else snow.sway,
-            shutter=snow.shutter,
-            fps=FPS,
-        )
+            size=self.size, focal=1.2 * self.width, velocity=velocity,
+            wind=(self.wind, 0.0, 0.0), spin=spin, sway=(0.0, 0.0) if rain else snow.sway,
+            shutter=snow.shutter, fps=FPS,
+        )  # fmt: skip
         return law, view
 
     def flow(self, at: Picture, near: Picture, start: float, end: float) -> Picture:

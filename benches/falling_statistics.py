@@ -14,9 +14,7 @@ What is asked of the package alone is in `benches/falling_contracts.py`.
 from __future__ import annotations
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -216,29 +214,22 @@ def main() -> None:
     words = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    words.add_argument("--seeds", type=int, default=8)
-    words.add_argument("--size", type=int, default=480, metavar="WIDTH")
     words.add_argument("--quick", action="store_true")
     words.add_argument("--cases", nargs="+", default=[], metavar="BEGINNING")
     words.add_argument("--of", choices=("flakes", "simulated", "twin"), default="flakes")
-    words.add_argument("--jobs", type=int, default=1, help="processes")
     words.add_argument("--write", action="store_true", help="make the page")
     asked = words.parse_args()
     wanted = tuple(asked.cases) or (QUICKLY if asked.quick else ("",))
-    seeds, times = (2, QUICK) if asked.quick else (asked.seeds, TIMES)
-    cases = [Case(c, w, wind, asked.size) for w in WEATHERS for c in CAMERAS for wind in WINDS]
+    seeds, times = (2, QUICK) if asked.quick else (8, TIMES)
+    cases = [Case(c, w, wind) for w in WEATHERS for c in CAMERAS for wind in WINDS]
     cases = [case for case in cases if str(case).startswith(wanted)]
     found = {}
-    with ProcessPoolExecutor(asked.jobs, get_context("spawn")) as jobs:
-        each = {
-            # Light snow is cheap, and its few flakes scatter.
-            case: [jobs.submit(measure, case, seed, times, asked.of)
-                   for seed in range(1, seeds * (4 if case.weather == "light" else 1) + 1)]
-            for case in cases
-        }  # fmt: skip
-        for case, waiting in each.items():
-            found[str(case)] = judged(case, [one.result() for one in waiting])
-            print(f"\n{case}\n{table(found[str(case)])}", flush=True)
+    for case in cases:
+        # Light snow is cheap, and its few flakes scatter.
+        more = seeds * (4 if case.weather == "light" else 1)
+        each = [measure(case, seed, times, asked.of) for seed in range(1, more + 1)]
+        found[str(case)] = judged(case, each)
+        print(f"\n{case}\n{table(found[str(case)])}", flush=True)
     lines = contracts(quick=asked.quick) if asked.of == "flakes" and not asked.cases else []
     print("\n" + "\n".join(lines))
     if asked.write:

@@ -1,13 +1,10 @@
-"""What whole frames cost with layers, a depth, a second eye, lamps and a lens: ratios in one run.
+"""What whole frames cost with layers, a depth, eyes, lamps: ``python benches/layers.py``.
 
-    python benches/layers.py [--rounds N]
-
-Scenes of 1024 x 768 on one thread, in processor time, the least of many turns.
+Ratios in one run: scenes of 1024 x 768 on one thread, in processor time, the least of many turns.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 from itertools import count
@@ -81,6 +78,4 @@ def table(rounds: int) -> list[str]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=12)
-    print("\n".join(table(parser.parse_args().rounds)))
+    print("\n".join(table(12)))

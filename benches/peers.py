@@ -35,7 +35,7 @@ SIZES = {
 }  # fmt: skip
 ALONE, COLD = "warm, in single calls", "the first 20 pictures of a process"
 LOADER, LABELS = "in a DataLoader of 2 workers", "with labels"
-FIRST = 20
+FIRST, RUNS = 20, 15
 OURS, PROFILES = {"snow": "Snowfall", "rain": "Rainfall", "fog": "Fog"}, ("natural", "hard")
 # Rounds of ours before the first that is timed.
 WARM = 300
@@ -53,7 +53,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Weather of the usual libraries, and ours.")
     parser.add_argument("--here", action="store_true", help="measure in this environment")
     parser.add_argument("--labels", action="store_true", help="ours with labels, nobody else")
-    parser.add_argument("--runs", type=int, default=15)
     parser.add_argument("--page", type=Path, help="Markdown to write")
     options = parser.parse_args()
     if options.labels:
@@ -62,7 +61,7 @@ def main() -> None:
                 print(*tables(labels(kind, size)), sep="\n", flush=True)
         return
     if options.here:
-        text = page(*measure(options.runs), options.runs)
+        text = page(*measure())
         print(text)
         if options.page:
             options.page.write_text(text, encoding="utf-8")
@@ -70,7 +69,7 @@ def main() -> None:
     threads = dict.fromkeys(
         ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "FLURRIES_NUM_THREADS"), "1"
     )
-    command = [str(environment()), __file__, "--here", "--runs", str(options.runs)]
+    command = [str(environment()), __file__, "--here"]
     if options.page:
         command += ["--page", str(options.page)]
     sys.exit(subprocess.run(command, env={**os.environ, **threads}, check=False).returncode)
@@ -89,7 +88,7 @@ def environment() -> Path:
     return python
 
 
-def measure(runs: int) -> tuple[Times, list[str]]:
+def measure() -> tuple[Times, list[str]]:
     warnings.simplefilter("ignore")
     import cv2
     import torch
@@ -110,7 +109,7 @@ def measure(runs: int) -> tuple[Times, list[str]]:
             for name, call in calls.items():
                 for number in range(WARM if name.startswith("flurries") else 0):
                     call[number % len(call)]()
-            found[kind, size, ALONE] = in_turns(calls, runs)
+            found[kind, size, ALONE] = in_turns(calls, RUNS)
             found[kind, size, LOADER] = {
                 name: [in_loader(call, count) for _ in range(2)] for name, call in calls.items()
             }
@@ -226,13 +225,13 @@ def verdict(times: Times) -> list[str]:
     return lines
 
 
-def page(times: Times, failures: list[str], runs: int) -> str:
+def page(times: Times, failures: list[str]) -> str:
     """Return the page."""
     parts = [
         "# Weather for data sets, beside that of other libraries\n",
         "Made by `make peers` (`python benches/peers.py --page docs/internals/peers.md`), which"
         " installs all libraries into an environment of its own. uint8 RGB in and out, for kornia"
-        f" the float tensor that it wants, made beforehand; one thread each; {runs} rounds in"
+        f" the float tensor that it wants, made beforehand; one thread each; {RUNS} rounds in"
         " turns, the fastest and the median in milliseconds of processor time for a picture; in"
         " loaders the workers' processor time over the number of pictures, of two runs, with what"
         " a worker costs to start. Read them as ratios: they are of one run on one machine.\n",

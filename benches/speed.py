@@ -1,6 +1,6 @@
 """The speeds on their page: ratios within one run.
 
-    python benches/speed.py [--runs N] [--page docs/internals/performance.md]
+    python benches/speed.py [--page docs/internals/performance.md]
 
 Variants of 1024 x 1024 float32 take turns, so that a busy moment of the machine meets all of them.
 Each instruction set of the machine runs in a process of its own.
@@ -22,7 +22,7 @@ from timing import Calls, alone, timed
 
 import flurries as fl
 
-SIZE = 1024
+SIZE, RUNS = 1024, 25
 SHAPE = (SIZE, SIZE)
 COPY, TEXTURE, DISCS = "copy of the alpha", "texture", "150,000 discs of 1-4 px"
 ONE_TILE, AGAIN = "texture of one tile, 512 x 512", "texture, again and again"
@@ -194,18 +194,17 @@ the same with layers, before a depth, for both eyes, and with four lamps and a l
 def main() -> None:
     """Print the tables, or write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=25)
     parser.add_argument("--page", type=Path)
     options = parser.parse_args()
     load = os.getloadavg()[0]
-    ratios = "\n\n".join("\n".join(table(level, options.runs)) for level in levels())
+    ratios = "\n\n".join("\n".join(table(level, RUNS)) for level in levels())
     if not options.page:
         print(ratios)
         return
     text = PAGE.format(
-        cores=os.cpu_count(), load=load, runs=options.runs, ratios=ratios,
+        cores=os.cpu_count(), load=load, runs=RUNS, ratios=ratios,
         imports=imports(), memory=float(alone(MEMORY)),
-        frames="\n".join(layers.table(max(options.runs // 3, 3))),
+        frames="\n".join(layers.table(RUNS // 3)),
     )  # fmt: skip
     options.page.write_text(text, encoding="utf-8")
 
