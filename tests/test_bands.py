@@ -151,16 +151,3 @@ def test_what_may_draw_the_whole_draws_it_once(low: Callable[[], None]):
         assert same([scene.render(1)], whole)
     assert calls[False] == [(0, H, 0, W)]
     assert calls[True] == [(y, min(y + 64, H), 0, W) for y in range(0, H, 64)]
-
-
-def test_bands_cover_a_window_once():
-    rng = np.random.default_rng(2)
-    for _ in range(200):
-        top, left = (int(v) for v in rng.integers(0, 3000, 2))
-        window = (top, top + int(rng.integers(1, 5000)), left, left + int(rng.integers(1, 9000)))
-        parts = bands.bands_of(window)
-        assert [p[0] for p in parts] == [window[0], *(p[1] for p in parts[:-1])]
-        assert parts[-1][1] == window[1] and {p[2:] for p in parts} == {window[2:]}
-        assert all(p[0] % 64 == 0 for p in parts[1:])
-        most = max(64 * (window[3] - left), bands.BAND)
-        assert len(parts) == 1 or max((p[1] - p[0]) * (p[3] - p[2]) for p in parts) <= most

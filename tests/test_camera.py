@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import flurries as fl
 import twin
 from every import every
-from flurries.motion.keys import as_number, as_vector, integral_to, value_at
+from flurries.motion.keys import integral_to
 from flurries.spectral.tables import wave_depth
 from measure import frame_of
 
@@ -310,10 +310,3 @@ def test_integral_is_exact(t: float):
     for got, part in zip(VECTOR.integral(t), parts, strict=True):
         assert abs(got - exact(part, t)) <= 1e-15 * max(1.0, abs(t) * 3)
     assert integral_to(RAMP, t) == RAMP.integral(t)
-
-
-def test_plain_numbers_and_keys_are_asked_alike():
-    assert value_at(0.25, 9.0) == 0.25
-    assert integral_to((1.0, 2.0, 3.0), 4.0).tolist() == [4.0, 8.0, 12.0]
-    assert as_number("x", RAMP) is RAMP
-    assert as_vector("x", [1, 2, 3], 3) == (1.0, 2.0, 3.0)

@@ -16,7 +16,6 @@ import pytest
 
 import flurries as fl
 from flurries import _core
-from flurries.frame.planes import plane
 
 
 def launch(code: str, **environment: str) -> subprocess.Popen[str]:
@@ -66,20 +65,6 @@ def test_many_threads_on_one_scene(shared: bool, threads: Callable[[int], None])
 
     with ThreadPoolExecutor(16) as pool:
         assert all(pool.map(work, range(16))) is not shared
-
-
-def test_memory_that_frames_share_is_never_that_of_two():
-    def work(number: int) -> bool:
-        for _ in range(60):
-            mine = [plane((512, 513)), plane((600, 601))]
-            for one in mine:
-                one.fill(number)
-            if not all((one == number).all() for one in mine):
-                return False
-        return True
-
-    with ThreadPoolExecutor(6) as pool:
-        assert all(pool.map(work, range(6)))
 
 
 def test_a_held_frame_stays_what_it_is():

@@ -351,7 +351,3 @@ def test_fit_mixes_no_color_from_where_there_is_nothing():
     assert seen.sum() > 50
     assert fitted[seen][:, 1].max() <= 1
     assert fitted[seen][:, 0].min() >= 254
-
-
-def test_what_covers_has_no_bars():
-    np.testing.assert_array_equal(fit(np.ones((50, 100, 4), np.float32), (61, 33)), 1)
