@@ -164,6 +164,10 @@ def _eye(camera: Camera, frame: Frame) -> Eye:
     return Eye(turn, camera.focals, camera.principal(frame.shape), camera.offset)
 
 
-@kept(8, by_mode=True)
 def images_of(opacity: float) -> _core.BallImages:
+    return _images(opacity, _core.reproducible())
+
+
+@kept(8)
+def _images(opacity: float, mode: bool) -> _core.BallImages:
     return _core.BallImages(opacity)
