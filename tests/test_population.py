@@ -16,26 +16,6 @@ SIZES = Sizes.with_mean(0.003, 0.008, 0.03)
 DENSE = Population(50.0, SIZES, 0.9, laws.snow_speed)
 
 
-@pytest.mark.parametrize("law", [
-    (0.002, 0.004, 0.03), (0.002, 0.014, 0.03), (0.002, 0.027, 0.03),
-    # They end long before the largest.
-    (0.001, 0.0018, 0.04), (0.001, 0.001012, 0.04),
-])  # fmt: skip
-def test_sizes_have_their_mean_and_law(law: tuple[float, float, float]):
-    sizes = Sizes.with_mean(*law)
-    shares = (np.arange(400_000) + 0.5) / 400_000
-    diameters = sizes.quantile(shares)
-    assert diameters.mean() == pytest.approx(law[1], rel=1e-6)
-    # The density falls as exp(-slope D): its logarithm is a line.
-    edges = np.linspace(law[0], law[2], 9)
-    parts = np.diff(np.searchsorted(diameters, edges) / len(shares))
-    falls = np.exp(-sizes.slope * (edges - law[0]))
-    np.testing.assert_allclose(parts, np.diff(falls) / (falls[-1] - 1.0), atol=1e-5)
-    for power in (1.0, 2.0, 3.078):
-        # A midpoint sum over shares errs by the tail of the law.
-        assert sizes.moment(power) == pytest.approx((diameters**power).mean(), rel=1e-5)
-
-
 @pytest.mark.parametrize("rate", [0.3, 1.0, 3.0, 10.0, 40.0])
 def test_the_sizes_of_a_rate_melt_to_those_that_were_measured(rate: float):
     """The middle of the mass of melted diameters, whose number falls as exp(-slope D)."""

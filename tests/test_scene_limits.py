@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.effects.maps import wall_maps
 from flurries.io import linear_to_srgb, srgb_to_linear
 from measure import cover
 
@@ -60,25 +59,6 @@ def test_the_waves_before_a_wall_keep_their_contrast_and_the_mean_its_share(look
         got = wall if depth == 24.0 else pictures(depth)
         # Tiles before the nearest walls hold few waves, whose sum is not quite normal.
         assert np.mean(got) / np.mean(sky) == pytest.approx(share, abs=0.01)
-
-
-@pytest.mark.parametrize("sky", [(0.05, 0.25, 2.0), (0.5, 0.17, 2.0), (0.9, 0.3, 0.5), (0, 5, 1)])
-def test_a_wall_s_map_has_its_share_of_the_mean(sky: tuple[float, float, float]):
-    # By plain sums over a fine grid; the sky's own map where all of the air is there.
-    z = np.linspace(-8.0, 8.0, 200_001)
-    weight = np.exp(-0.5 * z * z) / np.exp(-0.5 * z * z).sum()
-
-    def opacity(mean: float, deviation: float) -> np.ndarray:
-        return np.clip(mean + deviation * z, 0.0, 1.0) ** sky[2]
-
-    shares = (0.01, 0.1, 1 / 3, 0.7, 1.0)
-    maps = wall_maps(sky, 1.0, shares, lambda share: share)
-    means, deviations = maps.at(np.array(shares), None)
-    whole = opacity(*sky[:2]) @ weight
-    for share, mean, part in zip(shares, means, deviations, strict=True):
-        assert opacity(mean, part * sky[1]) @ weight == pytest.approx(share * whole, rel=0.006)
-    assert (means[-1], deviations[-1]) == (sky[0], 1.0)
-    assert maps.at(np.zeros(1), None)[1] == 0.0
 
 
 def test_pixels_follow_edges_that_tiles_cannot():

@@ -42,31 +42,33 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+# What only some scenes have; together they have every table of a file.
 SCENES: dict[str, dict[str, Any]] = {
     "default": {},
     "color": {"size": (50, 40), "background": "#405060", "effects": [Snow("heavy")]},
     "light color": {"size": (50, 40), "background": (0.1, 0.2, 4.0), "effects": [FULL]},
     "picture": {"background": "sub/plate.png", "foreground": "sub/mask.png", "effects": [FULL],
-                "seed": -(2**63), "fps": 23.976, "space": "linear"},
+                "seed": -(2**63), "fps": 23.976, "space": "linear",
+                "depth": Path("sub/depth.exr")},
     "path": {"background": Path("sub/light.exr"), "effects": [Snow("paper")]},
     "sequence": {"background": "sub/film.%d.png", "effects": [Snow(flakes=100)]},
-    "velocity": {"size": (50, 40), "effects": [Snow(flakes=100), Snow(flakes=100, fall=0.5)],
-                 "camera": fl.CameraPath(fl.camera.Camera(80.0, center=(20.0, 11.0)),
-                                         velocity=Keys([(0, (0, 0, 1)), (9, (1, 0, 2))]))},
-    "gusts": {"size": (50, 40), "effects": [Snow(flakes=100, wind=fl.Wind(
-        Keys([(0, (1, 0, 0)), (9, (2, 0, 0))]), gusts=0.5, swirl=0.25, seed=9))]},
-    "profiles": {"size": (50, 40), "effects": [
-        Snow(flakes=100, wind=fl.Wind(profile=[(12, (1, 0, 0)), (48, (-1.5, 0.4, 0))])),
-        Snow(flakes=100, wind=fl.Wind((1, 0, 0), profile=[(1, 0.5), (9, 2)]))]},
-    "places": {"size": (50, 40), "effects": [Snow(flakes=100)],
+    "winds": {"size": (50, 40), "effects": [Snow(flakes=100, fall=0.5, wind=wind) for wind in (
+        fl.Wind(Keys([(0, (1, 0, 0)), (9, (2, 0, 0))]), gusts=0.5, swirl=0.25, seed=9),
+        fl.Wind(profile=[(12, (1, 0, 0)), (48, (-1.5, 0.4, 0))]),
+        fl.Wind((1, 0, 0), profile=[(1, 0.5), (9, 2)]))],
+        "camera": fl.CameraPath(fl.camera.Camera(80.0, center=(20.0, 11.0)),
+                                velocity=Keys([(0, (0, 0, 1)), (9, (1, 0, 2))]))},
+    "places": {"size": (50, 40), "effects": [Snow(flakes=100)], "depth": 3.25,
                "camera": fl.CameraPath(
                    fl.camera.Camera(77.7, offset=(0.1, 0, 0), center_shift=(1, 2),
-                                    rotation=(0, 0.1, 0)),
-                   position=RNG.normal(size=(4, 3)))},
-    "zoom": {"size": (50, 40), "effects": [Snow(flakes=100)],
+                                    rotation=(0, 0.1, 0)), position=RNG.normal(size=(4, 3))),
+               "sun": fl.scene.Sun((1.0, 2.0, 3.0), (1.0, 0.5, 0.25), 0.0)},
+    "zoom": {"size": (60, 40), "effects": [Snow(flakes=100)],
              "camera": fl.CameraPath(fl.camera.Camera(80.0), velocity=(0, 0, 1),
                                      orientation=Keys([(0, (0, 0, 0)), (9, (0.1, 0.2, -0.3))]),
-                                     focal=Keys([(0, 70.0), (9, 90.0)]))},
+                                     focal=Keys([(0, 70.0), (9, 90.0)])),
+             "depth": fl.scene.DepthMap("sub/mask.png", near=1.0, far=np.inf, white="far",
+                                        law="inverse")},
     "rain in lights": {
         "size": (50, 40), "light": fl.scene.Light(Keys([(0, 0.4), (9, 0.1)]), ground=(0.1, 0, 0)),
         "effects": [fl.Snow(color="local"), fl.effects.TentRain("downpour", fall=7.0, tile=512,
@@ -74,12 +76,6 @@ SCENES: dict[str, dict[str, Any]] = {
         "lights": [fl.scene.Lamp((1, 2, 3), color=(1, 0.5, 0.2), power=Keys([(0, 1.0), (9, 2.0)])),
                    fl.scene.Lamp((0, 0, 0), direction=(0, 0, 1), angle=0.5, carried=True)],
         "lens": fl.camera.Lens(focus=Keys([(0, 1.0), (9, 4.0)]), blades=3)},
-    "wall and sun": {"size": (50, 40), "depth": 3.25,
-                     "sun": fl.scene.Sun((1.0, 2.0, 3.0), (1.0, 0.5, 0.25), 0.0)},
-    "depth file": {"size": (60, 40), "depth": Path("sub/depth.exr"), "effects": [Snow(flakes=100)]},
-    "map": {"size": (60, 40), "effects": [Snow(flakes=100)],
-            "depth": fl.scene.DepthMap("sub/mask.png", near=1.0, far=np.inf, white="far",
-                                 law="inverse")},
 }  # fmt: skip
 
 

@@ -14,7 +14,6 @@ import pytest
 import flurries as fl
 from flurries.effects import ConeRain, ConeSnow, TentRain, TentSnow
 from flurries.effects.checks import LOOKS
-from flurries.effects.maps import map_at, power_share
 from measure import cover, same_flakes
 
 OWN, DROPS = (0.003, 0.007, 0.022), (0.001, 0.002, 0.006)
@@ -134,9 +133,6 @@ def test_thin_rain_is_brighter_than_rain_that_pours():
     assert 4.0 > thin > 3.7 and 2.2 > pours > 1.9
 
 
-KINDS = [fl.Snow, fl.Rain, fl.Mist]
-
-
 def test_a_density_is_the_same_behind_any_lens():
     snow = fl.effects.TentSnow(texture=0.0, haze=0.0, flake_density=20.0)
     covers = []
@@ -163,7 +159,7 @@ def test_knobs_of_others_and_of_copies_are_refused_by_name():
         replace(fl.Snow(severity=2), severity=3)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [fl.Snow, fl.Rain, fl.Mist])
 def test_a_knob_leaves_what_is_given_and_is_written_out(kind: Any, tmp_path: Path):
     plain = kind(severity=3)
     if kind is not fl.Mist:
@@ -209,31 +205,6 @@ def test_a_small_picture_is_the_large_one_made_smaller(name: str):
         small = opacities(effect, width, count)
         assert small.mean() == pytest.approx(large.mean(), rel=mean), width
         assert small.std() == pytest.approx(large.std(), rel=deviation), width
-
-
-def test_the_tuned_size_is_left_alone_and_maps_keep_their_moments():
-    assert power_share((3.0, 24.0), 0.75, 1024) == 1.0
-    assert map_at(0.05, 2.0, 2.0, 1.0) == (0.05, 2.0)
-    z = np.random.default_rng(3).standard_normal((2, 400_000))
-    for share in (0.2, 0.6, 1.1):
-        rho = min(share, 1.0 / share)
-        # Two pictures that share what is seen, and differ in what is not.
-        again = rho * z[0] + math.sqrt(1.0 - rho**2) * z[1]
-        mean, spread = map_at(0.05, 2.0, 2.0, share)
-
-        def mapped(field: np.ndarray, mean: float, spread: float) -> np.ndarray:
-            return np.clip(mean + field / (2.0 * spread), 0.0, 1.0) ** 2
-
-        def seen(mean: float, spread: float, z1: np.ndarray, z2: np.ndarray) -> tuple[float, float]:
-            """Mean and variance of what is left when only a share of the field is seen."""
-            first, second = mapped(z1, mean, spread), mapped(z2, mean, spread)
-            return float(first.mean()), float(np.cov(first, second)[0, 1])
-
-        part, whole = (z[0], again), (z[0], z[0])
-        tuned = seen(0.05, 2.0, *(part if share < 1.0 else whole))
-        fitted = seen(mean, spread, *(whole if share < 1.0 else part))
-        assert fitted[0] == pytest.approx(tuned[0], rel=0.01)
-        assert fitted[1] == pytest.approx(tuned[1], rel=0.03)
 
 
 # A change of any number of a look needs another version.

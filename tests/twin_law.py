@@ -34,11 +34,11 @@ class Law:
     def slope(self) -> float:
         """Return s of exp(-s D): halve an interval until the mean is right."""
         small, mean, large = self.sizes
-        low, high = -700.0 / (large - small), 700.0 / (large - small)
+        low, high = -700.0 / (large - small), 1e5 / (large - small)
         for _ in range(200):
             s = 0.5 * (low + high)
             x = s * (large - small)
-            got = 0.5 if abs(x) < 1e-6 else 1.0 / x - 1.0 / math.expm1(x)
+            got = 0.5 if abs(x) < 1e-6 else 1.0 / x - 1.0 / math.expm1(min(x, 700.0))
             low, high = (s, high) if small + got * (large - small) > mean else (low, s)
         return 0.5 * (low + high)
 

@@ -167,6 +167,10 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
     },
     "effects.register": {"kind": ("snow", "My Ash"), "effect": (int, fl.Mist())},
     "augment.contrast_loss": {"amount": (-0.1, 1.1)},
+    "spectral.export_loop": {
+        "pattern": ("%d.jpg", "%d.hdr", "%d.mp4", "still.png"), "bits": (12,), "overwrite": (1,),
+        "spread": (0.0,), "amount": (1.5,),
+    },
     "Scene.write": {
         "damaged": ("ignore",), "layers": (True,), "overwrite": ("yes",),
         "frames": ([], "x", [1.5], [True], 1.5, "0-99999999", ["1"]),
