@@ -176,7 +176,7 @@ bench-check: $(VENV)/.tools
 
 # Hashes of frames in the reproducible mode; a change wants a line in the changelog.
 hashes: $(VENV)/.tools
-	$(BIN)/python tests/make_hashes.py
+	$(BIN)/python tests/same_bits.py --take
 
 # Kills, interruptions, damaged files, forks and leaks by the hundred: docs/internals/reliability.md, some half
 # an hour; LENGTH=0.1 takes a tenth of it.

@@ -1,7 +1,4 @@
-"""Many values in one case: `@every` in the place of `@pytest.mark.parametrize`.
-
-For checks that take little and fail for one reason: a report of a thousand lines says nothing.
-"""
+"""Many values in one case: `@every` in the place of `@pytest.mark.parametrize`."""
 
 import functools
 import inspect

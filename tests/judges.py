@@ -1,14 +1,11 @@
-"""What tells falling snow from its imitations, as functions of pictures: pure NumPy.
-
-A picture is an opacity, (h, w) float64; x goes right and y down. Every judge has a negative control
-in the tests, an imitation that it finds out.
-"""
+"""What tells falling snow from its imitations, as functions of pictures: pure NumPy."""
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+# An opacity, (h, w): x goes right, y down.
 Picture = npt.NDArray[np.float64]
 Numbers = dict[str, float]
 # From places (2, n) px, nearness (n,) 1/m and two times to places.
@@ -29,11 +26,7 @@ def euler(above: npt.NDArray[np.bool_]) -> float:
 
 
 def numbers(picture: Picture) -> Numbers:
-    """Return moments, power by octave (finest first) and Euler numbers of a picture.
-
-    Kurtosis is that of which a Gaussian has 3. The Euler number of a level p is that of the pixels
-    above the picture's own p-th percentile.
-    """
+    """Return moments, power by octave (finest first), and Euler numbers above own percentiles."""
     away = picture - picture.mean()
     deviation = max(float(away.std()), 1e-300)
     found = {
@@ -75,11 +68,7 @@ def slopes(picture: Picture, block: int = BLOCK) -> Picture:
 
 
 def direction(sums: Picture) -> Picture:
-    """Return the mean of gx gy over the root of the means of gx^2 and gy^2, from -1 to 1.
-
-    Streaks from above left to below right have less than 0. `sums` (3, ...) may be added up over
-    blocks and over pictures before.
-    """
+    """Return mean gx gy over the root of the means of gx^2 and gy^2, -1 to 1, of sums (3, ...)."""
     both, across, down = sums
     return np.asarray(both / np.maximum(np.sqrt(across * down), 1e-300))
 
@@ -188,10 +177,7 @@ def largest(first: Picture, later: Picture, reach: int = 64) -> float:
 
 
 def repeated(picture: Picture, lobe: int = 40) -> float:
-    """Return the largest correlation of a picture with itself, shifted by up to half its sides.
-
-    Shifts of less than `lobe` px in both directions are one flake and its streak.
-    """
+    """Return the largest correlation of a picture with itself, shifted beyond a flake's streak."""
     reach = picture.shape[0] // 2, picture.shape[1] // 2
     found = correlations(picture, picture, reach)
     y, x = np.meshgrid(*(np.arange(-r, r + 1) for r in reach), indexing="ij")
@@ -199,11 +185,7 @@ def repeated(picture: Picture, lobe: int = 40) -> float:
 
 
 def strangers(ours: np.ndarray, other: np.ndarray, *, whole: bool = True) -> int:
-    """Return how many flakes two lists don't share: other identities, or places 1e-9 m apart.
-
-    Lists have fields `id` and `place`. Of `ours` each must be in `other`; `whole` asks for the
-    opposite, too.
-    """
+    """Return how many flakes of `ours`, or of both if `whole`, the other list has not there."""
     both, a, b = np.intersect1d(ours["id"], other["id"], return_indices=True)
     away = np.abs(ours["place"][a] - other["place"][b]).max(axis=1, initial=0.0) > 1e-9
     missing = len(ours) - len(both) + (len(other) - len(both) if whole else 0)

@@ -1,7 +1,4 @@
-"""Velocities of bands of waves, measured on rendered frames: nothing is told how fast they move.
-
-Shifts are (x, y) in pixels between two frames. A parallax is depth times motion, m px per frame.
-"""
+"""Velocities of bands of waves, measured on rendered frames: shifts are (x, y) px."""
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise

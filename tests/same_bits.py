@@ -1,12 +1,13 @@
-"""What must have the same bits wherever it is made: kernels and scenes, and their hashes.
+"""What must have the same bits wherever it is made: kernels and scenes, whose hashes it prints.
 
-`python same_bits.py kernels` prints the hashes of the kernels' results as JSON; `scenes` those of
-frames. The tests run it with other vector instructions, threads and processes.
+`make hashes` takes those of frames anew: a scene that has changed gets the next number.
 """
 
 import hashlib
 import json
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -185,5 +186,21 @@ def of_scenes(frames: tuple[float, ...] = (0, 7.25, 1000)) -> dict[str, str]:
     return found | {name: digest(weather(PLATE, index=1)) for name, weather in WEATHERS.items()}
 
 
+def take() -> None:
+    fl.settings(reproducible=True)
+    file = Path(__file__).parent / "frames" / "hashes.json"
+    kept = json.loads(file.read_text(encoding="utf-8"))
+    for name, found in of_scenes().items():
+        number = kept[name]["number"] if name in kept else 0
+        if number == 0 or kept[name]["sha256"] != found:
+            kept[name] = {"sha256": found, "number": number + 1}
+            if number:
+                print(f"CHANGELOG.md wants: Frames of `{name}` change ({number + 1}): why.")
+    file.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+
+
 if __name__ == "__main__":
-    print(json.dumps({"kernels": of_kernels(), "scenes": of_scenes()}))
+    if "--take" in sys.argv:
+        take()
+    else:
+        print(json.dumps({"kernels": of_kernels(), "scenes": of_scenes()}))

@@ -71,9 +71,21 @@ def assert_reads_as(path, color, alpha, encoding):
         assert same_bits(picture.alpha, np.ascontiguousarray(alpha))
 
 
+def spec_of(path):
+    """Return what OpenImageIO says of a file."""
+    reader = oiio.ImageInput.open(str(path))
+    assert reader is not None, oiio.geterror()
+    return reader.spec()
+
+
+def kinds_of(spec):
+    """Return the types of channels by their names."""
+    return {name: str(spec.channelformat(n)) for n, name in enumerate(spec.channelnames)}
+
+
 def header_of(path):
     """Return what other programs see under ``flurries:`` in a picture's header."""
-    spec = oiio.ImageInput.open(str(path)).spec()
+    spec = spec_of(path)
     said = spec.get_string_attribute("ImageDescription")
     found = json.loads(said) if said.startswith("{") else {}
     found |= {one.name: one.value for one in spec.extra_attribs if one.name.startswith("flurries:")}

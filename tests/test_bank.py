@@ -18,10 +18,7 @@ def depth_of(effect, shape=(256, 256), t=0.0, *, seed=0, **about):
 
 
 def spectrum_of(planes):
-    """Return wavelengths and the power spectral density over k^(-11/3), both in rings.
-
-    By a tapered window; power is averaged over rings from four waves to a window to two pixels.
-    """
+    """Return wavelengths, from a fourth of a window to 2 px, and the power over k^(-11/3)."""
     height, width = planes[0].shape
     window = np.outer(np.hanning(height), np.hanning(width))
     centred = [(plane - np.average(plane, weights=window)) * window for plane in planes]

@@ -1,7 +1,4 @@
-"""Cameras from elsewhere: known points must be seen where the program that wrote them sees them.
-
-Each judge projects with its own program's axes and formulas; SciPy makes its rotations.
-"""
+"""Cameras from elsewhere: points are seen where the program that wrote them sees them."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -157,14 +157,6 @@ def flakes(**more: Any) -> fl.Scene:
     return fl.Scene(np.zeros((256, 384, 3), np.float32), effects=[snow], seed=2, **more)
 
 
-def test_a_focus_that_is_pulled_and_a_second_eye():
-    film = flakes(lens=fl.camera.Lens(focus=fl.Keys([(0, 1.0), (40, 10.0)]), f_stop=1.8))
-    assert np.abs(film.render(0) - film.render(20)).max() > 0.05
-    left, right = film.stereo(5, distance=0.06)
-    assert np.array_equal(left, film.stereo(5, distance=0.06)[0])
-    assert np.abs(left - right).max() > 0.05
-
-
 def test_a_photograph_has_the_usual_lens_and_a_still_s_exposure(tmp_path: Any):
     fl.io.write_picture(tmp_path / "plate.png", np.full((48, 64, 3), 90, np.uint8))
     still = fl.Scene(tmp_path / "plate.png", effects=[fl.Snow()])

@@ -79,12 +79,7 @@ KEPT = json.loads((HERE / "frames" / "hashes.json").read_text(encoding="utf-8"))
 
 def test_kept_hashes():
     """In the reproducible mode; `make hashes` takes others, with a line in the changelog."""
-    code = "import json; from same_bits import of_scenes; print(json.dumps(of_scenes()))"
-    done = subprocess.run(
-        [sys.executable, "-c", f"import flurries; flurries.settings(reproducible=True); {code}"],
-        text=True, capture_output=True, cwd=HERE,
-    )  # fmt: skip
-    found = json.loads(done.stdout)
+    found = of_process(**ON)["scenes"]
     assert set(found) == set(KEPT)
     for name, value in found.items():
         assert value == KEPT[name]["sha256"], f"frames of {name!r} have changed"

@@ -167,11 +167,7 @@ RADIUS, DENSITY = 0.45, 0.4
 
 
 def mean_transmittance(footprint, near, far, draws, *, edge):
-    """Mean T of the four rays through random slabs, and its standard error.
-
-    Middles fill a slab from `near` to `far`, farther to the sides than any ray's reach; how many is
-    a Poisson number, so that exp(-beta L) is exact.
-    """
+    """Mean T of four rays through slabs of a Poisson number of particles, and its error."""
     low, high = np.array([-1.0, -1.0, near]), np.array([far + 1.0, 1.0, far])
     volume = np.prod(high - low)
     rng = np.random.default_rng(17)
@@ -257,10 +253,7 @@ def test_phase_functions_keep_the_light():
 
 
 def test_what_changes_in_flight_is_motion_and_no_jump():
-    """Of a box around the eye, half is behind: an exact particle alone may take .03 in a frame.
-
-    A motion's step halves with the time between two frames, a jump's does not.
-    """
+    """A motion's step halves with the time between two frames, a jump's does not."""
     camera = fl.Camera(42.0)
 
     def largest(near_mode, step, footprint="viewplane_c"):

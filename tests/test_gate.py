@@ -1,7 +1,4 @@
-"""The gate between Python and the kernels: panics, forks, Ctrl-C, the GIL, threads, memory, exits.
-
-Most of it runs in processes of their own, so that a hang or a crash is a failed test and no more.
-"""
+"""The gate to the kernels, in processes of their own: panics, forks, Ctrl-C, the GIL, memory."""
 
 import os
 import subprocess

@@ -17,7 +17,16 @@ from flurries.io import (
     write_layers,
     write_picture,
 )
-from stills import as_read, assert_reads_as, header_of, levels, noise, same_bits
+from stills import (
+    as_read,
+    assert_reads_as,
+    header_of,
+    kinds_of,
+    levels,
+    noise,
+    same_bits,
+    spec_of,
+)  # fmt: skip
 
 SHAPES = [(21, 34), (21, 34, 4), (130, 5, 3), (1, 1, 3)]
 
@@ -222,8 +231,7 @@ def test_layers_come_back(tmp_path):
         assert same_bits(found[name], wanted), name
     # A program that knows nothing of layers sees the picture.
     np.testing.assert_array_equal(read_picture(tmp_path / "a.exr").pixels, found["rgba"][..., :3])
-    spec = oiio.ImageInput.open(str(tmp_path / "a.exr")).spec()
-    kinds = dict(zip(spec.channelnames, map(str, spec.channelformats), strict=True))
+    kinds = kinds_of(spec_of(tmp_path / "a.exr"))
     assert (kinds["R"], kinds["depth.Z"], kinds["alpha.A"]) == ("half", "float", "half")
 
 
@@ -236,9 +244,8 @@ def test_whole_numbers_come_back_to_the_bit(tmp_path):
     for name, given in {"a": layers, "b": {"snow.id": numbers.astype(np.uint64)}}.items():
         path = tmp_path / f"{name}.exr"
         write_layers(path, given)
-        spec = oiio.ImageInput.open(str(path)).spec()
-        kinds = {n: str(spec.channelformat(i)) for i, n in enumerate(spec.channelnames)}
-        assert kinds["snow.id.lo"] == kinds["snow.id.hi"] == "uint"
+        spec = spec_of(path)
+        assert kinds_of(spec)["snow.id.lo"] == kinds_of(spec)["snow.id.hi"] == "uint"
         reader = oiio.ImageInput.open(str(path))
         halves = {"snow.id.lo": numbers & 0xFFFFFFFF, "snow.id.hi": numbers >> 32}
         for channel, wanted in halves.items():

@@ -1,7 +1,4 @@
-"""Every judge of falling snow finds its imitation out, and lets flakes drawn one by one pass.
-
-The twin that draws them is judged by fine sums, and by closed forms.
-"""
+"""Every judge of falling snow finds its imitation out, and lets flakes drawn one by one pass."""
 
 import math
 from functools import cache

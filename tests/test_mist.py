@@ -148,11 +148,7 @@ def test_a_lamp_lights_the_particles_around_it():
 def integral(
     beta: float, lamp: Any, ray: Any, end: float, spot: float = 0.0, start: float = 0.0
 ) -> float:
-    """Return the light of a lamp of power 60 and radius .05 m along a ray between two depths.
-
-    Single scattering with extinction on both ways, summed in float64; a spot of `spot` radians from
-    axis to rim shines along x.
-    """
+    """Return the light of a lamp of power 60 and radius .05 m, or a spot along x, along a ray."""
     length = np.linalg.norm(ray)
     way, start, end = np.asarray(ray) / length, start * length / ray[2], end * length / ray[2]
     lamp = np.asarray(lamp, np.float64)

@@ -1,9 +1,4 @@
-"""What holds for every public function and class: one table, and a case for each of its aspects.
-
-The list is made from the package, the calls stand in `public/`. An aspect has a row for those that
-it applies to: a function without arrays has none in the layouts. The right answer or a TypeError or
-ValueError that names the argument; never a wrong answer, and never a written input.
-"""
+"""What holds for every public function and class: one table, and a case for each aspect."""
 
 from __future__ import annotations
 

@@ -14,6 +14,7 @@ from flurries.cli.main import main
 from flurries.io.colorspace import config_hash
 from flurries.scene.fingerprint import fingerprint
 from flurries.scene.output import Output
+from stills import spec_of as header
 
 SNOW = [fl.Snow("heavy")]
 # Of every field a value that is not its default.
@@ -26,10 +27,6 @@ OTHER = {
 
 def scene(**output: object) -> fl.Scene:
     return fl.Scene("#203040", size=(40, 30), effects=SNOW, output=fl.scene.Output(**output))
-
-
-def header(file: Path) -> oiio.ImageSpec:
-    return oiio.ImageInput.open(str(file)).spec()
 
 
 @pytest.mark.parametrize("name", OTHER)

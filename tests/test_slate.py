@@ -13,6 +13,7 @@ import flurries as fl
 from flurries import io
 from flurries.cli import main
 from flurries.io.timecode import TimeCode
+from stills import spec_of as header
 from stills import write_exr
 
 H, W = 24, 36
@@ -39,14 +40,6 @@ def plate(
         path, pixels.astype(np.float16), ("R", "G", "B", "A")[: pixels.shape[2]], kind="half",
         data=windows[:2], display=windows[2:], header=said,
     )  # fmt: skip
-
-
-def header(path: Path) -> Any:
-    reader = oiio.ImageInput.open(str(path))
-    assert reader is not None, oiio.geterror()
-    spec = reader.spec()
-    reader.close()
-    return spec
 
 
 KINDS: dict[str, Any] = {"composite": {}, "layers": {"layers": True}, "alone": {"alone": True}}

@@ -1,7 +1,4 @@
-"""The judge is judged: the twin against published constants, theory, and a second way to compute.
-
-Nothing here imports the package. A twin that is wrong would make every other test worthless.
-"""
+"""The twin is judged by published constants, theory, and a second way to compute."""
 
 import numpy as np
 import pytest

@@ -1,8 +1,4 @@
-"""The arrows of the package and of the Rust tree: imports go one way, down to the kernels.
-
-Read from the sources, so that an import counts wherever it stands: at the top of a module, inside a
-function, or for type checkers alone.
-"""
+"""The arrows of the package and of the Rust tree: imports go one way, down to the kernels."""
 
 import ast
 import re

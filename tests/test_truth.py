@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 import flurries as fl
 from flurries.effects import TentRain, TentSnow
 from flurries.io import read_layers
-from stills import header_of
+from stills import header_of, kinds_of, spec_of
 
 SIZE, FOCAL, FPS, T = np.array((240, 180)), 260.0, 30.0, 12.0
 SPEED, SPIN, ZOOM = np.array((0.5, -0.2, 2.0)), np.array((0.0, 0.0125, 0.0)), 2.0
@@ -172,8 +172,7 @@ def test_channels_are_called_as_compositors_call_them(tmp_path: Path):
     two = [TentSnow(flakes=300), TentRain()]
     scene = fl.Scene(LIGHT, effects=two, depth=30.0, foreground=front, seed=9)
     scene.write(tmp_path / "a.exr", 12, layers=True, plate=True)
-    spec = oiio.ImageBuf(str(tmp_path / "a.exr")).spec()
-    types = {name: str(spec.channelformat(i)) for i, name in enumerate(spec.channelnames)}
+    types = kinds_of(spec_of(tmp_path / "a.exr"))
     named = {*"RGBA", "depth.Z", "alpha.A", "weather.depth.Z"}
     named |= {f"{way}.{c}" for way in ("forward", "backward") for c in "uv"}
     named |= {f"background.{c}" for c in "RGB"} | {f"foreground.{c}" for c in "RGBA"}
@@ -236,8 +235,7 @@ def test_two_eyes_are_two_views(layers: bool, tmp_path: Path):
         spec = buffer.spec()
         assert (buffer.nsubimages, spec["view"], spec["oiio:subimagename"]) == (2, name, name)
         assert ("snow.forward.u" in spec.channelnames) == layers
-        kinds = {n: str(spec.channelformat(i)) for i, n in enumerate(spec.channelnames)}
-        assert kinds.get("snow.id.hi") == ("uint" if layers else None)
+        assert kinds_of(spec).get("snow.id.hi") == ("uint" if layers else None)
         assert spec["flurries:frame"] == "4"
         got = oiio.ImageBufAlgo.channels(buffer, ("R", "G", "B")).get_pixels(oiio.FLOAT)
         assert np.array_equal(got, scene.render(4, eye=eyes[name]))

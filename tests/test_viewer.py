@@ -1,7 +1,4 @@
-"""What the viewer answers: the picture of where the sliders stand, its charts, the scene's text.
-
-How it looks and feels in a browser is judged in `tests/browser`.
-"""
+"""What the viewer answers: the picture where the sliders stand, its charts, the scene's text."""
 
 import io
 import math

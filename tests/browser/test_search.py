@@ -1,8 +1,4 @@
-"""The site's own search, in a real browser: what a new user types leads to the page that answers.
-
-Run by `make test-browser`. Each question has the words that somebody would type and the pages that
-answer it; one of them is among the first three rows.
-"""
+"""The site's search in a real browser: what a new user types leads to the page that answers."""
 
 import os
 import shutil

@@ -1,8 +1,4 @@
-"""The viewer in a real browser and in JupyterLab: a slider is dragged, and the picture follows.
-
-Run by `make test-browser`, which finds or installs chromium. Screenshots stay in
-``build/screenshots`` to be looked at.
-"""
+"""The viewer in a browser and in JupyterLab, whose screenshots stay in build/screenshots."""
 
 import base64
 import io

@@ -1,7 +1,4 @@
-"""The programs that take our files: oiiotool, ffprobe, OpenEXR's own module, and Blender.
-
-Each test is left out, with a word, where its program is missing; `make test-clients` installs them.
-"""
+"""The programs that take our files: oiiotool, ffprobe, OpenEXR's own module, and Blender."""
 
 import json
 import shutil

@@ -1,8 +1,4 @@
-"""All public functions and classes, from one list, each with a call that it takes.
-
-`test_public.py` asks of each what its signature promises. What is in some `__all__` and has no call
-here fails there.
-"""
+"""All public functions and classes, from one list, each with a call that it takes."""
 
 import importlib
 import importlib.util

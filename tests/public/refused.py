@@ -1,8 +1,4 @@
-"""Values of the right type that are refused all the same: out of range, or the wrong way round.
-
-Added to what the calls themselves refuse. Whatever is refused everywhere (no number, not finite, no
-name, a wrong type) is in `values.HOSTILE`.
-"""
+"""Values of the right type that are refused all the same, beside those of the calls."""
 
 from typing import Any
 
