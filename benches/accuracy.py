@@ -51,7 +51,7 @@ def measure(ways: Sequence[Way], runs: int) -> list[Point]:
 
 
 def unbeaten(costs: Sequence[tuple[float, float]]) -> list[bool]:
-    """Return for each (error, time) whether no other is at most as large in both, and not equal."""
+    """Return for each (error, time) whether no other is at most as large in both."""
     return [
         not any(e <= error and t <= spent and (e, t) != (error, spent) for e, t in costs)
         for error, spent in costs
@@ -93,7 +93,6 @@ LEAST = 1e-17
 
 
 def plot(studies: Sequence[tuple[Axis, list[Point]]], file: Path) -> None:
-    """Write plots side by side, two in a row."""
     rows = -(-len(studies) // 2)
     figure, grid = plt.subplots(rows, 2, figsize=(16.0, 3.6 * rows), dpi=90, squeeze=False)
     for ax, (axis, points) in zip(grid.flat, studies, strict=False):
@@ -104,7 +103,6 @@ def plot(studies: Sequence[tuple[Axis, list[Point]]], file: Path) -> None:
 
 
 def draw(ax: Any, axis: Axis, points: Sequence[Point]) -> None:
-    """Draw an axis: dots at the fastest run, and the settings in a list that lines lead to."""
     points = sorted(points, key=lambda point: point.error)
     best = [point for point in points if point.best]
     ax.plot([p.fastest for p in best], [max(p.error, LEAST) for p in best], "-", color=FRONT)
@@ -129,7 +127,6 @@ def draw(ax: Any, axis: Axis, points: Sequence[Point]) -> None:
 
 
 def main() -> None:
-    """Measure axes, print their tables, and write the page with its plots if that is asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("axes", nargs="*", metavar="AXIS", help=f"of {', '.join(AXES)}")
     parser.add_argument("--write", action="store_true", help="make the page of all axes")

@@ -1,9 +1,4 @@
-"""How a frame goes through the code: ``python benches/calls.py``.
-
-Counts the calls of Python functions of flurries, in how many files, how often the way goes from one
-file to another, and how many calls are checks, for a heavy frame and for one with layers. The first
-frame is of a process in which nothing is kept; the others are later ones.
-"""
+"""How often a frame goes from one file of the package to another: ``python benches/calls.py``."""
 
 from __future__ import annotations
 
@@ -22,7 +17,6 @@ FOLDER = str(Path(fl.__file__).parent)
 
 
 def counts(call: Any) -> dict[str, int]:
-    """Return what a call does inside the package."""
     way: list[str] = []
 
     def look(frame: FrameType, event: str, _: Any) -> None:
@@ -44,7 +38,6 @@ def counts(call: Any) -> dict[str, int]:
 
 
 def main() -> None:
-    """Print a table."""
     picture = np.zeros((512, 512, 3), np.uint8)
     still = fl.Scene(picture, effects=[fl.Snow("heavy")])
     flying = still.replace(camera=fl.CameraPath(fl.Camera(600.0), velocity=(0.0, 0.0, 1.0)))

@@ -1,10 +1,4 @@
-"""The double cone's two properties and its speed, as ratios within one run.
-
-    python benches/cone.py [--plot FILE]
-
-Variants take turns on one thread, and processor time is counted, so that a busy machine
-matters less; read the ratios.
-"""
+"""The double cone's two properties and its speed: ``python benches/cone.py [--plot FILE]``."""
 
 from __future__ import annotations
 
@@ -25,7 +19,6 @@ COUNTS = (300, 1000, 3000, 10_000, 30_000, 100_000, 300_000)
 
 
 def speed() -> None:
-    """Print what a frame costs against a copy of its alpha."""
     shape, camera = (SIZE, SIZE), fl.Camera(1.2 * SIZE)
     tile = cone.rain_tile(512, seed=1)
     texture = cone.Texture(tile)
@@ -113,7 +106,6 @@ def plot(curves: dict[str, list[float]], file: str) -> None:
 
 
 def main() -> None:
-    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--plot", metavar="FILE", help="draw cost against density")
     options = parser.parse_args()

@@ -68,7 +68,6 @@ class Case:
         return self.width, 3 * self.width // 4
 
     def effect(self, method: str = "flakes") -> Any:
-        """Return the snow or the rain."""
         fields = {
             **WEATHERS[self.weather], "wind": (self.wind, 0.0, 0.0), "shape": "round",
             "near": NEAR, "color": 1.0, "method": method, "shutter": 0.5, "clumps": 0.0,
@@ -76,15 +75,10 @@ class Case:
         return fl.Rain(**fields) if self.weather == "rain" else fl.Snow(**fields)
 
     def scene(self, seed: int, method: str = "flakes") -> fl.Scene:
-        """Return the scene of the package."""
         velocity, spin = CAMERAS[self.camera]
-        path = fl.CameraPath(
-            fl.Camera(1.2 * self.width),
-            velocity=velocity if any(velocity) else None,
-            orientation=fl.Keys([(0.0, (0.0, 0.0, 0.0)), (30 * FPS, (0.0, 30.0 * spin, 0.0))])
-            if spin
-            else None,
-        )
+        turn = fl.Keys([(0.0, (0.0, 0.0, 0.0)), (30 * FPS, (0.0, 30.0 * spin, 0.0))])
+        about = {"orientation": turn} if spin else {"velocity": velocity} if any(velocity) else {}
+        path = fl.CameraPath(fl.Camera(1.2 * self.width), **about)
         # White before black in floats is opacity.
         black = np.zeros((*self.size[::-1], 3), np.float32)
         return fl.Scene(

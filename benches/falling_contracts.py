@@ -1,8 +1,6 @@
 """What falling snow must keep by itself: identities, motion, sizes of picture, bounds, costs.
 
-`fl.flakes(scene, t)` lists the flakes that a frame draws: `id`, `place` in the house's axes from
-the camera's place at frame 0, `pixel`, `depth`, `diameter`, `opacity`. Costs alone, in processor
-time on one thread: ``python benches/falling_contracts.py``.
+Costs alone, in processor time on one thread: ``python benches/falling_contracts.py``.
 """
 
 from __future__ import annotations
@@ -25,7 +23,6 @@ from twin_falling import View
 
 
 def verdict(name: str, off: float, limit: float) -> str:
-    """Return a line."""
     return f"- {name}: {off:.4g}, limit {limit:g}, {'pass' if off <= limit else 'miss'}"
 
 

@@ -1,14 +1,8 @@
 """Falling snow and rain against flakes drawn one by one: ``python benches/falling_statistics.py``.
 
-The twin of `tests/twin_falling.py` is NumPy in float64 with random numbers of its own, and the
-judges are those of `tests/judges.py`. For each camera, wind and weather the figures of the package
-and of the twin are compared over seeds. "miss" is beyond the limit by more than two standard
-errors, "unsure" within two of it: more seeds decide.
-
 ``--quick`` measures 9 cases with 2 seeds in some minutes, ``--cases`` those whose names begin so,
 and ``--write`` makes docs/internals/falling_statistics.md. ``--of simulated`` judges the method
 that draws all flakes, and ``--of twin`` the twin by other seeds of its own, which must not miss.
-What is asked of the package alone is in `benches/falling_contracts.py`.
 """
 
 from __future__ import annotations

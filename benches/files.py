@@ -1,10 +1,7 @@
-"""What files and a first picture cost beside what is asked of them, on a quiet machine.
+"""What files and a first picture cost: ``python benches/files.py``, with ``--check`` 15 % at most.
 
-    python benches/files.py [--check]
-
-Files of 1920 x 1080 px of heavy snow, the least of some runs; `--check` fails where a limit is
-missed by 15 %. A film was asked to take 1.15 of its encoder alone; where frames and encoder need
-more of all processors than that, it is judged by what they need, which a row says.
+A film was asked to take 1.15 of its encoder alone; where frames and encoder need more of all
+processors than that, it is judged by what they need, which a row says.
 """
 
 import os

@@ -1,8 +1,4 @@
-"""What the eye inside the gas costs: ``python benches/gas.py``.
-
-For both eyes, beside the frames a second of Johnson 2005, section 4.1. Frames of a moving fog are
-in `benches/layers.py`.
-"""
+"""What both eyes inside the gas cost, beside Johnson 2005, section 4.1: ``benches/gas.py``."""
 
 from __future__ import annotations
 
@@ -15,8 +11,7 @@ import flurries as fl
 PAPER = {(1000, 0.4): 50, (2000, 0.4): 14, (2000, 0.32): 20}
 
 
-def inside(runs: int) -> None:
-    """Print what the eye inside the gas costs, one and both."""
+def inside() -> None:
     shape, camera = (480, 640), fl.Camera(560.0)
     both = fl.stereo.eyes(camera, distance=0.065, convergence=4.0)
     layers = [np.empty((*shape, 4), np.float32) for _ in both]
@@ -32,7 +27,7 @@ def inside(runs: int) -> None:
         row = []
         for threads in (1, 2):
             fl.set_threads(threads)
-            found = timed({"both": lambda c=centers, r=radius: anaglyph(c, r)}, runs)
+            found = timed({"both": lambda c=centers, r=radius: anaglyph(c, r)}, 15)
             row.append(1e3 / found["both"][0])
         print(
             f"  {number} particles r {radius}: {row[0]:.0f}, {row[1]:.0f} on two threads; "
@@ -41,4 +36,4 @@ def inside(runs: int) -> None:
 
 
 if __name__ == "__main__":
-    inside(15)
+    inside()

@@ -56,7 +56,6 @@ def ratios(flat: fl.Scene, deep: fl.Scene, rounds: int) -> list[float]:
 
 
 def measured(rounds: int) -> dict[str, list[float]]:
-    """Return the ratios of all scenes by name."""
     fl.set_threads(1)
     return {
         f"{name}, {about}": ratios(*pair, rounds)

@@ -2,12 +2,8 @@
 
     python benches/paper_tables.py [--runs N] [--images FOLDER]
 
-Table 1 gives particle counts and texture sizes; each scene is drawn to a window of 800 x 600 as
-uint8. Columns as in Table 2: the scene without weather (here: a copy of its picture), few
-particles, many, the spectral snow alone, few particles and the spectral snow. The paper's textures
-were made beforehand and replayed: "replayed" takes its frame from a loop of 30 textures of the
-table's size, "spectral" makes it anew, in tiles of 64 px (rain: in one texture, as it must).
-Milliseconds are the least of interleaved runs: read the ratios.
+The paper's textures were made beforehand: "replayed" takes its frame from a loop of 30 of the
+table's size, "spectral" makes it anew. Milliseconds are the least of runs in turns: read ratios.
 """
 
 from __future__ import annotations
@@ -83,7 +79,6 @@ class Scenery:
         self.loop = list(fl.spectral.opacity(field, **(RAIN if row.rain else SNOW)))
 
     def alpha(self, t: float) -> np.ndarray:
-        """Make the texture of a frame."""
         size = (self.row.texture, self.row.texture)
         torus = {"tile": size, "overlap": 0} if self.row.rain and not self.row.flying else {}
         how = {"seed": 1, "texture": fl.spectral.Texture(**torus, **self.band)}
@@ -189,7 +184,6 @@ def stills(scenes: list[Scenery], folder: Path) -> None:
 
 
 def main() -> None:
-    """Print both tables and the ratios."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=15)
     parser.add_argument("--images", type=Path)

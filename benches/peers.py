@@ -2,8 +2,8 @@
 
     python benches/peers.py [--here | --labels] [--page docs/internals/peers.md]
 
-Makes .venv-peers, installs everyone and us and measures there; `--here` in the environment that
-runs it, and `--labels` ours with boxes and depths alone. How it measures says the page.
+Makes .venv-peers, installs everyone and us and measures there; `--here` in this environment, and
+`--labels` ours with boxes and depths alone.
 """
 
 from __future__ import annotations
@@ -226,7 +226,6 @@ def verdict(times: Times) -> list[str]:
 
 
 def page(times: Times, failures: list[str]) -> str:
-    """Return the page."""
     parts = [
         "# Weather for data sets, beside that of other libraries\n",
         "Made by `make peers` (`python benches/peers.py --page docs/internals/peers.md`), which"
@@ -271,7 +270,6 @@ def tables(times: Times) -> list[str]:
 
 
 def classes(shapes: Any, failures: list[str]) -> dict[str, dict[str, list[Call]]]:
-    """Return the calls to be timed, ours first."""
     from skimage import data
 
     import flurries as fl

@@ -64,7 +64,6 @@ class Tuned:
         self.window = np.outer(weight, weight)
 
     def __call__(self) -> np.ndarray:
-        """Make one frame."""
         turn = np.float32(2 * np.pi) * (self.phases + self.cycles)
         bins = np.empty(turn.shape, np.complex64)
         np.cos(turn, out=bins.real)

@@ -1,10 +1,4 @@
-"""The speeds on their page: ratios within one run.
-
-    python benches/speed.py [--page docs/internals/performance.md]
-
-Variants of 1024 x 1024 float32 take turns, so that a busy moment of the machine meets all of them.
-Each instruction set of the machine runs in a process of its own.
-"""
+"""The speeds on their page, ratios in one run: ``python benches/speed.py [--page FILE]``."""
 
 from __future__ import annotations
 
@@ -69,7 +63,6 @@ def scenes(shape: tuple[int, int] = SHAPE) -> Calls:
 
 
 def variants() -> Calls:
-    """Return what is timed, by the name in the table."""
     source = np.random.default_rng(0).random(SHAPE, np.float32)
     target = np.empty_like(source)
     points, radius = rivals.cloud(150_000, SIZE, 1000.0)
@@ -97,7 +90,6 @@ def rivals_of() -> Calls:
 
 
 def one(threads: int, runs: int) -> None:
-    """Print the times of this process as JSON."""
     fl.set_threads(threads)
     others = timed(rivals_of(), max(runs // 8, 2), warm=1) if threads == 1 else {}
     # Nothing else takes turns with it: tables and output stay in the caches.
@@ -192,7 +184,6 @@ the same with layers, before a depth, for both eyes, and with four lamps and a l
 
 
 def main() -> None:
-    """Print the tables, or write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--page", type=Path)
     options = parser.parse_args()
