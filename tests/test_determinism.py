@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
+import textured
 from flurries import _core
 from flurries.cli import main
 from flurries.scene.fingerprint import BITS
@@ -221,6 +222,17 @@ def test_switching_is_as_starting_so():
         assert fl.settings().reproducible is (mode == "1")
         want = of_process(FLURRIES_REPRODUCIBLE=mode)
         assert {"kernels": of_kernels(), "scenes": of_scenes()} == want
+
+
+def test_it_is_as_right():
+    shape = (130, 140)
+    moving: dict[str, Any] = {"drift": (3.0, -9.0), "seed": 5, "tile": 64}
+    exact = textured.field(shape, dtype=np.float64, **moving)
+    errors = []
+    for mode in (False, True):
+        fl.settings(reproducible=mode)
+        errors.append(np.abs(textured.field(shape, **moving) - exact).max())
+    assert errors[1] < 5e-6 and errors[1] < 3 * errors[0]
 
 
 @pytest.mark.parametrize("value, on", [("1", True), ("0", False), ("", False), ("yes", False)])

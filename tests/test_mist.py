@@ -28,6 +28,18 @@ def cover(shown, t=0.0, **options):
     return shown.layers(t, **options).alpha
 
 
+@pytest.mark.parametrize(("name", "numbers", "beta"), [
+    ("clouds", (1500, 0.37, 0.4, 0.86), 0.4356), ("mist", (1000, 0.45, 0.15, 0.6), 0.1611),
+    ("fog", (1200, 0.45, 0.4, 0.7), 0.5154),
+])  # fmt: skip
+def test_presets_have_the_papers_numbers(name, numbers, beta):
+    effect = gas(name)
+    assert (effect.count, effect.radius, effect.density, effect.color) == numbers
+    assert effect.box == (5.0, 5.0, 5.0) and abs(effect.extinction() - beta) < 6e-5
+    # One draw of it. The view goes through 4.4 units of it or so, and its far end fades.
+    assert abs(-math.log(1 - cover(scene(effect)).mean()) / (beta * 4.2) - 1) < 0.4
+
+
 def test_a_visibility_may_be_keyed_and_is_not_of_particles():
     keyed = fl.Mist(visibility=fl.Keys([(0, 10.0), (100, 40.0)]))
     for t, far in ((0, 10.0), (50, 25.0), (100, 40.0)):
