@@ -7,6 +7,7 @@ their height and by the shade of the plate.
 
 import io
 import math
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import product
@@ -17,7 +18,7 @@ import numpy as np
 from flurries._contract import Array, Float64
 from flurries.camera import Camera
 from flurries.effects import Snow
-from flurries.matching.watched import LUMA, soft
+from flurries.matching.watched import LUMA, ahead, soft
 from flurries.scene import Scene
 
 # Frames of a candidate; how bright a camera's noise is; the level (crf) of h264 that is tried
@@ -25,7 +26,8 @@ from flurries.scene import Scene
 COUNT, _NOISE, LEVEL, ALIKE = 16, np.float32(2.0 / 255.0), 18.0, (0.4, 1.6)
 # Shades of the plate; heights, of white, that peaks are counted between, up to so many for each
 # pixel, as those near each other are one; the least that may grow; and what no ball covers more.
-_SHADES, _HEIGHTS, _RARE = 8, 6.0 / 255.0 * 1.25 ** np.arange(17.0), 1.0 / 600.0
+_SHADES, _STEP, _RARE = 8, 1.25, 1.0 / 600.0
+_HEIGHTS = (6.0 / 255.0 * _STEP ** np.arange(17.0)).tolist()
 _KEPT, _WHOLE = 4.0 / 255.0, 0.99
 # By how many times numbers of peaks spread more than those of chance, as flakes are seen in some
 # frames and at some heights; and what their logarithms are right by at best.
@@ -40,6 +42,7 @@ class Peaks(NamedTuple):
     height: Array  # (n,) of white.
     behind: Array  # (n,) the mean there.
     pixels: int  # That were looked at.
+    together: int = 1  # Frames that have one mean.
 
 
 def peaks(frames: Array, mean: Array, count: int) -> Peaks:
@@ -59,7 +62,7 @@ def peaks(frames: Array, mean: Array, count: int) -> Peaks:
     rest, behind = (parts - means).reshape(-1, *mean.shape), np.repeat(mean + means[:, 0], count, 0)
     with ThreadPoolExecutor(2) as both:
         heights, places = zip(*both.map(found, rest, behind), strict=True)
-    return Peaks(np.concatenate(heights), np.concatenate(places), rest.size)
+    return Peaks(np.concatenate(heights), np.concatenate(places), rest.size, count)
 
 
 def shown(
@@ -69,24 +72,34 @@ def shown(
     """Return the peaks of a candidate before a plate, and bytes as of `leaning`."""
     flakes = replace(snow, color=1.0, shape="round", seed=seed)  # Balls, as those of the waves.
     scene = Scene(np.zeros_like(plate), camera=camera, effects=[flakes], fps=fps, lens=None)
+    chance, size, used = np.random.default_rng(seed), plate.size, 0.0
+    # Of one run of noise each frame takes another part, whose places are far apart.
+    noise = chance.standard_normal(2 * size, np.float32) * _NOISE
+    change = colors.astype(np.float32) - plate
 
-    chance, pictures, used = np.random.default_rng(seed), [], 0.0
-    for t in range(count):
-        picture = plate + scene.render(t) * (colors.astype(np.float32) - plate)
-        picture += chance.standard_normal(picture.shape, np.float32) * _NOISE
-        pictures.append(np.rint(255.0 * np.clip(picture, 0.0, 1.0)).astype(np.uint8))
+    def picture(t: int) -> Array:
+        first = int(chance.integers(size))
+        made = scene.render(t)[..., :1] * change
+        made += plate
+        made += noise[first : first + size].reshape(plate.shape)
+        made *= np.float32(255.0)
+        return np.asarray(np.clip(np.rint(made, made), 0.0, 255.0, made).astype(np.uint8))
+
+    pictures = ahead(map(picture, range(count)))
     if level is None:
         frames = np.array([one @ (LUMA / np.float32(255.0)) for one in pictures])
     else:
-        frames, used = _coded(pictures, level, fps)
+        frames, used = _coded(pictures, plate.shape, level, fps)
     return peaks(frames[1:], np.zeros_like(frames[0]), count - 1), used
 
 
-def _coded(pictures: list[Array], level: float, fps: float) -> tuple[Array, float]:
+def _coded(
+    pictures: Iterable[Array], shape: tuple[int, ...], level: float, fps: float
+) -> tuple[Array, float]:
     """Return the brightness of pictures after h264 at a level, and bytes as of `leaning`."""
     import av
 
-    store, (height, width) = io.BytesIO(), (side // 2 * 2 for side in pictures[0].shape[:2])
+    store, (height, width) = io.BytesIO(), (side // 2 * 2 for side in shape[:2])
     with av.open(store, "w", format="mp4") as out:
         stream = out.add_stream("libx264", rate=max(round(fps), 1), options={"crf": str(level)})
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
@@ -118,13 +131,17 @@ def nearer(
     # `usual` ones are expected, with the inverse covariance `known`.
     shades = np.quantile(np.append(real.behind, ours.behind), np.arange(1, _SHADES) / _SHADES)
 
+    rows = {id(part): np.searchsorted(shades, part.behind) * (len(_HEIGHTS) + 1)
+            for part in (real, ours)}  # fmt: skip
+
     def roots(part: Peaks, by: Float64) -> Float64:
         """Return roots of numbers of changed peaks by shade and height: all spread alike."""
         contrast = np.abs(light - part.behind)
         cover = 1.0 - np.minimum(part.height / np.maximum(contrast, 0.03), _WHOLE)
-        height = (1.0 - cover ** math.exp(2.0 * by[1])) * np.abs(light + by[2] - part.behind)
-        cell = np.searchsorted(shades, part.behind) * (len(_HEIGHTS) + 1)
-        cell += np.searchsorted(_HEIGHTS, height, side="right")
+        height = 1.0 - cover ** math.exp(2.0 * by[1])
+        height *= np.abs(float(light + by[2]) - part.behind) / _HEIGHTS[0]
+        step = np.log(np.maximum(height, 0.1)) * (1.0 / math.log(_STEP)) + 1.0
+        cell = rows[id(part)] + np.clip(np.floor(step), 0, len(_HEIGHTS)).astype(int)
         counts = np.bincount(cell, minlength=_SHADES * (len(_HEIGHTS) + 1)).reshape(_SHADES, -1)
         return np.asarray(np.sqrt(counts[:, 1:] * (math.exp(by[0]) * real.pixels / part.pixels)))
 

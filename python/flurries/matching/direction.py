@@ -1,5 +1,6 @@
 """Which way flakes move: the line that all planes of the fan share, by places of the picture."""
 
+from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from typing import NamedTuple
 
@@ -52,16 +53,24 @@ def spectra(frames: Array, mean: Array, light: float) -> Spectra:
         np.linspace(0, length - WINDOW, max(2 * length // WINDOW - 1, 1)).round().astype(int)
         for length in (height, width)
     )
-    found, places, weights = [], [], []
-    for top, left in product(tops.tolist(), lefts.tolist()):
-        rows, columns = slice(top, top + WINDOW), slice(left, left + WINDOW)
+
+    def seen(corner: tuple[int, int]) -> tuple[Array, float]:
+        """Return the means over time in the window at a corner, and its weight."""
+        rows, columns = (slice(low, low + WINDOW) for low in corner)
         taper = float(((window * counts[rows, columns]) ** 2).sum())
-        own = np.fft.rfft2(dense[:, rows, columns] * window).astype(np.complex64)
-        means = [(own[lag:] * own[: n - lag].conj()).mean(axis=0) for lag in range(min(LAGS, n))]
-        found.append(np.array(means) / max(taper, 1e-6))
-        weights.append(taper + 1e-6)
-        places.append((left + 0.5 * (WINDOW - width), top + 0.5 * (WINDOW - height)))
-    return Spectra(np.array(found), np.array(places), np.array(weights) / sum(weights))
+        own = np.fft.rfft2(dense[:, rows, columns] * window)
+        other, lags = own.conj(), range(min(LAGS, n))
+        means = [
+            np.einsum("tij,tij->ij", own[lag:], other[: n - lag]) / np.float32(n - lag)
+            for lag in lags
+        ]
+        return np.array(means) / max(taper, 1e-6), taper + 1e-6
+
+    corners = list(product(tops.tolist(), lefts.tolist()))
+    with ThreadPoolExecutor(2) as both:
+        found, weights = zip(*both.map(seen, corners), strict=True)
+    middles = np.array(corners)[:, ::-1] + 0.5 * (WINDOW - np.array([width, height]))
+    return Spectra(np.array(found), middles, np.array(weights) / sum(weights))
 
 
 def rays(cross: Array) -> Float64:

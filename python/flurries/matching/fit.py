@@ -58,11 +58,17 @@ def ball() -> Float64:
     return np.asarray(np.cos(turns[..., None] * np.cos(angles)).mean(axis=-1) @ rings)
 
 
-def held(shift: Float64) -> Float64:
+def held(shift: Array) -> Array:
     """Return the share of what moved by px along a side that is in both of its Hann windows."""
     x = np.minimum(np.abs(shift) / WINDOW, 1.0)
     turn = 2.0 * np.pi * x
     return np.asarray((1.0 - x) * (2.0 + np.cos(turn)) / 3.0 + np.sin(turn) / (2.0 * np.pi))
+
+
+def _sinc(x: Array) -> Array:
+    """Return NumPy's `sinc`, in half its passes."""
+    x = np.float32(math.pi) * x + np.float32(1e-9)
+    return np.asarray(np.sin(x) / x)
 
 
 def fan(
@@ -82,30 +88,31 @@ def fan(
     scale, deep = lens.focal / depth[:, None], np.diff(ends)[:, None]
     image = (scale * diameter).ravel()
     x, y = (scale / lens.fps * speed for speed in (np.full(_SIZES, air.wind), SNOW.speed(diameter)))
-    u, v = (cos * x + sin * y).ravel(), (cos * y - sin * x).ravel()
     weight = (deep * scale**2 * power).ravel()
     # A codec drops what is faint.
     disc = 0.25 * math.pi * image**2
     width = np.sqrt(disc + 1.0)
-    peak = OPACITY * disc / (width * (width + np.hypot(u, v) * air.shutter))
+    peak = OPACITY * disc / (width * (width + np.hypot(x, y).ravel() * air.shutter))
     weight /= 1.0 + (air.floor / peak) ** 2
-    along, across = waves
+    # Sines of many waves: half as wide numbers do.
+    several = cos * x + sin * y, cos * y - sin * x, *waves, image, weight, np.repeat(scale, _SIZES)
+    u, v, along, across, px, energy, far = (np.ravel(one).astype(np.float32) for one in several)
     turns = along[:, None] * u + across[:, None] * v
-    single = np.interp(np.hypot(along, across)[:, None] * image, _WAVES, ball(), right=0.0) ** 2
-    single *= np.sinc(turns * air.shutter) ** 2 * weight
+    shape = np.interp(np.hypot(along, across)[:, None] * px, _WAVES, ball(), right=0.0)
+    single = (shape.astype(np.float32) * _sinc(turns * air.shutter)) ** 2 * energy
     # Pixels are squares.
     kx, ky = along * cos - across * sin, along * sin + across * cos
     box = (np.sinc(kx) * np.sinc(ky)) ** 2
     # What stands still goes with the mean of a film, or moves by whole waves between frames.
     part = turns - np.rint(turns)
-    still = (np.sinc(lens.frames * part) / np.sinc(part)) ** 2 * (lens.frames > 1)
+    still = (_sinc(lens.frames * part) / _sinc(part)) ** 2 * (lens.frames > 1)
     found = []
     for lag in lags:
         # Depths that one stands for differ in what they turn by, and each flake swings.
-        seen = np.cos(2.0 * np.pi * lag * turns) * np.sinc(lag * turns * thick)
+        seen = np.cos(2.0 * np.pi * lag * turns) * _sinc(lag * thick * turns)
         if lag:
             swing = 2.0 * np.pi * _SWAY * math.sin(0.5 * _RATE * lag / lens.fps)
-            seen *= np.exp(-((swing * kx[:, None] * np.repeat(scale, _SIZES)) ** 2))
+            seen *= np.exp(-((swing * kx[:, None] * far) ** 2))
             seen *= held(lag * u * cos) * held(lag * u * sin)
         planes = (single * (seen - still)).reshape(len(along), _FEWER, -1, _SIZES).sum(axis=2)
         found.append(box[:, None] * planes.reshape(len(along), -1))

@@ -17,7 +17,7 @@ from flurries.effects import Snow
 from flurries.io import linear_to_srgb, open_background, srgb_to_linear
 from flurries.io.files import path_text
 from flurries.light.shot import Light
-from flurries.matching.candidate import ALIKE, COUNT, LEVEL, leaning, nearer, peaks, shown
+from flurries.matching.candidate import ALIKE, COUNT, LEVEL, Peaks, leaning, nearer, peaks, shown
 from flurries.matching.direction import WINDOW, direction, spectra
 from flurries.matching.fit import FAR, NEAR, OPACITY, Lens, fit, sizes_of
 from flurries.matching.watched import LONG, LUMA, Watched, light_of, tinted, watch
@@ -214,7 +214,7 @@ def _matched(seen: Watched, camera: Camera, fps: float, used: float) -> Match:
     known, wider = np.array([*got.errors[:2], doubt]), 1.0 if film else _STILL
     if film:
         first = snow, light, doubt, got.misfit
-        snow, light, known, unlike = _closer(seen, *first, used, camera, fps)
+        snow, light, known, unlike = _closer(seen, luma, *first, used, camera, fps)
         few = "compression has eaten faint flakes, the background moves, or the camera travels"
         odd = unlike > _UNLIKE or got.misfit > _MISFIT
         _refuse(odd, f"what changes is not like falling snow: {few}")
@@ -255,33 +255,35 @@ def _plate(seen: Watched, snow: Any, colors: Float64) -> Array:
 
 
 def _closer(
-    seen: Watched, snow: Any, light: float, doubt: float, misfit: float, used: float,
+    seen: Watched, luma: Array, snow: Any, light: float, doubt: float, misfit: float, used: float,
     camera: Camera, fps: float,
 ) -> tuple[Snow, float, Float64, float]:  # fmt: skip
     """Return snow and light that show the clip's peaks, (3,) errors, and how unlike they are."""
     mean, colors = seen.mean @ LUMA, tinted(seen.frames, seen.mean, light)
-    count, level = min(COUNT, len(seen.frames)), LEVEL if used else None
-    # What a codec takes its first frame from is not before it, and it keeps more.
-    real, unsure = peaks(seen.frames[1:] @ LUMA, mean, count - 1), max(1.0, misfit / _FITS) ** 2
+    count, level = min(COUNT, len(luma)), LEVEL if used else None
+    unsure = max(1.0, misfit / _FITS) ** 2
     spread = np.diag(np.square([*_BEFORE, doubt / unsure]))
     spread[:2, :2] += _CUBES**2 * np.outer((-3.0, 1.0), (-3.0, 1.0))
     known = np.asarray(np.linalg.inv(unsure**2 * spread), float)
     start = at = np.array([math.log(snow.density), math.log(snow.flake_size[1]), light])
 
-    def tried(seed: int) -> tuple[Float64, Float64, float, float]:
+    def tried(seed: int, real: Peaks) -> tuple[Float64, Float64, float, float]:
         """Return where a candidate leads, its covariance, how unlike it stays, and its bytes."""
         air, shade = _snow(snow, *at[:2]), colors + at[2] - light
         plate = _plate(seen, air, shade)
-        ours, took = shown(air, camera, fps, plate, shade, level, seed, count)
+        ours, took = shown(air, camera, fps, plate, shade, level, seed, real.together + 1)
         by, error, unlike = nearer(real, ours, float(at[2]), start - at, known)
         return np.minimum(at + by, (np.inf, np.inf, 1.0)), error, unlike, took
 
-    at, *_, took = tried(0)
+    # What a codec takes its first frame from is not before it, and it keeps more. Half as many
+    # frames tell where to go on.
+    first, real = (peaks(luma[1:], mean, n - 1) for n in (max(count // 2, 3), count))
+    at, *_, took = tried(0, first)
     if level is not None and not ALIKE[0] < took / used < ALIKE[1]:
         # A step of 6 is half the bytes.
         level = min(max(level + 6.0 * math.log2(max(took / used, 0.01)), 0.0), 45.0)
     # What two more lead to, drawn at once, is less by chance.
     with ThreadPoolExecutor(2) as both:
-        found = zip(*both.map(tried, (1, 2)), strict=True)
+        found = zip(*both.map(tried, (1, 2), (real, real)), strict=True)
     at, error, unlike, _ = (np.mean(part, axis=0) for part in found)
     return _snow(snow, *at[:2]), float(at[2]), np.sqrt(np.diag(error)), float(unlike)

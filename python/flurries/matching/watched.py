@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flurries._contract import Array, Float64
+from flurries._kept import kept as keep
 
 # Pictures are made smaller until they are at most so wide, and no more frames are looked at.
 WIDE, LONG = 900, 96
@@ -35,20 +36,34 @@ def smaller(pixels: Array, scale: int) -> Array:
     white = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0
     height, width = (length // scale * scale for length in pixels.shape[:2])
     parts = [pixels[n:height:scale, :width, :3].astype(np.float32) for n in range(scale)]
-    rows = sum(parts[1:], parts[0])
-    parts = [rows[:, n::scale] for n in range(scale)]
-    return np.asarray(sum(parts[1:], parts[0]) / np.float32(scale**2 * white))
+    rows = sum(parts[1:], parts[0]).reshape(-1, 3 * scale)
+    # As a product, since loops over three colors are slow.
+    mean = np.tile(np.eye(3, dtype=np.float32), (scale, 1)) / np.float32(scale**2 * white)
+    return np.asarray(rows @ mean).reshape(height // scale, -1, 3)
 
 
-def moved(first: Array, other: Array) -> tuple[float, float]:
-    """Return how far another picture's things are moved, px right and down: phase correlation."""
-    height, width = first.shape
-    window = np.hanning(height)[:, None] * np.hanning(width)
-    one, two = (np.fft.rfft2((part - part.mean()) * window) for part in (first, other))
-    cross = two * one.conj()
+@keep(4)
+def _hann(height: int, width: int) -> tuple[Array, Array]:
+    """Return a window over a picture, and what counts of its waves where phases are compared."""
     ky, kx = np.fft.fftfreq(height)[:, None], np.fft.rfftfreq(width)
-    cross *= np.exp(-0.5 * (kx**2 + ky**2) / (0.5 * _COARSE) ** 2) / (np.abs(cross) + 1e-9)
-    peak = np.fft.irfft2(cross, (height, width))
+    counts = np.exp(-0.5 * (kx**2 + ky**2) / (0.5 * _COARSE) ** 2)
+    window = np.hanning(height)[:, None] * np.hanning(width)
+    return window.astype(np.float32), counts.astype(np.float32)
+
+
+def waves(picture: Array) -> Array:
+    """Return the transform of a picture's brightness, but for its mean."""
+    part = picture @ LUMA
+    return np.asarray(np.fft.rfft2((part - part.mean()) * _hann(*part.shape)[0]))
+
+
+def moved(first: Array, other: Array, shape: tuple[int, int]) -> tuple[float, float]:
+    """Return how far another picture's things are moved, px right and down: phase correlation."""
+    # Of pictures of a shape with these waves.
+    height, width = shape
+    cross = other * first.conj()
+    cross *= _hann(height, width)[1] / (np.abs(cross) + np.float32(1e-9))
+    peak = np.fft.irfft2(cross, shape)
     row, col = divmod(int(peak.argmax()), width)
     near = np.log(np.maximum(np.roll(peak, (1 - row, 1 - col), (0, 1))[:3, :3], 1e-12))
     dx, dy = (  # A peak is a parabola of logarithms.
@@ -72,12 +87,13 @@ def laid_back(picture: Array, shift: tuple[float, float]) -> Array:
 def watch(pictures: Iterable[Array], clean: Array | None) -> Watched:
     """Return what is seen of pictures, before a plate if it is given."""
     kept: list[Array] = []
-    shifts: list[tuple[float, float]] = []
+    first, shifts = None, list[tuple[float, float]]()
     parts = ((one.shape, smaller(one, -(-one.shape[1] // WIDE))) for one in pictures)
-    for shape, small in _ahead(parts):
-        size, scale = shape[:2], -(-shape[1] // WIDE)
+    for shape, small in ahead(parts):
+        size, scale, own = shape[:2], -(-shape[1] // WIDE), waves(small)
+        first = own if first is None else first
         kept.append(small)
-        shifts.append(moved(kept[0].mean(axis=2), small.mean(axis=2)))
+        shifts.append(moved(first, own, small.shape[:2]))
     if np.abs(shifts).max() > 0.25:
         kept = [laid_back(one, shift) for one, shift in zip(kept, shifts, strict=True)]
     frames = np.stack(kept)
@@ -96,7 +112,7 @@ def watch(pictures: Iterable[Array], clean: Array | None) -> Watched:
     return Watched(frames, mean, clean, np.array(shifts), scale)
 
 
-def _ahead(parts: Iterator[Any]) -> Iterator[Any]:
+def ahead(parts: Iterator[Any]) -> Iterator[Any]:
     """Yield parts, and make the next one while one is looked at."""
     with ThreadPoolExecutor(1) as reader:
         coming = reader.submit(next, parts, None)
@@ -134,7 +150,11 @@ def soft(picture: Array) -> Array:
 def light_of(frames: Array, mean: Array) -> tuple[float, float]:
     """Return the light of flakes in frames (n, h, w) less their mean (h, w), and its error."""
     place = int(_DARK * len(frames))
-    shade = np.partition(frames, place, axis=0)[place] + mean
+    with ThreadPoolExecutor(2) as both:
+        # A few rows at a time, which the processor keeps at hand.
+        rows = np.array_split(frames, 24, axis=1)
+        parts = both.map(lambda part: np.partition(part, place, axis=0)[place], rows)
+        shade = np.concatenate(list(parts)) + mean
     # Codecs smooth what a flake changes, by the plate's contrast around it.
     shade, mean = (soft(soft(one)) for one in (shade, mean))
     shade, frames = shade[:-1, :-1].ravel(), frames[:, 2:-2, 2:-2]
@@ -149,11 +169,18 @@ def light_of(frames: Array, mean: Array) -> tuple[float, float]:
     square = shades(mean[:-1, :-1] ** 2) - middle**2
     light = 1.0
     for _ in range(3):
-        # What neighbours have in common.
         most = np.float32(_MOST) * np.maximum(np.abs(light - mean), np.float32(0.05))
-        held = np.clip(frames, -most, most)
-        beside = held[:, :-1, 1:] + held[:, 1:, :-1]
-        own = shades(np.einsum("tij,tij->ij", held[:, :-1, :-1], beside))
+
+        def shared(few: Array, most: Array = most) -> Array:
+            """Return what neighbours have in common in some frames."""
+            total = np.zeros_like(most[1:, 1:])
+            for frame in few:
+                held = np.clip(frame, -most, most)
+                total += held[:-1, :-1] * (held[:-1, 1:] + held[1:, :-1])
+            return total
+
+        with ThreadPoolExecutor(2) as both:
+            own = shades(np.add(*both.map(shared, (frames[::2], frames[1::2]))))
         contrast = (_LEVELS[:, None] - middle) ** 2 + square
         weight = number / (contrast + 0.01) ** 2
         gain = (weight * contrast * own).sum(axis=1) / (weight * contrast**2).sum(axis=1)
