@@ -115,6 +115,9 @@ OPTIONS: dict[str, tuple[list[Any], dict[str, Any]]] = {
     "--rain --method cone": ([fl.effects.ConeRain()], {}),
     "--snow --density 90 --shutter 0.2 --near 0.5": (
         [Snow(density=90.0, shutter=0.2, near=0.5)], {}),
+    "--snow --hide 3,5 --place 9,0,0,2,0.03 --wakes 0,0,4,1 --holdout mask.png": (
+        [Snow(hide=(3, 5), place=[(9, 0, 0, 2, 0.03)], holdout=MASK,
+              wakes=[fl.effects.Body((0, 0, 4), 1)])], {}),
     "--snow 'big flakes'": ([Snow("big flakes")], {}),
     "--mist fog --rain downpour --wind 1,0,0": (
         [fl.Mist("fog", **ON_ITS_WAY), fl.Rain("downpour", **ON_ITS_WAY)], {}),

@@ -39,7 +39,7 @@ def drawn(
         )  # fmt: skip
         return _core.fall(Air(
             seed=number, opacity=0.9, images=images_of(0.9), classes=[one], eyes=[eye] * 3,
-            sway=0.0, waves=None, clumps=None, shape=SHAPE, window=(0, SHAPE[0], 0, SHAPE[1]),
+            sway=[0.0] * 3, waves=None, clumps=None, shape=SHAPE, window=(0, SHAPE[0], 0, SHAPE[1]),
             room=2.0, near=0.05, closeup=closeup,
         ))  # fmt: skip
 

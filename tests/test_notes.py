@@ -204,11 +204,62 @@ def test_flakes_go_around_bodies(size: Any):
     assert_moved(parted.layers(19.0).layers["snow"], *lists, 10)
 
 
+def test_flakes_sway_by_keys():
+    """By the amplitude, and the rate's integral, of the weather's time; at rest none does."""
+    keys = fl.Keys([(0, (0.0, 2.0)), (20, (0.12, 6.0))])
+    # Phases are those of a sway at an angle of 0, and of a quarter.
+    known = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.5 * np.pi * 25.0 / 15.0), keys]
+    lists = [fl.flakes(scene(sway=sway, time=0.5), 30.0) for sway in known]
+    for n in range(1, 4):
+        lists[0], lists[n] = same_flakes(lists[0], lists[n])
+    lists[1], lists[2] = (same_flakes(lists[0], one)[1] for one in lists[1:3])
+    sines, cosines, got = (one["place"] - lists[0]["place"] for one in lists[1:])
+    angle = np.trapezoid([2.0, 5.0], [0.0, 15.0]) / 25.0
+    want = 0.09 / 0.1 * (np.cos(angle) * sines + np.sin(angle) * cosines)
+    np.testing.assert_allclose(got, want, atol=1e-9)
+    assert len(got) > 40 and np.abs(got).max() > 0.08
+    hangs, sways = (scene(sway=sway, shutter=0.0) for sway in ((0.0, 0.0), keys))
+    assert_moved(sways.layers(14.0).layers["snow"], *(fl.flakes(sways, t) for t in (14, 15)), 40)
+    assert np.array_equal(hangs.render(0), sways.render(0))
+    assert np.abs(texture(hangs, 14.0) - texture(sways, 14.0)).max() > 1e-3
+
+
+def test_turbulence_has_a_pace_of_its_own():
+    """Flakes are carried by the integral, along their undisturbed way, of waves that change so."""
+    pace, wind, size = fl.Keys([(0, 1.0), (20, 0.0), (40, 3.0)]), WINDS["gusts"], (0.007,) * 3
+    calm, own, same = (scene(wind=air, fall=1.4, sway=(0.0, 1.0), flake_size=size, turbulence=rate)
+                       for air, rate in ((wind.mean, pace), (wind, pace), (wind, 1.0)))  # fmt: skip
+    waves, ends, moved = wind.waves, (3.0, 31.0), []
+    shared = [set(fl.flakes(one, t)["id"].tolist()) for one in (calm, own) for t in ends]
+    ids = sorted(set.intersection(*shared))
+    start, places = None, []
+    for one in (calm, own):
+        for t in ends:
+            found = np.sort(fl.flakes(one, t), order="id")
+            places.append(found["place"][np.isin(found["id"], ids)])
+    start = places[0] - np.array((0.5, 1.4, 0.0)) * ends[0] / 25.0
+    at = np.linspace(*ends, 20_001)
+    changed = np.array([pace.integral(t) for t in at.tolist()])
+    mean = waves.omega - waves.own - waves.k @ (0.5, 1.4, 0.0)
+    turns = np.exp(-1j * (mean[:, None] * at + waves.own[:, None] * changed) / 25.0)
+    carried = np.exp(1j * start @ waves.k.T) * np.trapezoid(turns, at, axis=1) / 25.0
+    moved = (places[3] - places[2]) - (places[1] - places[0])
+    np.testing.assert_allclose(moved, (carried @ waves.a).real, atol=1e-6)
+    assert len(ids) > 20 and np.abs(moved).max() > 0.05
+    shut = own.replace(effects=[replace(own.effects[0], shutter=0.0)])
+    assert_moved(shut.layers(14.0).layers["snow"], *(fl.flakes(shut, t) for t in (14, 15)), 40)
+    # At its own pace, and where no wind is uneven, it changes nothing.
+    assert np.array_equal(scene(wind=wind).render(9), scene(wind=wind, turbulence=1.0).render(9))
+    assert np.array_equal(scene(turbulence=pace).render(9), scene().render(9))
+    assert np.abs(texture(own, 31.0) - texture(same, 31.0)).max() > 1e-3
+
+
 def test_notes_are_kept_in_files(tmp_path: Any):
     body = fl.effects.Body(fl.Keys([(0, (0.0, 0.0, 3.0)), (9, (1.0, 0.0, 3.0))]), (1.0, 0.5, 0.5))
     one = scene(
-        hide=[4711], place=[(3, 0.0, 0.0, 1.5, 0.02)], wakes=[body], time=SLOW, split=(3, 12)
-    )
+        hide=[4711], place=[(3, 0.0, 0.0, 1.5, 0.02)], wakes=[body], time=SLOW, split=(3, 12),
+        sway=fl.Keys([(0, (0.02, 4.0)), (9, (0.1, 2.0))]), turbulence=SLOW, wind=WINDS["gusts"],
+    )  # fmt: skip
     assert_kept(one, tmp_path / "scene.toml")
     other = scene(hide=[4711], place=[(3, 0.0, 0.0, 1.5, 0.021)], wakes=[body], time=SLOW)
     assert fingerprint(other) != fingerprint(one)

@@ -100,8 +100,8 @@ pub struct Air {
     pub classes: Vec<Class>,
     /// At each time.
     pub eyes: Vec<Eye>,
-    /// Of the sway, metres.
-    pub sway: f64,
+    /// Of the sway at each time, metres.
+    pub sway: Vec<f64>,
     /// Waves of the wind, (m, 3) cycles per metre.
     pub waves: Vec<f64>,
     /// With them the classes have the densities of the densest places.
@@ -130,7 +130,8 @@ impl Air {
         let sound = times > CLOSE
             && (0.0..=1.0).contains(&self.opacity)
             && self.near > 0.0
-            && finite(&[self.sway, self.room, self.near])
+            && finite(&[self.room, self.near])
+            && (self.sway.len() == times && finite(&self.sway))
             && self.notes.as_ref().is_none_or(|notes| notes.sound(times))
             && self.eyes.iter().all(|eye| {
                 finite(&eye.turn.concat())

@@ -283,7 +283,7 @@ impl<'a> Places<'a> {
     #[inline]
     fn swung(&self, times: [usize; 3], born: &Born) -> [[f64; 2]; 3] {
         let mut cycles = [0.0; 8];
-        if self.air.sway != 0.0 {
+        if self.air.sway.iter().any(|&sway| sway != 0.0) {
             for (time, cycles) in times.iter().zip(cycles.as_chunks_mut::<2>().0) {
                 let angle = self.class.swung[*time];
                 *cycles = born.phases.map(|phase| angle - angle.floor() + phase);
@@ -298,10 +298,8 @@ impl<'a> Places<'a> {
     #[inline]
     fn point(&self, time: usize, born: &Born, swung: [f64; 2], blown: Option<&[f64]>) -> Vector {
         let mut place = self.resting(time, born);
-        if self.air.sway != 0.0 {
-            place[0] += self.air.sway * swung[0];
-            place[2] += self.air.sway * swung[1];
-        }
+        place[0] += self.air.sway[time] * swung[0];
+        place[2] += self.air.sway[time] * swung[1];
         if let Some(blown) = blown {
             for a in 0..3 {
                 place[a] += blown[3 * time + a];

@@ -63,7 +63,8 @@ impl Sight {
         let first = [left - LEAST_REACH, top - LEAST_REACH];
         let last = [right + LEAST_REACH, bottom + LEAST_REACH];
         let mut aside = 0.0_f64;
-        let mut room = air.room + air.sway.abs() + 2.0 * class.sizes.range.1;
+        let sway = air.sway.iter().fold(0.0_f64, |most, sway| most.max(sway.abs()));
+        let mut room = air.room + sway + 2.0 * class.sizes.range.1;
         let times = air.eyes.len();
         let waves = class.waves.chunks_exact(6 * times);
         let blown = |wave: &[f64], time: usize| -> [f64; 6] {

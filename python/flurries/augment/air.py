@@ -232,6 +232,6 @@ class Here:
         eye = Eye(_STILL, (view.focal,) * 2, (width / 2, height / 2), (view.aside, 0.0, 0.0))
         return Air(
             seed=self.seed, opacity=OPACITY, images=images_of(OPACITY), classes=[one],
-            eyes=[eye] * len(times), sway=sway, waves=None, clumps=None, shape=view.shape,
-            window=(0, height, 0, width), room=0.0, near=NEAREST, closeup=None,
+            eyes=[eye] * len(times), sway=[sway] * len(times), waves=None, clumps=None,
+            shape=view.shape, window=(0, height, 0, width), room=0.0, near=NEAREST, closeup=None,
         )  # fmt: skip

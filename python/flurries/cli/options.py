@@ -19,7 +19,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 # Options by what they are about, where a command has more than a few; the others come first.
 _FEW = 20
 GROUPS = {title: frozenset(f"--{name}" for name in names.split()) for title, names in {
-    "More on the weather": "amount color density loop method near rate shutter split time where",
+    "More on the weather": "amount color density hide holdout loop method near place rate shutter "
+    "split time wakes where",
     "Camera and picture": "camera center colorspace down extend eyes fly foreground lens linear "
     "camera-scale start",
     "Files": "alone bits codec compression damaged deep layers motion no-sound output-colorspace "

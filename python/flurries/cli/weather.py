@@ -14,6 +14,7 @@ from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.cli.options import FILE, Bare, join, numbers, option, switch
 from flurries.effects import Mist, Rain, Snow
+from flurries.effects.notes import Body
 from flurries.io import open_background
 from flurries.io.files import file_of, path_text
 from flurries.io.sequences import EXTEND
@@ -31,7 +32,10 @@ PRESETS = {kind: tuple(KINDS[kind].PRESETS) for kind in ("snow", "rain", "mist")
 KNOBS = ("severity", "rate", "visibility")
 TAKERS = {name: (*kind.KNOBS, "visibility") for name, kind in KINDS.items()}
 FIELDS = ("amount", "wind", "color")
-FALLING = ("density", "shutter", "time", "near", "where", "split", "method")
+FALLING = (
+    "density", "shutter", "time", "near", "where", "holdout", "split", "hide", "place", "wakes",
+    "method",
+)  # fmt: skip
 
 MISSING = (
     "a picture needs weather: add --snow PRESET, such as --snow heavy, --rain PRESET or "
@@ -57,6 +61,15 @@ def _shutter(text: str) -> float:
 
 def _depths(text: str) -> tuple[float, ...]:
     return numbers(text.count(",") + 1)(text)
+
+
+def _ids(text: str) -> tuple[int, ...]:
+    return tuple(map(int, _depths(text)))
+
+
+def _body(text: str) -> Body:
+    *place, size = numbers(4)(text)
+    return Body(tuple(place), size)
 
 
 PRESET = "the preset's"
@@ -85,8 +98,17 @@ scene_options: Callable[[Any], Any] = join(
     option("--near", float, "METRES", "0.5", PRESET, "how near flakes and drops come"),
     option("--where", FILE, "FILE", "mask.png", "everywhere",
            "a picture of where there are flakes and drops: white all, black none"),
+    option("--holdout", FILE, "FILE", "roto.png", "none",
+           "a mask of what stands before snow and rain alone: white hides them"),
     option("--split", _depths, "METRES", "3,12", "one layer",
            "depths that part snow and rain into layers: near, mid and far"),
+    option("--hide", _ids, "IDS", "4711,4712", "none", "flakes that are not shown, by their ids"),
+    option("--place", 5, "FRAME,X,Y,Z,SIZE", "8,0.2,-0.1,1.5,0.02", "none",
+           "a flake of your own: where it is in a frame, and its diameter, metres; may be repeated",
+           multiple=True),
+    option("--wakes", _body, "X,Y,Z,SIZE", "0,0.5,4,1.8", "none",
+           "a ball that flakes go around: its middle and diameter, metres; may be repeated",
+           multiple=True),
     option("--method", ("flakes", "tent", "cone", "simulated"), None, "tent", "flakes",
            "how snow and rain are made: flakes near and far; tent, Langer's texture; cone, drawn "
            "on a cone; simulated, every flake drawn"),
@@ -238,7 +260,7 @@ def _effects(options: dict[str, Any]) -> list[Any]:
 
 
 def _given(options: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
-    return {name: options[name] for name in names if options[name] is not None}
+    return {name: options[name] for name in names if options[name] not in (None, ())}
 
 
 def _matte(text: str) -> Any:

@@ -13,7 +13,7 @@ from flurries.camera.optics import Blur
 from flurries.effects.notes import Asked
 from flurries.effects.uneven import Clumps, carried_by_profile, clumps_of, cycles_of, wave_weights
 from flurries.frame.view import Frame
-from flurries.motion.keys import Keys, value_at
+from flurries.motion.keys import Keys, Vector, value_at
 from flurries.particles.population import FADE
 
 # Nothing nearer than this is drawn, metres; what `particles.splat` has for a default.
@@ -81,7 +81,7 @@ class Air(NamedTuple):
     images: _core.BallImages  # Of that opacity.
     classes: list[Class]
     eyes: list[Eye]  # At each time.
-    sway: float  # Metres.
+    sway: list[float]  # Amplitudes at each time, metres.
     waves: Float64 | None  # (m, 3): cycles per metre.
     clumps: Clumps | None  # With them the densities of classes are those of the densest places.
     shape: tuple[int, int]  # (H, W): of the whole picture, pixels.
@@ -120,7 +120,7 @@ def air_of(weather: Any, frame: Frame, amount: float, steps: tuple[float, ...] =
     if frame.lap is not None and weather.keyed:
         # The round that goes has lost those of low ranks, which the next one shows.
         part = min(frame.lap.part(frame.t), 1.0 - 1e-9)
-    swung = [weather.sway[1] / (2.0 * math.pi * fps) * t for t in clock]
+    swings, swung = zip(*[swing_of(weather.sway, t, fps) for t in clock], strict=True)
     ways = [share.motion.places(path, fps, times) for share in shares]
     classes = []
     for number, (share, at) in enumerate(zip(shares, ways, strict=True)):
@@ -138,17 +138,24 @@ def air_of(weather: Any, frame: Frame, amount: float, steps: tuple[float, ...] =
             sizes=(share.size.smallest, share.size.largest), slope=slope,
             shown=share.shown, by_size=weather.by_size, heights=(-end, end),
             amounts=[min(amount * one / (1.0 - part), 1.0) for one in there], ranks=(part, 1.0),
-            at=at, swung=swung, depths=(0.0, end), profile=profile, placed=share.placed,
+            at=at, swung=list(swung), depths=(0.0, end), profile=profile, placed=share.placed,
             waves=None if gusts is None else wave_weights(share.motion, fps, times, start),
         ))  # fmt: skip
     return Air(
         seed=frame.seed, opacity=opacity, images=images_of(opacity), classes=classes, eyes=eyes,
-        sway=weather.sway[0], waves=None if gusts is None else cycles_of(gusts),
+        sway=list(swings), waves=None if gusts is None else cycles_of(gusts),
         clumps=clumps, notes=weather.notes and weather.notes.asked(frame, times),
         shape=frame.shape,
         window=frame.window if frame.shared is None else frame.shared.window,
         room=room, near=NEAREST, closeup=closeup,
     )  # fmt: skip
+
+
+def swing_of(sway: Vector, now: float, fps: float) -> tuple[float, float]:
+    """Return amplitude in metres and angle in cycles when the weather's clock shows a frame."""
+    if isinstance(sway, Keys):
+        return sway.value(now)[0], sway.integral(now)[1] / (2.0 * math.pi * fps)
+    return sway[0], sway[1] / (2.0 * math.pi * fps) * now
 
 
 def amounts_at(weather: Any, frame: Frame, share: Any, heights: Float64) -> Float64:

@@ -22,7 +22,7 @@ from flurries.frame.needs import Needs, Step, has_keys
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.light.lamp import Optics
-from flurries.motion.keys import Number, value_at
+from flurries.motion.keys import Keys, Number, value_at
 from flurries.particles.population import FADE, SizeClass
 from flurries.particles.sizes import Sizes
 
@@ -73,13 +73,18 @@ class Drawn(ABC):
     @abstractmethod
     def opacity_at(self, t: float) -> float: ...
 
+    @property
+    def hangs(self: Any) -> bool:
+        """Whether no flake ever swings."""
+        return not isinstance(self.sway, Keys) and 0.0 in self.sway
+
     def needs(self: Any, frame: Frame, amount: float) -> Needs:
         opacity, most = self.opacity_at(frame.t), 0.0
         for one in self.shares(frame):
             most = max(most, one.size.density * one.reach)
         if opacity == 0.0 or most == 0.0:
             return Needs.none("flakes", "there are none")
-        still = frame.settled and self.motion.still and 0.0 in self.sway
+        still = frame.settled and self.motion.still and self.hangs
         # Shapes tumble.
         still = still and self.shape == "round" and self.notes is None and not has_keys(self)
         # However few there are, one that is there shows whole.

@@ -27,7 +27,7 @@ from flurries.frame.layer import Shade
 from flurries.frame.needs import Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.light.lamp import DROPS, FLAKES, Optics
-from flurries.motion.keys import Keys, Number, Vector, as_number, largest
+from flurries.motion.keys import Keys, Number, Vector, as_number, as_vector, largest
 from flurries.motion.wind import Wind
 from flurries.particles.population import Population
 from flurries.particles.sizes import RAIN, SNOW, Matter, Sizes
@@ -74,7 +74,7 @@ class FlakeTexture:
         if not self._covers(frame).any():
             return Needs.none("texture", "all flakes are drawn one by one")
         still = frame.settled and weather.motion.still and not has_keys(weather.emission)
-        still = still and weather.notes is None and 0.0 in weather.sway
+        still = still and weather.notes is None and weather.hangs
         return Needs((Step("texture", once=still),), most=1.0 - 1e-6)
 
     def alpha(self, frame: Frame, amount: float) -> Array:
@@ -123,6 +123,7 @@ class Falling(metaclass=checks.Described):
     haze: Number = 0.0
     shutter: Number | None = None
     time: Number = 1.0
+    turbulence: Number = 1.0
     clumps: float = 0.0
     near: float = 0.4
     far: float = 60.0
@@ -146,6 +147,8 @@ class Falling(metaclass=checks.Described):
     CHECKS: ClassVar[dict[str, checks.Check]] = {
         "density": partial(as_number, low=0.0, high=1e6), "emission": checks.share,
         "time": partial(as_number, low=-100.0, high=100.0),
+        "turbulence": partial(as_number, low=0.0, high=100.0),
+        "sway": partial(as_vector, length=2),
         "opacity": lambda name, value: real(name, value, low=0.0, high=OPAQUE),
         "color": lambda _, value: as_color(value, (AMBIENT, LOCAL)), "clumps": checks.part,
         "flake_size": size_law, "drop_size": size_law, "far": checks.length,
@@ -193,7 +196,7 @@ class Falling(metaclass=checks.Described):
             amount = product(amount, times(density, 1.0 / most)) if most > 0.0 else 0.0
         speed = self.MATTER.speed
         fall = float(speed(np.array([law.mean]))[0]) if self.fall is None else self.fall
-        motion = Motion(fall, self.wind, self.shutter, self.time)
+        motion = Motion(fall, self.wind, self.shutter, self.time, self.turbulence)
         air = Population(most, law, self.opacity, speed, self.MATTER.weighed)
         gain = getattr(self, "gain", 1.0)
         weather = checks.part_of(
@@ -255,9 +258,12 @@ class Snow(Falling):
     time : float
         How fast the time of the weather alone goes: 0.5 is slow motion, 0 stands still, below 0 it
         goes back. Keyed. What is keyed of `fall`, `wind` and `emission` goes by this time.
+    turbulence : float
+        How fast gusts, swirls and a `field` of :class:`flurries.Wind` change, over their own pace;
+        at 0 they stay as they are, and only travel with the wind. Keyed, by the weather's time.
     sway : (amplitude, rate)
         Amplitude in metres and rate in radians per second. Each near flake swings with a phase of
-        its own.
+        its own. Keyed.
     clumps : float
         Differences of the density over its mean, 0 to 1: in clumps of 3 to 14 m that fall with the
         flakes, and in fronts of 20 to 70 m that the wind drives.
@@ -325,7 +331,7 @@ class Snow(Falling):
     density: Number = 30.0
     flake_size: tuple[float, float, float] | Keys = (0.003, 0.007, 0.022)
     wind: Vector | Wind = (0.3, 0.0, 0.0)
-    sway: tuple[float, float] = (0.02, 4.0)
+    sway: Vector = (0.02, 4.0)
 
     NAME: ClassVar[str] = "snow"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = SNOW_LOOKS
@@ -343,8 +349,8 @@ class Rain(Falling):
 
     Parameters
     ----------
-    preset, density, opacity, amount, emission, fall, wind, haze, shutter, time, clumps, near, \
-far, backdrop, cloud, handover, where, holdout, split, hide, place, wakes, method, \
+    preset, density, opacity, amount, emission, fall, wind, haze, shutter, time, turbulence, \
+clumps, near, far, backdrop, cloud, handover, where, holdout, split, hide, place, wakes, method, \
 look, seed, severity, rate, visibility
         As in :class:`Snow`.
     color : float, (r, g, b), "#rrggbb", "ambient" or "local"

@@ -49,6 +49,7 @@ class Motion:
     # Exposure, frames; None for a photograph's in a still, and half a frame in a film.
     shutter: Number | None = 0.0
     clock: Number = 1.0  # How fast its time goes, over that of the film.
+    pace: Number = 1.0  # How fast uneven wind changes by this time, over its own.
 
     def now(self, t: float) -> float:
         """Return the frame that the weather's own clock shows at `t`."""

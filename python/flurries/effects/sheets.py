@@ -15,6 +15,7 @@ from flurries._kept import ALL, Kept, kept
 from flurries.camera.lens import axes_of
 from flurries.camera.optics import Blur
 from flurries.camera.path import CameraPath
+from flurries.effects.air import swing_of
 from flurries.effects.uneven import gains_of
 from flurries.effects.weather import Film, Weather
 from flurries.frame.planes import plane
@@ -103,14 +104,15 @@ def read_sheets(
     blur, result = None if frame.lens is None else frame.blur, plane(size)
     shown, focals = amount * float(weather.emission), camera.focals  # type: ignore[arg-type]
     x, y = camera.principal(frame.shape)
-    keys, start, rate, swing, places = _standing(
+    swing, cycles = swing_of(weather.sway, weather.motion.now(frame.t), frame.fps)
+    keys, start, rate, ways, places = _standing(
         weather, film, frame.path, frame.fps, focals, camera.rotation, frame.seed, shown, exposure,
-        blur, _core.reproducible(),
+        blur, swing, _core.reproducible(),
     )  # fmt: skip
     u, v = camera.center_shift
     row, column = math.floor(top - y + v), math.floor(left - x + u)
-    angle = weather.sway[1] * weather.motion.clock * frame.t / frame.fps  # type: ignore[operator]
-    moved = start + frame.t * rate + math.sin(angle) * swing[0] + math.cos(angle) * swing[1]
+    angle = math.tau * cycles
+    moved = start + frame.t * rate + math.sin(angle) * ways[0] + math.cos(angle) * ways[1]
     # Pixels that layers move by for a metre of the eye aside.
     aside = (focals[0] / film.depths)[:, None]
     moved -= aside * np.array(camera.offset[:2]) * (1.0, camera.aspect)
@@ -133,7 +135,7 @@ def read_sheets(
 def _standing(
     weather: Weather, film: Film, path: CameraPath, fps: float, focals: tuple[float, float],
     rotation: tuple[float, float, float], seed: int, amount: float, exposure: float,
-    blur: Blur | None, mode: bool,
+    blur: Blur | None, sway: float, mode: bool,
 ) -> tuple[list[Any], Float64, Float64, Float64, Float64]:  # fmt: skip
     """Return each layer's arguments, displacements (L, 2), sway and places in a pixel (L, 1)."""
     start, rate = np.empty((2, len(film.layers), 2))
@@ -158,7 +160,7 @@ def _standing(
     ]
     # Each sways as one flake does: factors of the sine and the cosine.
     phases = math.tau * np.outer(range(len(keys)), (0.6180339887, 0.0, 0.7548776662))
-    swing = weather.sway[0] * np.stack([np.cos(phases), np.sin(phases)]) * (1.0, 0.0, 1.0)
+    swing = sway * np.stack([np.cos(phases), np.sin(phases)]) * (1.0, 0.0, 1.0)
     swing = swing @ axes[:, :2] * focals / film.depths[:, None]
     return keys, start, rate, swing, places[:, None]
 

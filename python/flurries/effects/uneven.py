@@ -18,7 +18,7 @@ from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion, air_course
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, course_of, integral_of, integral_to, value_at
-from flurries.motion.waves import Waves, carry
+from flurries.motion.waves import Waves, carry, paced
 from flurries.motion.wind import Wind
 from flurries.particles.population import Slab
 
@@ -61,7 +61,8 @@ def wave_weights(motion: Motion, fps: float, times: Sequence[float], start: Floa
     """Return what gusts and swirls have done to flakes at n frames, as sums of waves, (m, 6 n)."""
     waves = _varied(motion).waves
     assert waves is not None
-    _, sums = carry(waves, air_course(fps, motion.fall, motion.mean_wind), fps)
+    way = waves, air_course(fps, motion.fall, motion.mean_wind)
+    _, sums = carry(*(way if motion.pace == 1.0 else paced(*way, fps, motion.pace)), fps)
     there = np.exp(1j * (waves.k @ start)) / fps
     parts = [waves.a * (_complex(sums.to(motion.now(t))) * there)[:, None] for t in times]
     weights = np.concatenate(parts, axis=1)

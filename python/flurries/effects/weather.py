@@ -14,13 +14,13 @@ from flurries._contract import Float64
 from flurries._kept import kept
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
-from flurries.effects.air import NEAR_FADE
+from flurries.effects.air import NEAR_FADE, swing_of
 from flurries.effects.drawn import Drawn, Share
 from flurries.effects.motion import HALF_OPEN, Motion, times
 from flurries.effects.notes import Notes
 from flurries.frame.needs import has_keys
 from flurries.frame.view import Frame
-from flurries.motion.keys import Number
+from flurries.motion.keys import Number, Vector
 from flurries.particles import population as laws
 from flurries.particles.sizes import Sizes
 
@@ -81,7 +81,7 @@ class Weather(Drawn):
     motion: Motion  # Of a flake of the mean size.
     emission: Number  # Share of the flakes that begin to fall, 0 to 1.
     cloud: float  # Height above the camera at which they begin, metres.
-    sway: tuple[float, float]  # (amplitude, rate): metres, and radians per second.
+    sway: Vector  # (amplitude, rate): metres, and radians per second.
     clumps: float  # By what part of the mean density it differs from place to place, 0 to 1.
     near: float  # Depths between which there are flakes, metres.
     far: float
@@ -130,8 +130,9 @@ class Weather(Drawn):
         for t, *at, diameter in notes.place:
             speed = float(self.population.speed(np.array([diameter]))[0])
             motion = replace(self.motion, fall=times(self.motion.fall, speed / self.mean_speed))
-            (eye,), angle = motion.places(path, fps, [t]), self.sway[1] * motion.now(t) / fps
-            aside = self.sway[0] * math.sin(angle) * np.array((1.0, 0.0, 1.0))
+            (eye,) = motion.places(path, fps, [t])
+            swing, cycles = swing_of(self.sway, motion.now(t), fps)
+            aside = swing * math.sin(math.tau * cycles) * np.array((1.0, 0.0, 1.0))
             place = at - path.place(t, fps=fps) + eye - aside
             size = laws.SizeClass(1.0, diameter, diameter, speed, (np.empty(0), np.empty(0)))
             yield Share(size, motion, self.far, _ANYWHERE, tuple(place.tolist()))

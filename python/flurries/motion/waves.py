@@ -15,7 +15,7 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import Float64
 from flurries._kept import kept
-from flurries.motion.keys import Course, Integral, integral_of
+from flurries.motion.keys import Course, Integral, Keys, Number, course_of, integral_of, sum_of
 
 # Waves of the gusts and of the swirls, each.
 WAVES = 24
@@ -31,7 +31,7 @@ class Waves:
     k: Float64  # (m, 3) radians per metre.
     omega: Float64  # (m,) radians per second.
     a: npt.NDArray[np.complex128]  # (m, 3) metres per second.
-    own: Float64  # (m,) rad/s: how fast each changes for what rides on the mean wind, at least.
+    own: Float64  # (m,) rad/s: the part of omega by which each changes, and does not travel.
 
     def at(self, points: Float64, *factors: npt.NDArray[np.complex128]) -> Float64:
         """Return Re sum a factor exp(i k . x) at points (n, 3), one after the other: (n, 3 f)."""
@@ -89,10 +89,18 @@ def strongest(field: Float64, spacing: float, duration: float, modes: int) -> Wa
     a = np.where((mirror == np.arange(len(power)))[:, None], a, 2.0 * a)
     order = [i for i in np.argsort(-power, kind="stable") if i <= mirror[i] and power[i] > 0.0]
     chosen = np.array(order[:modes], dtype=np.intp)
-    # A field is taken to change as fast as it carries things through its own waves.
-    speed = math.sqrt(0.5 * float(np.sum(np.abs(a[chosen]) ** 2)))
-    own = speed * np.linalg.norm(k[chosen], axis=1)
-    return Waves(k[chosen], omega[chosen], a[chosen], own)
+    return Waves(k[chosen], omega[chosen], a[chosen], omega[chosen])
+
+
+@kept(32)
+def paced(waves: Waves, course: Course, fps: float, pace: Number) -> tuple[Waves, Course]:
+    """Return waves that change at a pace, and a course, with what has changed as a fourth axis."""
+    keys = pace.keys if isinstance(pace, Keys) else [(0.0, pace)]
+    fourth = course_of(Keys([(frame, (0.0, 0.0, 0.0, value)) for frame, value in keys]), 1.0 / fps)
+    assert course.slopes is not None
+    values, slopes = (np.pad(part, ((0, 0), (0, 1))) for part in (course.values, course.slopes))
+    wide = replace(waves, k=np.column_stack([waves.k, -waves.own]), omega=waves.omega - waves.own)
+    return wide, sum_of([replace(course, values=values, slopes=slopes), fourth])
 
 
 @kept(32)

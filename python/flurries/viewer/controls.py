@@ -177,6 +177,7 @@ _FIELDS: dict[str, tuple[str, str, float, float, float]] = {
     "exponent": ("Softness", "", 0.0, 2.0, 0.05),
     "shutter": ("Shutter", "frames", 0.0, 2.0, 0.05),
     "time": ("Time", "", 0.0, 2.0, 0.05),
+    "turbulence": ("Turbulence", "", 0.0, 4.0, 0.05),
 }
 # The camera's axes: label, place in a velocity, sign.
 CAMERA = {
@@ -223,6 +224,8 @@ def _of_effect(scene: Scene, index: int, group: str) -> Iterator[Control]:
             yield row(GUSTS, "Gusts", "m/s", 0.0, max(4.0, 2.0 * gusts), 0.05, gusts)
     own = {field.name for field in fields(effect)} if is_dataclass(effect) else set()
     for name, (label, unit, low, high, step) in _FIELDS.items():
+        if name == "turbulence" and getattr(getattr(effect, "wind", None), "waves", None) is None:
+            continue
         value = value_at(getattr(effect, name), 0.0) if name in own else None
         if name == "shutter" and name in own and value is None:
             value = HALF_OPEN
