@@ -46,7 +46,6 @@ def numbers(picture: Picture) -> Numbers:
 
 
 def kept(first: Picture, later: Picture) -> float:
-    """Return the correlation of pixels with themselves in a later picture."""
     return float(np.corrcoef(first.ravel(), later.ravel())[0, 1])
 
 
@@ -172,7 +171,6 @@ def correlations(first: Picture, later: Picture, reach: tuple[int, int]) -> Pict
 
 
 def largest(first: Picture, later: Picture, reach: int = 64) -> float:
-    """Return the largest correlation over shifts of up to `reach` px: C(lag)."""
     return float(correlations(first, later, (reach, reach)).max())
 
 
@@ -193,7 +191,6 @@ def strangers(ours: np.ndarray, other: np.ndarray, *, whole: bool = True) -> int
 
 
 def inside(flakes: np.ndarray, low: Sequence[float], high: Sequence[float]) -> np.ndarray:
-    """Return the flakes whose pixel is between two corners (x, y)."""
     pixel = flakes["pixel"]
     return np.asarray(flakes[((pixel >= low) & (pixel < high)).all(axis=1)])
 

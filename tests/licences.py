@@ -30,7 +30,6 @@ def needed(name: str, found: dict[str, str]) -> dict[str, str]:
 
 
 def main() -> int:
-    """Print all of them; 1 if one is not free."""
     found = needed("flurries", {})
     for extra in ("av", "dask", "distributed", "fsspec", "anywidget", "matplotlib"):
         needed(extra, found)

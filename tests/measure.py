@@ -50,7 +50,6 @@ def same_flakes(one: Any, other: Any, least: int = 100) -> tuple[Any, Any]:
 
 
 def frame_of(shown: fl.Scene, t: float = 0.0, effect: int = 0) -> fl.effects.Frame:
-    """The frame that a scene asks one of its effects for."""
     return shown._program.views(t)[effect][1]
 
 

@@ -134,7 +134,6 @@ def first_failure(copied: Path, tests: list[str], seconds: float) -> str | None:
 
 
 def verdict(number: int, path: Path, text: str, folder: Path, seconds: float) -> str:
-    """Return what the tests say to a changed file."""
     copied = folder / str(number)
     shutil.copytree(PACKAGE, copied / "flurries")
     (copied / "flurries" / path.relative_to(PACKAGE)).write_text(text, encoding="utf-8")

@@ -42,7 +42,6 @@ def gas(dtype: Any, **options: Any) -> np.ndarray:
 
 
 def flakes(count: int) -> dict[str, Any]:
-    """Flakes at rest and in motion, some of them huge."""
     return {
         "points": points(count), "radius": 0.004 + 0.4 * (np.arange(count) % 997 == 0),
         "camera": LENS, "opacity": 0.4, "velocity": 0.05 * RNG(9).random((count, 3)),

@@ -72,14 +72,12 @@ def assert_reads_as(path, color, alpha, encoding):
 
 
 def spec_of(path):
-    """Return what OpenImageIO says of a file."""
     reader = oiio.ImageInput.open(str(path))
     assert reader is not None, oiio.geterror()
     return reader.spec()
 
 
 def kinds_of(spec):
-    """Return the types of channels by their names."""
     return {name: str(spec.channelformat(n)) for n, name in enumerate(spec.channelnames)}
 
 

@@ -124,18 +124,6 @@ def test_it_goes_on(source: Path, tmp_path: Path):
     assert (out / "README.md").read_text() == "mine"
 
 
-@pytest.mark.parametrize("arguments", [
-    {"profile": "easy"}, {"severity": "2,"}, {"weather": "hail"}, {"weather": ["snow", "hail"]},
-    {"severity": 0}, {"severity": "1-9"},
-    {"severity": "many"}, {"severity": []}, {"severity": 1.5}, {"seed": "x"}, {"workers": 0},
-    {"workers": 1.5}, {"overwrite": "yes"},
-])  # fmt: skip
-def test_bad_arguments_are_refused_by_name(arguments: dict[str, Any], source: Path, tmp_path: Path):
-    with pytest.raises((TypeError, ValueError), match=next(iter(arguments))):
-        corrupt(source, tmp_path / "out", **{"workers": 1, **arguments})
-    assert not (tmp_path / "out").exists()
-
-
 def test_bad_folders_are_refused(source: Path, tmp_path: Path):
     with pytest.raises(ValueError, match="out must not be inside"):
         corrupt(source, source / "out", workers=1)

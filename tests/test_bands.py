@@ -64,8 +64,6 @@ SCENES: dict[str, dict[str, Any]] = {
 
 @pytest.fixture
 def low(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
-    """Make bands of a tile's rows from here on."""
-
     def lower() -> None:
         monkeypatch.setattr(bands, "WHOLE", 100 * W)
         monkeypatch.setattr(bands, "BAND", 64 * W)

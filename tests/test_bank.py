@@ -10,7 +10,6 @@ FOCAL = 600.0
 
 
 def depth_of(effect, shape=(256, 256), t=0.0, *, seed=0, **about):
-    """Return the optical depth, (H, W) float64."""
     about = {"camera": fl.Camera(FOCAL), **about}
     shown = fl.Scene(np.zeros((*shape, 3), np.float32), effects=[effect], seed=seed, **about)
     alpha = cover(shown, t).astype(np.float64)

@@ -25,7 +25,6 @@ def table(classes: Iterable[str]) -> str:
 
 
 def pictures(folder: Path) -> Path:
-    """Write four pictures of two classes, with boxes, a flow and a table of classes."""
     random = np.random.default_rng(1)
     for name in NAMES:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)

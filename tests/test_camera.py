@@ -32,7 +32,6 @@ CAMERAS: dict[str, dict[str, Any]] = {
 
 
 def points(count: int = 50) -> np.ndarray:
-    """Points all around, some of them behind."""
     return np.random.default_rng(2).uniform(-5.0, 5.0, (count, 3))
 
 
@@ -195,7 +194,6 @@ def test_whether_it_goes_forward(arguments: dict[str, Any], forward: bool):
 
 
 def asked(snow: fl.effects.TentSnow, frame: fl.effects.Frame) -> Any:
-    """What the kernel is asked for the texture."""
     field = snow.parts.texture.field
     return field.request(frame, field.motion.way(frame))
 

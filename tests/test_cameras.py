@@ -26,12 +26,10 @@ FLIP = np.array([1.0, -1.0, -1.0])
 
 
 def seen(path: fl.CameraPath, t: float, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where house points are seen by the path's camera at a frame."""
     return project(points - path.place(t, fps=24.0), path.pose(path.camera, t), (H, W))
 
 
 def cloud(turn: np.ndarray, place: np.ndarray, forward: float) -> np.ndarray:
-    """Points in front of a camera, in its world's axes."""
     local = RNG.uniform((-1, -1, 3), (1, 1, 9), (20, 3)) * (1, 1, forward)
     return local @ turn.T + place
 

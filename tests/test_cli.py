@@ -37,7 +37,6 @@ Run = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working folder with a plate, a mask and a scene."""
     monkeypatch.chdir(tmp_path)
     write_picture("plate.png", PLATE)
     write_picture("mask.png", MASK)
@@ -62,7 +61,6 @@ def run(here: Path, capfd: pytest.CaptureFixture[str], threads: Any) -> Run:
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    """Every file below a folder, hidden ones too."""
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 

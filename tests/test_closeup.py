@@ -53,7 +53,6 @@ def drawn(
 
 
 def energy_of(diameter: float, depth: float) -> float:
-    """Return opacity times the area of the image, px2."""
     return 0.9 * 0.25 * math.pi * (FOCAL * diameter / depth) ** 2
 
 

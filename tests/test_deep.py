@@ -29,7 +29,6 @@ def scene(*effects: Any, **more: Any) -> fl.Scene:
 
 
 def over(samples: Deep) -> np.ndarray:
-    """The samples of each pixel over each other, one by one."""
     whole, at = np.zeros((samples.counts.size, 4)), 0
     for pixel, count in enumerate(samples.counts.ravel().tolist()):
         for sample in samples.values[at : at + count, :4]:
@@ -142,7 +141,6 @@ def number(name):
 
 
 def plate(path, manifest="embedded", kind="float", apart=False, **about):
-    """A plate of three things in two ranks of View.Crypto."""
     given = json.dumps({name: f"{number(name).view(np.uint32):08x}" for name in THINGS})
     said = {"name": "View.Crypto", "hash": "MurmurHash3_32", "conversion": "uint32_to_float32"}
     if manifest == "beside":

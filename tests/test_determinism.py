@@ -37,7 +37,6 @@ NAMES = ["snow", "rain", "mist", "cone"]
 
 
 def hashes(threads: int) -> list[str]:
-    """Hashes of all frames of all scenes, for each order of making them."""
     fl.set_threads(threads)
     found = []
     for order in ORDERS.values():
@@ -94,7 +93,6 @@ def test_a_change_of_frames_is_told():
 
 
 def test_16_2_a_change_of_frames_raises_the_number_of_their_bits():
-    """Frames of other bits are told apart by it, see `flurries.scene.fingerprint.BITS`."""
     assert 1 + sum(entry["number"] - 1 for entry in KEPT.values()) == BITS
 
 

@@ -116,7 +116,6 @@ ROOTS = (README.parent, README.parent / "python")
 
 
 def named_tests(text: str) -> set[str]:
-    """Return the tests that a page names, `file::name`."""
     found, file = set(), ""
     for match in TEST.finditer(text):
         file = (match[1] or file).removeprefix("tests/")
@@ -131,7 +130,6 @@ def declared(file: str) -> set[str]:
 
 
 def missing(page: Path, text: str) -> list[str]:
-    """Return what a page names or links to that is not there."""
     links = [link for link in LINK.findall(text) if "://" not in link]
     lost = [link for link in links if not (page.parent / link).exists()]
     named = FILE.findall(text)
@@ -239,7 +237,6 @@ def test_every_variable_that_the_code_reads_has_a_row():
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The pages that come from the code."""
     import commands
     import reference
     import scenes
@@ -293,7 +290,6 @@ def test_the_page_of_a_shot_has_six_tasks_of_six_lines_at_most():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small shot, with what the six tasks make of it."""
     made = tmp_path_factory.mktemp("shot")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(made)

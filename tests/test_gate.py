@@ -23,7 +23,6 @@ def launch(code: str, **environment: str) -> subprocess.Popen[str]:
 
 
 def python(code: str, **environment: str) -> list[str]:
-    """Run a program to its end and return the words that it printed."""
     process = launch(code, **environment)
     try:
         out, err = process.communicate(timeout=600)

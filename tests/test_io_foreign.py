@@ -150,7 +150,6 @@ def test_files_that_are_no_pictures(tmp_path):
 
 
 def specimens(folder):
-    """Pictures in the formats of film and photography, from us and from others."""
     photograph = np.ascontiguousarray(skimage.data.astronaut()[90:186, 180:276])
     image = Image.fromarray(photograph)
     light = srgb_to_linear(photograph / np.float32(255))

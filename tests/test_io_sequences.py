@@ -111,7 +111,6 @@ def level(number, size=(6, 4)):
 
 @pytest.fixture
 def sequence(tmp_path):
-    """Frames 98 to 103, each of its own grey."""
     for number in range(98, 104):
         write_picture(tmp_path / f"plate.{number:04d}.png", level(number))
     return tmp_path / "plate.%04d.png"
@@ -161,7 +160,6 @@ OLD = b"the old file"
 
 @pytest.fixture
 def target(tmp_path):
-    """A file that is there already, alone in its folder."""
     path = tmp_path / "frames" / "picture.png"
     path.parent.mkdir()
     path.write_bytes(OLD)

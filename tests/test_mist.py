@@ -53,7 +53,6 @@ def test_a_visibility_may_be_keyed_and_is_not_of_particles():
 
 
 def left_of(effect, depth):
-    """Return the transmittance before depths, on the axis of a long lens."""
     black = np.zeros((9, 9, 3), np.float32)
     shown = scene(effect, depth=depth, camera=fl.Camera(1e5), background=black)
     return 1.0 - float(cover(shown)[4, 4])

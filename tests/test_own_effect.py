@@ -26,7 +26,6 @@ def registered(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """The names that the page's code leaves, run in a folder of its own."""
     monkeypatch.chdir(tmp_path)
     # A dataclass looks for its module.
     monkeypatch.setitem(sys.modules, "own", type(sys)("own"))

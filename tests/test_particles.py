@@ -82,7 +82,6 @@ FOCAL = 300.0
 
 
 def one(shape, x, y, *, sigma, opacity=1e-3, depth=2.0, dtype=np.float64, **more):
-    """Return the alpha of a flake whose image is at (x, y), with a raw sigma in px."""
     height, width = shape
     point = ((x - width / 2) * depth / FOCAL, (y - height / 2) * depth / FOCAL, depth)
     radius = 3 * sigma * depth / FOCAL

@@ -173,8 +173,6 @@ def test_gas_of_one_color_is_not_sorted():
 
 @dataclass(frozen=True)
 class Own:
-    """Somebody's effect without needs."""
-
     def render(self, frame: fl.effects.Frame) -> fl.effects.Layer:
         top, bottom, left, right = frame.window
         return fl.effects.Layer("own", np.full((bottom - top, right - left), 0.5, np.float32))

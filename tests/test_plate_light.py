@@ -14,6 +14,7 @@ from flurries.io.color import linear_to_srgb, srgb_to_linear
 from flurries.light.lamp import DROPS, FLAKES, Optics, radiance
 from flurries.light.plate import PlateLight, cell_sums, plate_light
 from flurries.light.shot import light_of
+from test_scene_limits import street
 
 Array = np.ndarray[Any, Any]
 W, H = 320, 240
@@ -136,15 +137,9 @@ def test_air_before_a_wall_takes_no_light_from_the_sky_beyond_its_edge():
 WEATHERS = {"ambient": fl.Snow("heavy"), "mist": fl.Mist("fog", structure=0.0)}
 
 
-def street(sky: float) -> Array:
-    plate = np.float32(0.4 * sky) * np.random.default_rng(2).uniform(0.5, 1.5, (90, 120, 3))
-    plate[:30] = sky
-    return plate.astype(np.float32)
-
-
 def lamp_at(folder: Path, frames: range, lit: range) -> fl.Scene:
     for number in frames:
-        plate = street(0.02)
+        plate = street(0.02, 0.008)
         if number in lit:
             plate[50:85, 80:115] = 3.0
         fl.io.write_picture(folder / f"n.{number:04d}.exr", plate)
@@ -189,7 +184,7 @@ def test_frames_of_another_light_do_not_go_on(tmp_path: Path):
 
 def test_keys_follow_a_sky_that_changes_and_no_lamp(tmp_path: Path):
     for number in range(1, 10):
-        plate = street(1.0 - 0.1 * number)
+        plate = (1.0 - 0.1 * number) * street(1.0, 0.4)
         plate[50:85, 80:115] = 3.0 if number > 4 else 0.1
         fl.io.write_picture(tmp_path / f"n.{number}.exr", plate)
     light = fl.scene.find_light(fl.Scene(str(tmp_path / "n.%d.exr")), keyed=True)

@@ -60,7 +60,6 @@ def alpha(shown: fl.Scene, t: float = 7.0) -> np.ndarray:
 
 
 def memory(film: list[np.ndarray], most: int) -> np.ndarray:
-    """Return the correlation of pixels with themselves after 0 to `most` frames."""
     frames = np.stack(film).reshape(len(film), -1)
     frames -= frames.mean(axis=1, keepdims=True)
     frames /= frames.std(axis=1, keepdims=True)
@@ -175,7 +174,6 @@ PROFILE = [(2.0, (1.0, 0.0, 0.0)), (9.0, (-3.0, 0.5, 0.0)), (25.0, (4.0, -0.3, 0
 
 
 def windy(mean: tuple[float, float, float], profile: Any, **fields: Any) -> fl.Scene:
-    """Snow in a wind that differs by depth, wide enough for some hundreds of drawn flakes."""
     given = {"density": 30.0, "sway": (0.0, 1.0), "far": 30.0, **fields}
     wind = fl.Wind(mean, profile=profile)
     return scene(wind=wind, shape=(288, 384), camera=fl.Camera(300.0), seed=0, **given)

@@ -23,9 +23,12 @@ from public.scenes import write_files
 Array = npt.NDArray[Any]
 TABLE = calls()
 OF_ARRAYS = [name for name, call in TABLE.items() if call.arrays]
-OF_OUT = [name for name, call in TABLE.items() if call.writes]
-OF_ARGUMENTS = [name for name, call in TABLE.items() if call.parameters]
-OF_SIZES = [name for name, call in TABLE.items() if list(sizes_of(call))]
+ASPECTS = {
+    of_layouts: OF_ARRAYS, of_no_arrays: OF_ARRAYS,
+    of_output: [name for name, call in TABLE.items() if call.writes],
+    of_arguments: [name for name, call in TABLE.items() if call.parameters],
+    of_sizes: [name for name, call in TABLE.items() if list(sizes_of(call))],
+}  # fmt: skip
 LONGEST = 60
 
 
@@ -71,7 +74,9 @@ def test_everything_public_has_a_call():
     assert OUTSIDE.keys() <= TABLE.keys()
     own = {name for name, call in TABLE.items() if call.of is listed().get(name)}
     assert all("(" in name or inspect.ismethod(TABLE[name].of) for name in set(TABLE) - own)
-    assert len(OF_ARRAYS) > 60 and len(OF_OUT) > 25 and len(OF_ARGUMENTS) > 130
+    assert all(
+        len(ASPECTS[of]) > n for of, n in ((of_layouts, 60), (of_output, 25), (of_arguments, 130))
+    )
 
 
 # Arrays among words, arguments that a mode does not look at, and three of which
@@ -127,33 +132,16 @@ def test_defaults_are_the_papers():
                 assert parameter.default == wanted, f"{name}: {key}"
 
 
-@pytest.mark.parametrize("name", OF_ARRAYS)
-def test_arrays_of_every_layout_and_dtype(name: str):
-    assert list(of_layouts(TABLE[name])) == []
-
-
-@pytest.mark.parametrize("name", OF_ARRAYS)
-def test_what_is_no_such_array(name: str):
-    assert list(of_no_arrays(TABLE[name])) == []
-
-
-@pytest.mark.parametrize("name", OF_OUT)
-def test_output_arrays(name: str):
-    assert list(of_output(TABLE[name])) == []
-
-
-@pytest.mark.parametrize("name", OF_ARGUMENTS)
-def test_arguments(name: str, capsys: pytest.CaptureFixture[str]):
-    """Refused by name, for little memory; what may be taken fails in no other way."""
-    found = list(of_arguments(TABLE[name]))
+@pytest.mark.parametrize(
+    ("of", "name"),
+    [(of, name) for of, names in ASPECTS.items() for name in names],
+    ids=lambda one: getattr(one, "__name__", one),
+)
+def test_nothing_is_wrong_with_an_aspect(of: Any, name: str, capsys: pytest.CaptureFixture[str]):
+    """The right answer, a refusal by name or MemoryError; an abort ends the run."""
+    found = list(of(TABLE[name]))
     capsys.readouterr()
     assert found == []
-
-
-@pytest.mark.parametrize("name", OF_SIZES)
-def test_sizes_beyond_the_memory(name: str):
-    """An answer, a refusal or MemoryError; an abort ends the run."""
-    assert list(of_sizes(TABLE[name])) == []
 
 
 def twice(
@@ -214,9 +202,6 @@ def test_a_mistake_would_be_seen(mistake: str):
     seen, phrase = MISTAKES.get(mistake, (of_layouts, ""))
     found = [line for of in ((seen,) if mistake else ASPECTS) for line in of(call)]
     assert any(phrase in line for line in found) if mistake else found == []
-
-
-ASPECTS = (of_layouts, of_no_arrays, of_output, of_arguments, of_sizes)
 
 
 PICTURE = np.full((4, 6, 3), 0.5, np.float32)

@@ -122,7 +122,6 @@ def test_the_veil_thickens_with_the_way_through_it():
 
 
 def street(sky: float, walls: float) -> np.ndarray:
-    """A linear plate, a third of it sky, with darker and lighter walls."""
     plate = np.full((90, 120, 3), walls, np.float32)
     plate *= np.random.default_rng(2).uniform(0.5, 1.5, plate.shape).astype(np.float32)
     plate[:30] = sky

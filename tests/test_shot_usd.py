@@ -45,7 +45,6 @@ def stage_of(path: Path, *, up: str = "Y", unit: float = 1.0, film: float = 0.75
 
 
 def seen_by_usd(camera: Any, time: float, points: np.ndarray) -> np.ndarray:
-    """Return pixels of points in the stage's axes, by usd-core."""
     frustum = camera.GetCamera(time).frustum
     both = frustum.ComputeViewMatrix() * frustum.ComputeProjectionMatrix()
     at = np.array([both.Transform(Gf.Vec3d(*map(float, point))) for point in points])
@@ -188,7 +187,6 @@ def values(path: Path, frame: int) -> dict[str, np.ndarray]:
 
 
 def balls(at: np.ndarray, diameter: np.ndarray, opacity: np.ndarray) -> np.ndarray:
-    """Return the alpha of round flakes that rest, by the twin."""
     canvas = Canvas((H, W), 0.9)
     canvas.add(np.broadcast_to(at.T, (3, 2, len(at))), diameter, opacity / 0.9)
     return canvas.alpha()

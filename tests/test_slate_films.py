@@ -195,7 +195,6 @@ def film_with_sound(path: Path, codec: str, frames: int = 40, fps: int = 20) -> 
 
 
 def heard(path: Path) -> tuple[str, np.ndarray]:
-    """The codec and the samples from the first picture on, with their real times."""
     with av.open(str(path)) as container:
         codec = container.streams.audio[0].codec_context.name
         resampler = av.AudioResampler(format="flt", layout="mono", rate=RATE)

@@ -35,7 +35,6 @@ EDGES = [2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 12.8, 16.0, 20.0, 32.0]
 
 
 def asked(seed: int) -> tuple[twin.Shape, dict[str, Any]]:
-    """A random picture size and the arguments of a frame."""
     random = np.random.default_rng(seed)
 
     def maybe(share: float) -> bool:

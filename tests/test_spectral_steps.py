@@ -37,7 +37,6 @@ def tables(shape: twin.Shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def grid(shape: twin.Shape, tile: twin.Shape, overlap: int, dtype: type) -> np.ndarray:
-    """Numbers for the tiles of a picture."""
     starts = [
         twin.tile_starts(n, tile=m, overlap=overlap) for n, m in zip(shape, tile, strict=True)
     ]

@@ -37,7 +37,6 @@ def contents(place: str) -> dict[str, bytes]:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: Any) -> dict[str, bytes]:
-    """What twelve frames are on a local disk."""
     place = tmp_path_factory.mktemp("whole") / "out"
     SCENE.write(place / "%04d.png", "1-12")
     return contents(str(place))
@@ -78,7 +77,6 @@ def server() -> Iterator[Server]:
 
 @pytest.fixture(params=["local", "memory", "s3"])
 def place(request: Any, tmp_path: Path) -> str:
-    """A folder of each kind of store that nothing is in."""
     if request.param == "s3":
         request.getfixturevalue("server")
     token = uuid.uuid4().hex

@@ -176,7 +176,6 @@ def test_a_knob_leaves_what_is_given_and_is_written_out(kind: Any, tmp_path: Pat
 
 
 def boxed(alpha: np.ndarray, times: int) -> np.ndarray:
-    """Means over squares."""
     height, width = alpha.shape
     return alpha.reshape(height // times, times, width // times, times).mean(axis=(1, 3))
 

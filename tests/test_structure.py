@@ -89,7 +89,6 @@ def targets(node: ast.Import | ast.ImportFrom, known: set[str]) -> list[tuple[st
 
 
 def arrows(sources: dict[str, str]) -> list[Arrow]:
-    """Return all imports of modules given by their text."""
     known, found = {*sources, "_core"}, []
 
     def walk(name: str, node: ast.AST, inside: bool, typing: bool) -> None:
@@ -118,7 +117,6 @@ def level(name: str) -> int:
 
 
 def breaches(found: list[Arrow]) -> set[tuple[str, str]]:
-    """Return the modules with arrows that must not be, and what is wrong with them."""
     free = [arrow for arrow in found if not arrow.at_a_door]
     up = {(a.source, "upwards") for a in free if a.own and level(a.target) > level(a.source)}
     light = [a for a in free if a.inside and not HEAVY & {a.target, a.target.split(".")[0]}]
@@ -193,7 +191,6 @@ CODE = {
 
 
 def folders_of(text: str) -> set[str]:
-    """Return the folders that a file names from the crate's root."""
     found = set(re.findall(r"\bcrate::(\w+)", text))
     for several in re.findall(r"\bcrate::\{([^;]*)\};", text):
         found |= set(re.findall(r"(?:^|,)\s*(\w+)", several))

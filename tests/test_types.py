@@ -60,13 +60,9 @@ WEATHER = [fl.Snow, fl.Rain, TentSnow, TentRain, fl.Mist, ConeSnow, ConeRain]
 
 
 @pytest.mark.parametrize("kind", WEATHER)
-def test_the_types_name_all_presets(kind: type[Any]):
+def test_an_effect_shows_its_presets_its_fields_and_what_users_call(kind: type[Any]):
     named, _ = typing.get_args(typing.get_type_hints(kind)["preset"].type)
     assert typing.get_args(named) == tuple(kind.PRESETS)
-
-
-@pytest.mark.parametrize("kind", WEATHER)
-def test_help_of_an_effect_shows_fields_and_what_users_call(kind: type[Any]):
     names = set(dir(kind))
     plain = {f.name for f in dataclasses.fields(kind) if f.default is not dataclasses.MISSING}
     assert plain | {"preset"} <= names

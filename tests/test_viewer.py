@@ -53,7 +53,6 @@ def test_the_answer_is_the_scenes_own_frame():
 
 
 def place(session: Session, effect: int = 0) -> np.ndarray:
-    """Camera minus air of the page's last picture."""
     return np.array(session._air["p"][1][effect])
 
 

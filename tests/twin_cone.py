@@ -42,7 +42,6 @@ def hit(d, axis, slope):
 
 
 def fade(d, axis):
-    """Return how much is shown."""
     s = d @ basis(axis)[0]
     ce = np.sqrt(np.maximum(1.0 - s * s, 0.0))
     t = np.clip((0.2 * abs(s) / (ce + 0.2 * abs(s)) - 0.6) / 0.35, 0.0, 1.0)
@@ -50,7 +49,6 @@ def fade(d, axis):
 
 
 def centres(shape):
-    """Return the middles of the pixels, (H * W, 2), row after row."""
     y, x = np.mgrid[: shape[0], : shape[1]] + 0.5
     return np.stack([x.ravel(), y.ravel()], axis=1)
 
@@ -85,7 +83,6 @@ def box(tile, u, v, width, height):
 
 def layer(shape, camera, tile, *, axis, phase, stretch=1.0, slope=0.0, repeats=4,
           offset=(0.0, 0.0), gain=1.0):  # fmt: skip
-    """Return the alpha of one layer, box by box."""
     tile = np.asarray(tile, float)
     points = centres(shape)
     rays = directions(points, camera, shape)

@@ -47,7 +47,6 @@ class View:
         return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
     def grown(self, t: float) -> float:
-        """Return the focal length at frame t, pixels."""
         return self.focal * math.exp(self.zoom * t / self.fps)
 
     def project(self, places: Floats, t: float) -> tuple[Floats, Floats]:
@@ -59,13 +58,11 @@ class View:
         return pixel + 0.5 * np.array(self.size)[:, None], local[2]
 
     def carried(self, fall: Floats, t: float) -> Floats:
-        """Return how far flakes went since frame 0, (3, n) metres."""
         x, y, z = np.array(self.wind) * (t / self.fps)
         way = y + fall * (t / self.fps)
         return np.stack([np.full_like(way, x), way, np.full_like(way, z)])
 
     def swing(self, phases: Floats, t: float) -> Floats:
-        """Return the sway of flakes, (3, n) metres; phases (2, n)."""
         amplitude, rate = self.sway
         across, along = amplitude * np.sin(rate * t / self.fps + phases)
         return np.stack([across, np.zeros_like(across), along])

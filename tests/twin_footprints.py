@@ -64,7 +64,6 @@ class Canvas:
         self.chance = np.random.default_rng(seed)
 
     def alpha(self) -> Floats:
-        """Return the opacity of all flakes, (H, W)."""
         return -np.expm1(-self.depth).reshape(self.shape)
 
     def add(self, way: Floats, diameter: Floats, share: Floats) -> None:

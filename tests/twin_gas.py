@@ -141,7 +141,6 @@ def layer(shape, centers, radius, density, color, focal, **options):
 
 
 def light(centers, radius, density, direction, forward):
-    """Return what of a direction's light reaches each particle."""
     centers = np.asarray(centers, float)
     count = len(centers)
     radius, density = np.broadcast_to(radius, count), np.broadcast_to(density, count)

@@ -57,8 +57,6 @@ class Law:
         return small - np.log1p(share * math.expm1(-s * (large - small))) / s
 
     def speed(self, diameter: Floats) -> Floats:
-        """Return the speed of fall, m/s."""
-
         def own(d: Floats) -> Floats:
             mm = 1e3 * np.asarray(d)
             if self.kind == "rain":

@@ -76,7 +76,6 @@ def image(flake: dict, focal: float, center, offset, near: float):
 
 
 def splat(shape, flakes, focal, *, center=None, offset=(0, 0, 0), near=0.1, depth_map=None):
-    """Return alpha, every pixel of every flake, in float64."""
     height, width = shape
     center = (width / 2, height / 2) if center is None else center
     y, x = np.mgrid[:height, :width] + 0.5

@@ -75,7 +75,6 @@ def page(browser: Any, tmp_path: Path) -> Iterator[Page]:
 
 
 def pixels(page: Page) -> np.ndarray:
-    """The picture on the page, (512, 512, 3)."""
     with Image.open(io.BytesIO(base64.b64decode(page.evaluate(PIXELS)))) as picture:
         return np.asarray(picture.convert("RGB"), dtype=float)
 
@@ -86,7 +85,6 @@ def stop(page: Page) -> None:
 
 
 def settle(page: Page) -> None:
-    """Wait until all that was asked for is shown."""
     until(page, "document.querySelector('main').dataset.idle === 'true'")
 
 
@@ -291,7 +289,6 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
 
 
 def test_the_widget_in_a_notebook(browser: Any, lab: tuple[str, Path]):
-    """`fl.view` in JupyterLab."""
     url, folder = lab
     page = browser.new_page(viewport={"width": 1300, "height": 1300})
     for _ in range(60):

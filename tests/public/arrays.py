@@ -287,12 +287,12 @@ CALLS: dict[str, Call] = {
     ),
     "stereo.eyes": Call(
         {"camera": LENS, "distance": 0.1, "convergence": 2.0},
-        refused={"distance": (-0.1,), "convergence": (0.0, -2.0)},
+        refused={"camera": (3.0,), "distance": (-0.1, "x"), "convergence": (0.0, -2.0, np.inf)},
     ),
     "stereo.anaglyph": Call({"left": PICTURE, "right": OTHER}, **PAIR),
     "stereo.side_by_side": Call({"left": PICTURE, "right": OTHER}, **PAIR),
     "stereo.over_under": Call({"left": PICTURE, "right": OTHER}, **PAIR),
-    "set_threads": Call({"n": 2}, refused={"n": (0, -1, 257, 2**63)}),
+    "set_threads": Call({"n": 2}, refused={"n": (0, -1, 257, 2**63, [2])}),
     "settings": Call({"threads": 2, "reproducible": False}, loose=True, refused={
         "threads": (0, -1, 257, 2**63), "reproducible": (1, 0, "yes", np.ones(2)),
     }),

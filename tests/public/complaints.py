@@ -43,7 +43,6 @@ def outcome(call: Call, **changes: Any) -> list[np.ndarray] | Exception:
 
 
 def same(one: list[np.ndarray], two: list[np.ndarray]) -> bool:
-    """Say whether all bits are equal."""
     return len(one) == len(two) and all(
         a.shape == b.shape and a.dtype.newbyteorder("=") == b.dtype.newbyteorder("=")
         and np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
@@ -244,7 +243,6 @@ def little_memory() -> Iterator[None]:
 
 
 def values_for(call: Call, argument: str) -> Iterator[tuple[Any, bool]]:
-    """Yield values for an argument, and whether they must be refused."""
     parameter = call.parameters[argument]
     kind = str(parameter.annotation)
     if argument not in call.unused:
@@ -297,7 +295,6 @@ def of_arguments(call: Call, tried: Values = values_for) -> Iterator[str]:
 
 
 def _of_value(call: Call, argument: str, value: Any, must: bool) -> str:
-    """Return what is wrong with how a value is taken or refused."""
     try:
         call(**{argument: value})
     except REFUSALS as error:
@@ -322,7 +319,6 @@ NO_SIZES = ("seed", "index", "n", "workers", "group", "severity", "number", "pix
 
 
 def sizes_of(call: Call) -> Iterator[tuple[str, Any]]:
-    """Yield arguments that are sizes, and sizes for them."""
     for argument, value in call.given.items():
         if argument not in NO_SIZES and argument not in call.heavy:
             if isinstance(value, int) and not isinstance(value, bool):
@@ -332,7 +328,6 @@ def sizes_of(call: Call) -> Iterator[tuple[str, Any]]:
 
 
 def of_sizes(call: Call) -> Iterator[str]:
-    """Try sizes below and beyond what fits."""
     call()
     outcomes = set()
     for argument, size in sizes_of(call):

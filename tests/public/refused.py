@@ -142,10 +142,6 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
     },
     **{f"augment.{kind}": WEATHER for kind in ("Snowfall", "Rainfall", "Fog")},
     "camera.tile_shift": {"rotation": ((0.0, 1.0), (0.0, NAN, 0.0), "x", None)},
-    "stereo.eyes": {
-        "camera": (3.0,), "distance": (-0.1, NAN, "x"), "convergence": (0.0, -2.0, INF),
-    },
-    "set_threads": {"n": (0, -1, 257, [2])},
     "Scene": {
         "size": ((0, 5), (5,), "5", "axb", (2.0, 3.0), (90, 71), (2**17 + 1, 4)),
         "background": ("#12", LEVELS[..., :2], LEVELS.astype(int), LEVELS[:0], None),
@@ -163,6 +159,10 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
     },
     "effects.register": {"kind": ("snow", "My Ash"), "effect": (int, fl.Mist())},
     "augment.contrast_loss": {"amount": (-0.1, 1.1)},
+    "augment.corrupt.corrupt": {
+        "profile": ("easy",), "severity": ("2,", 0, "1-9", "many", [], 1.5), "seed": ("x",),
+        "weather": ("hail", ["snow", "hail"]), "workers": (0, 1.5), "overwrite": ("yes",),
+    },
     "spectral.export_loop": {
         "pattern": ("%d.jpg", "%d.hdr", "%d.mp4", "still.png"), "bits": (12,), "overwrite": (1,),
         "spread": (0.0,), "amount": (1.5,),

@@ -19,7 +19,6 @@ PLATE: dict[str, Any] = {"image": PICTURE, "index": 3}
 
 
 def write_files() -> None:
-    """Write the files that the calls read, into the current folder."""
     io.write_picture("picture.png", LEVELS)
     io.write_layers(
         "layers.exr", {"rgba": LAYER.astype(np.float32), "depth": DEPTH.astype(np.float32)}

@@ -124,7 +124,6 @@ def _is_row(value: Any, of: Callable[[Any], bool], length: int | None) -> bool:
 
 
 def parts(kind: str) -> list[str]:
-    """Return the alternatives of a type."""
     found, depth = [""], 0
     for letter in kind:
         depth += (letter == "[") - (letter == "]")
@@ -160,7 +159,6 @@ TYPES: dict[str, Callable[[Any], bool]] = {
 
 
 def may_be(kind: str, value: Any) -> bool:
-    """Say whether a value can be of a type."""
     kind = kind.removeprefix("InitVar[").removesuffix("]") if "InitVar" in kind else kind
 
     def one(part: str) -> bool:

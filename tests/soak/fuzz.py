@@ -48,7 +48,6 @@ WORDS = [b"nan", b"inf", b"1e999", b"-1", b"9" * 30, b"[[", b"]", b'"', b"'''", 
 
 
 def misspelt(text: bytes, random: Any) -> bytes:
-    """With a few words in place of others."""
     bad = bytearray(text)
     for _ in range(int(random.integers(1, 4))):
         place, width = int(random.integers(len(bad))), int(random.integers(0, 8))
@@ -74,7 +73,6 @@ def films(path: Path) -> None:
 
 
 def jobs(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
-    """Yield jobs for mutants of every kind of file that is read, each in turn."""
     random = np.random.default_rng(7)
     light = random.random((40, 56, 4)).astype(np.float32)
     levels = (255 * light[..., :3]).astype(np.uint8)

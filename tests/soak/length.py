@@ -6,5 +6,4 @@ SHARE = float(os.environ.get("FLURRIES_SOAK", "1"))
 
 
 def times(full: int, least: int = 2) -> int:
-    """Return how often something is done."""
     return max(round(SHARE * full), least)

@@ -25,8 +25,6 @@ from faults.within import CLEAN
 
 
 class Pictures(Shot):
-    """A folder of pictures in weather."""
-
     def __init__(self, kind: str, room: Path) -> None:
         super().__init__(kind, room)
         (room / "in").mkdir()

@@ -88,7 +88,6 @@ def check_archive(archive: Path) -> None:
 
 
 def tracked(folder: str) -> set[str]:
-    """Return what git tracks below a folder, from the folder's name on."""
     listed = subprocess.run(
         ["git", "-C", str(ROOT), "ls-files", folder], capture_output=True, text=True, check=True
     )
