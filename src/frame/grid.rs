@@ -36,12 +36,9 @@ impl Grid<'_> {
         (0..width).map(place).map(|(cells, part)| (cells[0] as u32, part)).collect()
     }
 
-    /// Each column's color on a part of the way between rows of cells, and what is wanting to the next one's.
-    fn cells(&self, rows: [usize; 2], part: f32) -> Result<Vec<[f32; 8]>, Error> {
-        let [above, below] = rows.map(|row| pool::line(self.colors, row));
-        let (above, below) = (above?.as_chunks::<3>().0, below?.as_chunks::<3>().0);
-        let color = |(a, b): (&[f32; 3], &[f32; 3])| [0, 1, 2].map(|c| a[c] + part * (b[c] - a[c]));
-        let colors = collected(above.iter().zip(below).map(color))?;
+    /// Each column's color in a row of cells, and what is wanting to the next one's.
+    fn cells(&self, row: usize) -> Result<Vec<[f32; 8]>, Error> {
+        let colors = pool::line(self.colors, row)?.as_chunks::<3>().0;
         collected((0..colors.len()).map(|cell| {
             let ([r, g, b], next) = (colors[cell], colors[(cell + 1).min(colors.len() - 1)]);
             [r, g, b, 0.0, next[0] - r, next[1] - g, next[2] - b, 0.0]
@@ -61,44 +58,34 @@ impl Grid<'_> {
 pub struct Colors<'a, 'b> {
     grid: &'a Grid<'b>,
     across: &'a [(u32, f32)],
-    cells: Vec<[f32; 8]>,
-    /// Where rows need not have the last bits: the rows of cells above and below, pixel by pixel. Few are new.
-    sides: Option<[(usize, Vec<[f32; 3]>); 2]>,
+    /// The rows of cells above and below, pixel by pixel. Few are new.
+    sides: [(usize, Vec<[f32; 3]>); 2],
     part: f32,
-    /// Room for one more than are asked for.
     pixels: Vec<[f32; 3]>,
 }
 
 impl<'a, 'b> Colors<'a, 'b> {
-    pub fn new(grid: &'a Grid<'b>, across: &'a [(u32, f32)], exact: bool) -> Self {
+    pub fn new(grid: &'a Grid<'b>, across: &'a [(u32, f32)]) -> Self {
         let first = [0, 1, 2].map(|c| grid.colors[[0, 0, c]]);
         let side = || (usize::MAX, vec![[0.0; 3]; across.len() + 1]);
-        let sides = (!exact).then(|| [side(), side()]);
-        Self { grid, across, cells: vec![], sides, part: 0.0, pixels: vec![first; PIXELS + 1] }
-    }
-
-    /// Whether all have the same.
-    fn one(&self) -> bool {
-        self.grid.colors.len() == 3
+        let (sides, pixels) = ([side(), side()], vec![first; PIXELS]);
+        Self { grid, across, sides, part: 0.0, pixels }
     }
 
     /// Goes to a row.
     pub fn go(&mut self, row: usize) -> Result<(), Error> {
-        if self.one() {
+        // One color is that of all.
+        if self.grid.colors.len() == 3 {
             return Ok(());
         }
         let (rows, part) = self.grid.between(self.grid.first.0 + row, self.grid.colors.dim().0);
         self.part = part;
-        let Some(sides) = &mut self.sides else {
-            self.cells = self.grid.cells(rows, part)?;
-            return Ok(());
-        };
-        if sides[1].0 == rows[0] {
-            sides.swap(0, 1);
+        if self.sides[1].0 == rows[0] {
+            self.sides.swap(0, 1);
         }
-        for ((held, colors), row) in sides.iter_mut().zip(rows) {
+        for ((held, colors), row) in self.sides.iter_mut().zip(rows) {
             if *held != row {
-                blend(colors, self.across, &self.grid.cells([row; 2], 0.0)?);
+                blend(colors, self.across, &self.grid.cells(row)?);
                 *held = row;
             }
         }
@@ -107,14 +94,12 @@ impl<'a, 'b> Colors<'a, 'b> {
 
     /// The colors of so many pixels of the row.
     pub fn some(&mut self, from: usize, count: usize) -> &[[f32; 3]] {
-        let pixels = &mut self.pixels[..count + 1];
-        if let Some([above, below]) = self.sides.as_ref().filter(|_| self.grid.colors.len() > 3) {
-            let (above, below) = (&above.1[from..], &below.1[from..]);
-            lerp(pixels.as_flattened_mut(), above.as_flattened(), below.as_flattened(), self.part);
-        } else if !self.one() {
-            blend(&mut self.pixels, &self.across[from..from + count], &self.cells);
+        let pixels = &mut self.pixels[..count];
+        if self.grid.colors.len() > 3 {
+            let [above, below] = self.sides.each_ref().map(|side| side.1[from..].as_flattened());
+            lerp(pixels.as_flattened_mut(), above, below, self.part);
         }
-        &self.pixels[..count]
+        pixels
     }
 }
 

@@ -26,7 +26,7 @@ pub fn over(
     lit: &Lit<'_>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    laid(out, back, (lit, true), cancel, |out, back, layer| {
+    laid(out, back, lit, cancel, |out, back, layer| {
         out.copy_from_slice(back);
         layer.over(out);
     })
@@ -39,7 +39,7 @@ pub fn over_values(
     lit: &Lit<'_>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    laid(out, back, (lit, false), cancel, |out, back, layer| {
+    laid(out, back, lit, cancel, |out, back, layer| {
         mix_pixels(out, back, layer.colors.as_flattened(), layer.alpha, 3);
     })
 }
@@ -53,7 +53,7 @@ pub fn over_bytes(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let tables = coding.tables()?;
-    laid(out, back, (lit, true), cancel, |out, back, layer| {
+    laid(out, back, lit, cancel, |out, back, layer| {
         let light = &mut [0.0_f32; 3 * PIXELS][..out.len()];
         decode(light, back, &tables);
         lay_finite(light, layer);
@@ -121,7 +121,7 @@ fn lay_finite<const LEVEL: u8>(light: &mut [f32], layer: &Along<'_>) {
 fn laid<S: Copy + Send + Sync>(
     mut out: ArrayViewMut3<'_, S>,
     back: ArrayView3<'_, S>,
-    (lit, exact): (&Lit<'_>, bool),
+    lit: &Lit<'_>,
     cancel: &Cancel,
     each: impl Fn(&mut [S], &[S], &Along<'_>) + Sync,
 ) -> Result<(), Error> {
@@ -135,7 +135,7 @@ fn laid<S: Copy + Send + Sync>(
     let tasks: Vec<_> = out.axis_chunks_iter_mut(Axis(0), 32).enumerate().collect();
     pool::for_each(tasks, |(number, mut band)| {
         cancel.check()?;
-        let mut colors = Colors::new(&lit.grid, &across, exact);
+        let mut colors = Colors::new(&lit.grid, &across);
         for (row, mut out) in band.outer_iter_mut().enumerate() {
             let row = 32 * number + row;
             colors.go(row)?;
@@ -192,7 +192,7 @@ impl<'a, 'b> Behind<'a, 'b> {
         front: Option<ArrayView2<'_, f32>>,
     ) -> Result<(), Error> {
         let mut cover = vec![0.0_f32; glow.dim().1];
-        let mut colors = Colors::new(&self.lit.grid, &self.across, true);
+        let mut colors = Colors::new(&self.lit.grid, &self.across);
         for (row, mut glow) in glow.outer_iter_mut().enumerate() {
             colors.go(first + row)?;
             cover.copy_from_slice(pool::line(self.lit.alpha, first + row)?);

@@ -8,12 +8,13 @@ import numpy as np
 
 from flurries._contract import Array, ArrayLike, Float64, suggestion
 from flurries._kept import kept
+from flurries.camera.lens import Camera
 from flurries.effects.motion import rays_at
 from flurries.frame.layer import Shade
 from flurries.frame.needs import PARTS
 from flurries.frame.view import Frame
 from flurries.io.color import linear_to_srgb, parse_hex, srgb_to_linear
-from flurries.light.lamp import Optics, as_light, radiance
+from flurries.light.lamp import ROW, Optics, as_light, radiance
 from flurries.light.plate import PlateLight
 from flurries.motion.keys import Keys, value_at
 
@@ -126,14 +127,21 @@ def base_of(color: Any, frame: Frame) -> tuple[Base, RGB, bool]:
 
 def lamp_shade(frame: Frame, depths: ArrayLike, weights: ArrayLike, optics: Optics) -> Shade:
     """Return the light of lamps on flakes at depths, each weighed by what its layer covers."""
-    height, width = frame.shape
-    cell = float(max(math.ceil(max(height, width) / CELLS), 1))
-    rows, columns = math.ceil(height / cell), math.ceil(width / cell)
+    layers = np.array([depths, np.asarray(weights) / np.sum(weights)])
+    about = frame.camera, frame.shape, frame.lamps().tobytes(), layers.tobytes(), optics
+    return shade_of(frame, *_lamp_light(*about))
+
+
+@kept(4, by_mode=True)
+def _lamp_light(
+    camera: Camera, shape: tuple[int, int], lamps: bytes, layers: bytes, optics: Optics
+) -> tuple[Array, float]:
+    """Return that light at the middles of cells, and their side: one for lamps that stand."""
+    cell = float(max(math.ceil(max(shape) / CELLS), 1))
+    rows, columns = (math.ceil(side / cell) for side in shape)
     x, y = ((np.arange(n) + 0.5) * cell for n in (columns, rows))
-    ahead = rays_at(frame.camera, frame.shape, x, y).reshape(-1, 3)
-    eye = np.array(frame.camera.offset)
-    points = np.asarray(depths).reshape(-1, 1, 1) * ahead + eye
-    found = radiance(points.reshape(-1, 3), frame.lamps(), optics, eye).reshape(points.shape)
-    shares = np.asarray(weights) / np.sum(weights)
-    total = (shares[:, None, None] * found).sum(axis=0)
-    return shade_of(frame, total.reshape(rows, columns, 3), cell)
+    eye, (depths, shares) = np.array(camera.offset), np.frombuffer(layers).reshape(2, -1, 1, 1)
+    points = depths * rays_at(camera, shape, x, y).reshape(-1, 3) + eye
+    lit = np.frombuffer(lamps).reshape(-1, ROW)
+    found = radiance(points.reshape(-1, 3), lit, optics, eye).reshape(points.shape)
+    return (shares * found).sum(axis=0).reshape(rows, columns, 3).astype(np.float32), cell

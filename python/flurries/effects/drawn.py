@@ -17,7 +17,6 @@ from flurries.camera.path import CameraPath
 from flurries.effects.air import air_of
 from flurries.effects.maps import TUNED
 from flurries.effects.motion import STEPS, Motion
-from flurries.frame.layer import Shade
 from flurries.frame.needs import Needs, Step, has_keys
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
@@ -98,15 +97,12 @@ class Drawn(ABC):
         return result
 
     def lit(
-        self, frame: Frame, amount: float, optics: Optics, behind: tuple[Array, Shade] | None
+        self, frame: Frame, amount: float, optics: Optics, behind: tuple[Array, Any] | None
     ) -> tuple[Array, Array]:
         """Return opacity and light under the frame's lamps of the flakes and what is behind."""
-        near, glow = (np.empty((*frame.size, *more), np.float32) for more in ((), (3,)))
-        under = None if behind is None else (behind[0], behind[1].given())
-        _core.particle_draw_lit(
-            near, glow, self._sorted(frame, amount), frame.window, frame.lamps(), optics,
-            frame.depth, under,
-        )  # fmt: skip
+        drawn, lamps = self._sorted(frame, amount), frame.lamps()
+        near, glow = plane(frame.size), plane((*frame.size, 3))
+        _core.particle_draw_lit(near, glow, drawn, frame.window, lamps, optics, frame.depth, behind)
         return near, glow
 
     def _sorted(self, frame: Frame, amount: float) -> SortedFlakes:

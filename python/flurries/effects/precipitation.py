@@ -16,7 +16,7 @@ from flurries.effects.notes import Where
 from flurries.frame.layer import Layer
 from flurries.frame.mixing import behind as hidden
 from flurries.frame.needs import LeftOut, Needs, Step
-from flurries.frame.planes import plane
+from flurries.frame.planes import blank, plane
 from flurries.frame.view import Frame
 from flurries.light.lamp import FLAKES, Optics
 from flurries.motion.keys import Keys, Number, value_at
@@ -132,14 +132,14 @@ class Precipitation:
         if frame.lights and hasattr(front, "lit"):
             if behind is not None and hasattr(back, "lamp_shade"):
                 with current.get().stage("lamps"):
-                    shade = back.lamp_shade(frame, self.optics)
+                    shade = back.lamp_shade(frame, self.optics).given()
                 under = np.ascontiguousarray(behind), shade
             lit = frame.run(self, "flakes", front.lit, frame, amount, self.optics, under)
             if lit is not None:
                 near, glow = lit
             elif under is not None:
-                glow = np.zeros((*frame.size, 3), np.float32)
-                _core.shade_add(glow, under[0], under[1].given())
+                glow = blank((*frame.size, 3))
+                _core.shade_add(glow, *under)
         elif front is not None:
             near = frame.run(self, "flakes", front.alpha, frame, amount)
         planes = [np.ascontiguousarray(one) for one in (behind, near) if one is not None]

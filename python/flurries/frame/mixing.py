@@ -94,9 +94,9 @@ class Mix:
     def over(self, working: Array, layer: Layer, into: Array | None = None) -> Array:
         """Return a layer over what lies behind it, in `into` if given: another array."""
         result = np.empty_like(working) if into is None else into
-        kinds = {working.dtype.name, result.dtype.name}
-        whole = not self.linear and kinds == {"uint8"}
-        direct = whole or (kinds == {"float32"} and self.primaries is None)
+        kinds = working.dtype.char + result.dtype.char
+        whole = not self.linear and kinds == "BB"
+        direct = whole or (kinds == "ff" and self.primaries is None)
         opaque, shade = working.shape[2] == 3, layer.shade
         plain = opaque and (self.linear or layer.glow is None)
         if shade is None and layer.rgb is None and opaque:

@@ -37,7 +37,7 @@ class Content:
     def of(cls, scene: Scene, output: Output, eyes: Any, space: ColorSpace | None) -> Content:
         """Return contents whose files are read again, whatever the scene has kept of them."""
         scene = scene._anew(hold=output.damaged == "hold")
-        lit = scene._has_color("ambient", "local")
+        lit = any(str(getattr(e, "color", None)) in ("ambient", "local") for e in scene.effects)
         if scene._range is not None and scene._film is None and lit:
             # Frames of a sequence have the light of all of it: whoever makes one has to agree.
             scene = scene.replace(light=scene.light or find_light(scene))

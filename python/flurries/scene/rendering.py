@@ -69,10 +69,6 @@ class Rendering(Sources):
     def _color(self) -> ColorSpace | None:
         return None if self._colorspace is None else ColorSpace.of("colorspace", self._colorspace)
 
-    def _has_color(self, *names: str) -> bool:
-        colors = [getattr(effect, "color", None) for effect in self.effects]
-        return any(isinstance(color, str) and color in names for color in colors)
-
     @property
     def _linear(self) -> bool:
         if self._space == "auto":
