@@ -13,7 +13,7 @@ import flurries as fl
 import measure
 from every import every
 from flurries.camera.importers import load
-from flurries.camera.rotation import rotation_vector
+from flurries.camera.lens import rotation_vector
 from measure import FOCAL, SIZE, TEXTURE, picture, scene
 
 Camera, Keys, Path_ = fl.camera.Camera, fl.Keys, fl.CameraPath

@@ -52,13 +52,10 @@ def settings(*, threads: int | None = None, reproducible: bool | None = None) ->
     reproducible : bool, optional
         Whether the kernels give the same bits whatever vector instructions the processor has. Off
         by default; ``FLURRIES_REPRODUCIBLE=1`` turns it on for a process and those that it starts.
-
-    Notes
-    -----
-    Without `reproducible` AVX-512 and AVX2 agree with each other, and processors without either
-    differ from them in the last bits. In float64 a Fourier transform takes its factors from the C
-    library, and those may differ in the last bit between processors; so may what NumPy prepares for
-    a scene. What it costs is measured by ``python benches/accuracy.py precision``.
+        Without it AVX-512 and AVX2 agree with each other, and processors without either differ in
+        the last bits. In float64 factors of a Fourier transform, and what NumPy prepares for a
+        scene, may differ between processors all the same. ``python benches/accuracy.py precision``
+        measures what it costs.
     """
     count = None if threads is None else integer("threads", threads, low=1, high=MOST_THREADS)
     mode = None if reproducible is None else flag("reproducible", reproducible)

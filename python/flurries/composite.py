@@ -45,7 +45,11 @@ def snow(
     background: ArrayLike, alpha: ArrayLike, *,
     intensity: float | Sequence[float] = PAPER_WHITE, out: Array | None = None,
 ) -> Array:  # fmt: skip
-    """Snow of one color over a picture, Eq. 7 in the picture's own values.
+    """Snow of one color over a picture: ``intensity * alpha + (1 - alpha) * background``.
+
+    Langer 2004, Eq. 7, which mixes display values; give linear light and get linear light. It has
+    the shape and dtype of `background`, integers rounded. Where alpha is 0 the background's bits
+    are kept; NaN in the background stays where it was.
 
     Parameters
     ----------
@@ -54,18 +58,8 @@ def snow(
     alpha : (H, W)
         Opacity, 0 to 1, float.
     intensity : float or RGB
-        Color of the snow as a fraction of full scale; above 1 for bright snow in linear light. The
+        Color of the snow as a fraction of full scale, above 1 for bright snow in linear light. The
         default is the paper's 250 of 255.
-
-    Returns
-    -------
-    array of the shape and dtype of `background`
-        ``intensity * alpha + (1 - alpha) * background``; integers are rounded. Where alpha is 0 the
-        background's bits are kept; NaN in the background stays where it was.
-
-    Notes
-    -----
-    Langer 2004, Eq. 7. Eq. 7 mixes display values; give linear light and get linear light.
     """
     planes, given = _background(background, (1, 3))
     cover = check.plane_of("alpha", alpha, planes.shape[:2])

@@ -41,6 +41,10 @@ def eyes(
 ) -> tuple[Camera, Camera]:
     """Return the left and the right eye of a camera.
 
+    Their `offset` is less and more by half the distance along x, their `center_shift` by ``focal
+    distance / (2 convergence)`` px the other way: a point at depth Z is seen ``focal distance (1/Z
+    - 1/convergence)`` px farther left by the right eye than by the left.
+
     Parameters
     ----------
     camera : Camera
@@ -51,12 +55,6 @@ def eyes(
         Depth in world units that both eyes see at one place of the picture; nearer things come out
         of it. If not given the eyes look straight ahead and infinity is there.
 
-    Returns
-    -------
-    left, right : Camera
-        `offset` less and more by half the distance along x, and `center_shift` by
-        ``focal distance / (2 convergence)`` px the other way: a point at depth Z is seen
-        ``focal distance (1/Z - 1/convergence)`` px farther left by the right eye than by the left.
     """
     middle = expect_camera(camera, stretched=True)
     half = 0.5 * real("distance", distance, low=0.0, high=LARGEST)
@@ -78,7 +76,9 @@ def eyes(
 def anaglyph(
     left: ArrayLike, right: ArrayLike, *, matrix: str = "lsq2001", out: Array | None = None
 ) -> Array:
-    """Return one picture for red and cyan glasses.
+    """Return one picture (H, W, 3) for red and cyan glasses, like `left` in dtype and light.
+
+    It is clipped once to 0..1 in linear light. Grey that both eyes see stays grey, to 1e-3.
 
     Parameters
     ----------
@@ -86,12 +86,6 @@ def anaglyph(
         Pictures of one shape and dtype: floats in linear light, or uint8 or uint16 sRGB.
     matrix : {"lsq2001", "lcd2009"}
         Dubois' projection of 2001, or the one for flat screens of 2009.
-
-    Returns
-    -------
-    (H, W, 3)
-        In the dtype and the light of the inputs, clipped once to 0..1 in linear light. Grey stays
-        grey: where both eyes see the same grey, so does the anaglyph, to 1e-3.
 
     Notes
     -----

@@ -6,6 +6,8 @@ case. Pixel (row i, column j) has its centre at x = j + 1/2, y = i + 1/2.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +16,6 @@ import numpy as np
 from flurries import _contract as check
 from flurries._contract import LARGEST, SMALLEST, Array, ArrayLike, Float64
 from flurries._kept import kept
-from flurries.camera.rotation import rotation_matrix
 
 
 @check.suggesting
@@ -24,8 +25,9 @@ class Camera:
 
     Parameters
     ----------
-    focal : float
-        Focal length in pixels.
+    focal, aspect : float
+        Focal length in pixels, and that down over that across, fy / fx. Flakes stay round in
+        pixels.
     center : (cx, cy), optional
         Principal point in pixels; (W/2, H/2) of the picture if not given.
     offset : (x, y, z)
@@ -35,8 +37,6 @@ class Camera:
     rotation : (x, y, z)
         Orientation: axis times angle, radians, right-handed in the axes x right, y down, z forward;
         (0, 0.1, 0) looks to the right.
-    aspect : float
-        Focal length down over focal length across, fy / fx. Flakes stay round in pixels.
     """
 
     focal: float
@@ -102,24 +102,16 @@ def expect_camera(camera: object, *, stretched: bool = False) -> Camera:
 
 
 def project(points: ArrayLike, camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
-    """Pixel positions and depths of points.
+    """Places (n, 2) and depths (n,) of points in a picture, float64.
+
+    Places (x, y) are ``center + focal * (x, y) / z`` in pixels, NaN where the depth is not
+    positive; depths are z in camera axes, world units.
 
     Parameters
     ----------
     points : (n, 3)
         Relative to the camera's place, house axes, world units. The camera's rotation turns them
         into its axes, then its offset is subtracted.
-    camera : Camera
-        The eye.
-    shape : (H, W)
-        Size of the picture.
-
-    Returns
-    -------
-    px : (n, 2) float64
-        (x, y) in pixels, ``center + focal * (x, y) / z``; NaN where the depth is not positive.
-    depth : (n,) float64
-        z in camera axes, world units.
     """
     given = check.rows_of("points", points, 3)
     view = expect_camera(camera, stretched=True)
@@ -137,7 +129,11 @@ def image_velocity(
     points_px: ArrayLike, depth: ArrayLike, velocity: ArrayLike, camera: Camera,
     shape: tuple[int, int], *, rotation: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Float64:  # fmt: skip
-    """Velocities of the images of points of the air.
+    """Velocities (n, 2) of the images of points of the air, pixels per frame, float64.
+
+    It is ``(Tz x - f Tx, Tz y - f Ty) / Z`` (Langer 2004, Eq. 8), 0 at the focus of expansion
+    ``f (Tx, Ty) / Tz``, plus the flow of the rotation, which the paper leaves out
+    (``docs/internals/deviations.md``, 17).
 
     Parameters
     ----------
@@ -147,17 +143,8 @@ def image_velocity(
         Depth of each point, world units, positive.
     velocity : (3,)
         Camera minus flake per frame, house axes: falling snow is a camera that rises.
-    camera, shape
-        As in :func:`project`.
     rotation : (3,)
         Radians per frame in camera axes, right-handed (a pan to the right is +y).
-
-    Returns
-    -------
-    (n, 2) float64
-        Pixels per frame: ``(Tz x - f Tx, Tz y - f Ty) / Z`` (Langer 2004, Eq. 8), 0 at the focus of
-        expansion ``f (Tx, Ty) / Tz``, plus the flow of the rotation, which the paper leaves out
-        (``docs/internals/deviations.md``, 17).
     """
     given = check.rows_of("points_px", points_px, 2)
     view = expect_camera(camera, stretched=True)
@@ -183,3 +170,54 @@ def rotational(
     across = -(fx + x * x / fx) * wy + (x * y / fy) * wx + (fx / fy) * y * wz
     down = (fy + y * y / fy) * wx - (x * y / fx) * wy - (fy / fx) * x * wz
     return across, down
+
+
+def rotation_matrix(rotation: Iterable[float]) -> Float64:
+    """Return the matrix (3, 3) of a rotation vector (3,), radians (Rodrigues' formula)."""
+    x, y, z = rotation
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle < 1e-8:
+        # sin(a)/a and (1 - cos a)/a^2 at 0, right to a^2.
+        small: Float64 = np.eye(3) + cross + 0.5 * cross @ cross
+        return small
+    half = math.sin(0.5 * angle) / angle
+    matrix: Float64 = np.eye(3) + math.sin(angle) / angle * cross + 2.0 * half**2 * cross @ cross
+    return matrix
+
+
+def rotation_vector(matrix: Float64) -> Float64:
+    """Return axis times angle, (3,), of a rotation matrix; the angle is from 0 to pi."""
+    w, *xyz = quaternions_of(matrix[None])[0]
+    axis = np.array(xyz)
+    if w < 0.0:
+        w, axis = -w, -axis
+    length = float(np.linalg.norm(axis))
+    # The limit of 2 atan2(s, c) / s.
+    factor = 2.0 / w if length < 1e-150 else 2.0 * float(np.arctan2(length, w)) / length
+    return np.asarray(factor * axis)
+
+
+def quaternions_of(matrices: Float64) -> Float64:
+    """Return (n, 4), (w, x, y, z), of rotation matrices; each from its largest part."""
+    result = np.empty((len(matrices), 4))
+    for k, m in enumerate(matrices):
+        turn, (x, y, z) = m - m.T, np.diag(m)
+        # 4 q q^T: each row is the quaternion times one of its parts.
+        products = np.zeros((4, 4))
+        products[1:, 1:] = m + m.T
+        products[0, 1:] = products[1:, 0] = turn[2, 1], turn[0, 2], turn[1, 0]
+        np.fill_diagonal(products, (1 + x + y + z, 1 + x - y - z, 1 - x + y - z, 1 - x - y + z))
+        result[k] = products[np.diag(products).argmax()]
+    return np.asarray(result / np.linalg.norm(result, axis=1, keepdims=True))
+
+
+def matrices_of(q: Float64) -> Float64:
+    """Return (n, 3, 3) of unit quaternions (w, x, y, z)."""
+    w, x, y, z = q.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.ascontiguousarray(np.moveaxis(np.array(rows), 2, 0))

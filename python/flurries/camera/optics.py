@@ -28,7 +28,9 @@ class Blur(NamedTuple):
 class Lens:
     """A lens of finite opening: flakes and drops that are not in focus are soft, large and faint.
 
-    Only the weather is blurred: the background is a picture that a lens has made already.
+    Only the weather is blurred: the background is a picture that a lens has made already. The
+    circle of confusion of a thin lens of focal length F, f-stop N, focused at s, at the depth z is
+    F^2 / N * |z - s| / (z (s - F)) wide on the sensor. Its disc keeps a flake's energy.
 
     Parameters
     ----------
@@ -38,15 +40,9 @@ class Lens:
         Focal length over the width of the opening. Keyed.
     sensor : float
         Width of the sensor, metres: how long the camera's focal length in pixels is.
-    blades : int
-        Of the opening: 5 or more make discs with corners, 0 makes round discs.
-    turn : float
-        Rotation of the opening, radians.
-
-    Notes
-    -----
-    The circle of confusion of a thin lens of focal length F, f-stop N, focused at s, at the depth
-    z is F^2 / N * |z - s| / (z (s - F)) wide on the sensor. Its disc keeps a flake's energy.
+    blades, turn : int, float
+        Of the opening: 5 or more make discs with corners, 0 makes round discs; and its rotation,
+        radians.
 
     Examples
     --------

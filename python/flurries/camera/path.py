@@ -11,8 +11,7 @@ import numpy as np
 
 from flurries._contract import Float64, choice, suggesting, table
 from flurries._kept import kept
-from flurries.camera.lens import Camera
-from flurries.camera.rotation import quaternions_of, rotation_vector
+from flurries.camera.lens import Camera, quaternions_of, rotation_vector
 from flurries.camera.turning import Turning, lengths_of, turning_of, weigh
 from flurries.motion.keys import (
     Course,

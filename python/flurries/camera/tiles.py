@@ -16,12 +16,13 @@ def tile_drift(
     shape: tuple[int, int], displacement: ArrayLike, camera: Camera, *, near_depth: float,
     tile: int | tuple[int, int] = TILE, overlap: int = OVERLAP, out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
-    """Drift of every tile of :func:`flurries.spectral.field` for a moving camera.
+    """Drift (rows, cols, 2) of tiles of :func:`flurries.spectral.field` for a moving camera.
+
+    It is ``(Pz x - f Px, Pz y - f Py) / near_depth`` pixels, float64, (x, y) the tile's centre from
+    the principal point: exact for sideways motion of any size, to first order in forward motion.
 
     Parameters
     ----------
-    shape : (H, W)
-        Size of the picture.
     displacement : (3,)
         P, camera minus air since time 0, in camera axes, world units.
     camera : Camera
@@ -30,12 +31,6 @@ def tile_drift(
         Depth that the longest wave stands for, world units, positive.
     tile, overlap : int
         As given to the field.
-
-    Returns
-    -------
-    (rows, cols, 2) float64
-        ``(Pz x - f Px, Pz y - f Py) / near_depth`` pixels, (x, y) the tile's centre from the
-        principal point. Exact for sideways motion of any size; to first order in forward motion.
     """
     view, x, y, result = _asked(shape, camera, tile, overlap, out)
     near = check.real("near_depth", near_depth, low=SMALLEST)
@@ -49,7 +44,11 @@ def tile_shift(
     shape: tuple[int, int], rotation: ArrayLike, camera: Camera, *,
     tile: int | tuple[int, int] = TILE, overlap: int = OVERLAP, out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
-    """Shift of every tile of :func:`flurries.spectral.field` for a turning camera.
+    """Shift (rows, cols, 2) of tiles of :func:`flurries.spectral.field` for a turning camera.
+
+    It is how far the content of the tile moves, pixels, whatever its depth, float64, with the
+    tile's centre (x, y) from the principal point: ``-(f + x^2/f) wy + (x y/f) wx + y wz`` across
+    and ``(f + y^2/f) wx - (x y/f) wy - x wz`` down (``docs/internals/deviations.md``, 17).
 
     Parameters
     ----------
@@ -57,13 +56,6 @@ def tile_shift(
         See :func:`tile_drift`.
     rotation : (3,)
         Radians in camera axes, right-handed (a pan to the right is +y): of a frame, or of several.
-
-    Returns
-    -------
-    (rows, cols, 2) float64
-        How far the content of the tile moves, pixels, whatever its depth, with the tile's centre
-        (x, y) from the principal point: ``-(f + x^2/f) wy + (x y/f) wx + y wz`` across and
-        ``(f + y^2/f) wx - (x y/f) wy - x wz`` down (``docs/internals/deviations.md``, 17).
     """
     view, x, y, result = _asked(shape, camera, tile, overlap, out)
     return shift_at(x, y, check.vector("rotation", rotation, 3), view, result)

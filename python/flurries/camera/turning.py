@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import LARGEST, SMALLEST, Float64, moderate, table
-from flurries.camera.rotation import matrices_of, quaternions_of, rotation_matrix, rotation_vector
+from flurries.camera.lens import matrices_of, quaternions_of, rotation_matrix, rotation_vector
 from flurries.motion.keys import Course, Integral, Keys, as_number, course_of
 
 # Below this angle the terms are summed as series: there the closed forms cancel.

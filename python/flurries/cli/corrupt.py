@@ -8,8 +8,8 @@ from flurries.augment import benchmark as benchmarks
 from flurries.augment import corrupt as sets
 from flurries.augment.layouts import LAYOUTS
 from flurries.augment.sets import TRUTH
-from flurries.cli.check import DIFFERENT
 from flurries.cli.options import FILE, OVERWRITE, command, dask, option, switch, voice
+from flurries.cli.render import DIFFERENT
 from flurries.cli.words import Words, count, say
 
 FAILED = 2

@@ -7,14 +7,29 @@ import click
 
 from flurries import stereo
 from flurries._trace import tracing
-from flurries.cli.options import FILE, FRAMES, OVERWRITE, WORK, command, dask, option, switch, voice
+from flurries.cli.options import (
+    FILE,
+    FRAMES,
+    OVERWRITE,
+    THREADS,
+    WORK,
+    command,
+    dask,
+    option,
+    switch,
+    voice,
+)
 from flurries.cli.weather import scene_of, scene_options
 from flurries.cli.words import Words, count, say, stages
+from flurries.effects import TentSnow
 from flurries.io.films.codecs import CODECS, QUALITIES
 from flurries.io.pictures.writer import COMPRESSIONS
 from flurries.io.sequences import with_percent
+from flurries.output.journal import check as check_all
 from flurries.output.write import Summary
+from flurries.scene.arguments import parse_size
 from flurries.scene.output import BITS, DAMAGED, MOTION, OutputFields
+from flurries.spectral import export_loop
 
 SKIPPED = 3
 
@@ -134,3 +149,58 @@ def describe(summary: Summary) -> str:
     if made and summary.seconds > 0.0:
         parts.append(f"in {summary.seconds:.1f} s, {made / summary.seconds:.1f} a second")
     return ", ".join(parts)
+
+
+DIFFERENT = 3
+
+
+@command("flurries check frames")
+@click.argument("folder", metavar="FOLDER", type=FILE)
+@voice
+def check(words: Words, folder: str) -> int:
+    """Compare the frames of a folder, or behind a url, with their journal, flurries.jsonl."""
+    files, wrong = check_all(folder)
+    for sentence in wrong:
+        say(sentence)
+    if wrong:
+        return DIFFERENT
+    words.say(f"{count(files, 'file')} {'is' if files == 1 else 'are'} what the journal says")
+    return 0
+
+
+@command(
+    "flurries texture -o snow/%04d.png",
+    "flurries texture --look heavy --size 256x256 --frames 32 --velocity 0,3 -o heavy/%04d.exr",
+)
+@option("-o --output", FILE, "PATTERN", "snow/%04d.png", None,
+        "one file a frame: .png, .exr or .tif", required=True)  # fmt: skip
+@option("--frames", int, "N", "32", None, "frames until it repeats", default=60)
+@option("--size", str, "WxH", "256x256", None, "size in pixels", default="512x512")
+@option("--velocity", 2, "X,Y", "-1,3", None,
+        "pixels per frame of the longest wave, y down", default="0.5,2")  # fmt: skip
+@option("--band", 2, "SHORT,LONG", "2,16", None, "wavelengths in pixels", default="4,32")
+@option("--look", tuple(TentSnow.PRESETS), None, "heavy", None, "opacity", default="paper")
+@option("--shutter", float, "S", "0.5", "0", "exposure in frames", default=0.0)
+@option("--seed", int, "N", "7", None, "which of all loops", default=1)
+@option("--bits", ("8", "16"), None, "16", "8; a .tif of floats", "of integer files")
+@switch("--half", "EXR with 16 bits a value, not 32")
+@OVERWRITE
+@THREADS
+@voice
+def texture(
+    words: Words, output: str, size: str, band: Any, look: Any, bits: str | None, **given: Any
+) -> None:
+    """Write a loop of snow as textures that repeat in x, y and time, and a JSON that describes it.
+
+    Prints the files.
+    """
+    width, height = parse_size(size)
+    # The presets' numbers are plain ones.
+    opacity: Any = TentSnow(look)
+    made = export_loop(
+        output, shape=(height, width), wavelengths=band, bits=None if bits is None else int(bits),
+        exponent=opacity.exponent, mean=opacity.mean, spread=opacity.spread, power=opacity.power,
+        amount=opacity.texture, progress=words.progress("group"), **given,
+    )  # fmt: skip
+    for file in made:
+        print(file)

@@ -28,16 +28,9 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 class State:
     """The arguments of :func:`flurries.cone.layer` at one moment.
 
-    Attributes
-    ----------
-    axis : (x, y, z)
-        Axis of length 1, house axes.
-    phase : float
-        Phase in tiles, in [0, 1).
-    stretch : float
-        Length of a streak over the length of its drop.
-    speed : float
-        Along the axis, metres per second; negative where the drops go against it.
+    `axis` (x, y, z) has length 1, house axes; `phase` is in tiles, in [0, 1); `stretch` is the
+    length of a streak over the length of its drop; and `speed` is metres per second along the axis,
+    negative where the drops go against it.
     """
 
     axis: tuple[float, float, float]
@@ -114,10 +107,8 @@ def path(
         How much of the camera's motion counts, 0 to 1; with 1 the apex is the focus of expansion.
     exposure : float or (n,)
         Seconds, 0 or more, at each time, linear between them.
-    length, radius : float
-        Of a drop, and of the first layer's cone, metres, more than 0.
-    repeats : int
-        Number of tiles around the first layer.
+    length, radius, repeats : float, float, int
+        Of a drop, and of the first layer's cone, metres, more than 0; and tiles around that layer.
     still : float
         Metres per second, more than 0: what is slower has no direction.
 

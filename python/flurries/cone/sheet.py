@@ -33,8 +33,8 @@ class Rays:
     Attributes
     ----------
     azimuth, height
-        Turns around the axis, in [0, 1), and the place along it over the cone's radius,
-        ``s / (c + slope |s|)`` of a ray with s along and c across it.
+        Turns around the axis, in [0, 1), and the place along it over the cone's radius, ``s / (c +
+        slope |s|)`` of a ray with s along and c across it.
     azimuth_step, height_step
         How much each changes from pixel to pixel: the lengths of their gradients in the picture.
     fade
@@ -106,12 +106,11 @@ def layer(
 
     A pixel at azimuth a (turns) and height w sees the texture around
     ``(a repeats + offset_x, repeats / (2 pi) w / stretch - phase + offset_y)``, tiles: the mean of
-    a box as large as the pixel, and at least one texel, in float64.
+    a box as large as the pixel, and at least one texel, in float64. Alpha is (H, W), 0 to 1;
+    against 10 x 10 supersampling the mean error is below 0.012.
 
     Parameters
     ----------
-    camera : Camera
-        Its lens, rotation and offset.
     tile : (n, n)
         Toroidal opacities, 0 to 1; rows run along the axis. See :func:`rain_tile`.
     axis, phase : (3,) and float
@@ -131,11 +130,6 @@ def layer(
         of a drop stays the same.
     radius : float
         Of the cone, world units; it matters for a camera with an `offset` only.
-
-    Returns
-    -------
-    (H, W) array
-        Alpha, 0 to 1; against 10 x 10 supersampling the mean error is below 0.012.
     """
     size = check.shape_of("shape", shape)
     kind = check.float_dtype(dtype)

@@ -37,10 +37,8 @@ def rain_tile(
 
     Parameters
     ----------
-    size : int
-        n, texels to a side, 4 to 4096.
-    drops : int
-        How many.
+    size, drops : int
+        n, texels to a side, 4 to 4096; and how many drops.
     width, length : float
         Of a drop, in tiles: two sigma of a Gaussian, below a texel wider and fainter; and along the
         axis, 0 to 0.5, which the cone's `stretch` makes longer.

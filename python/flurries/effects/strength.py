@@ -57,19 +57,11 @@ def reach(visibility: float) -> float:
 
 
 def strength_of(effect: Any, t: float = 0.0) -> Strength:
-    """Return how strong the weather is.
+    """Return how strong the weather is at frame `t`, where keyed numbers have its values.
 
-    Parameters
-    ----------
-    t : float
-        Frame; numbers that are keyed have their values of this frame.
-
-    Returns
-    -------
-    Strength
-        With `rate`, mm/h of water, and `density`, flakes or drops per cubic metre, each times the
-        share `amount` that is shown; `visibility`, metres, in the air of the effect; and `cover`,
-        the share of a background without a depth that the flakes and the veil hide, 0 to 1.
+    A `Strength` with `rate`, mm/h of water, and `density`, flakes or drops per cubic metre, each
+    times the share `amount` that is shown; `visibility`, metres, in the air of the effect; and
+    `cover`, the share of a background without a depth that the flakes and the veil hide, 0 to 1.
     """
     rate = density = extinction = 0.0
     for part in getattr(effect.parts, "parts", [effect.parts]):

@@ -48,13 +48,11 @@ class Layer:
         Color of each pixel, linear light multiplied by alpha. Light without opacity (a glow) shows
         in linear light only: display values have no way to add it.
     depth, motion, backward, coverage, ids : optional
-        Planar depth in world units (h, w), motion to the next frame and to the one before (h, w,
-        2), opacity of what is drawn one by one (h, w), all float32, and the number of the flake
-        that shows most (h, w) int64: see :class:`flurries.scene.Rendered`'s layers.
-    shade : Shade, optional
-        A color that changes slowly over the frame, in place of `color`.
-    glow : (h, w, 3) float32, optional
-        Additional light beside that of `shade`, linear and multiplied by opacity.
+        See :class:`flurries.scene.Rendered`'s layers: (h, w), (h, w, 2), (h, w, 2) and (h, w)
+        float32, and (h, w) int64.
+    shade, glow : Shade, (h, w, 3) float32, optional
+        A color that changes slowly over the frame, in place of `color`, and additional light beside
+        that, linear and multiplied by opacity.
     """
 
     name: str

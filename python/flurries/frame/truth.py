@@ -31,14 +31,12 @@ class RenderedLayer:
         Planar depth, world units: at every pixel that of the flake or of the texture, whichever has
         more opacity there (a flake hides the texture behind it). The texture's is the depth that
         its wavelength of `motion` stands for. Infinity where nothing is. A veil (haze) has none.
-    motion : (h, w, 2) float32 or None
-        From this frame, t, to t + 1: pixels, (x, y), x right, y down. What is at p now will be at
-        ``p + motion``. Of a flake, its place in the picture at t + 1 minus that at t; of the
-        texture, the one vector for each tile that predicts the next frame best (see
-        `flurries.spectral.motion.tile_motions`), interpolated between tiles as they are blended.
-        Flake or texture as in `depth`; 0 where nothing is.
-    backward : (h, w, 2) float32 or None
-        To the frame before, t - 1: what is at p now was at ``p + backward``.
+    motion, backward : (h, w, 2) float32 or None
+        From this frame, t, to t + 1 and to t - 1: pixels, (x, y), x right, y down. What is at p now
+        will be at ``p + motion`` and was at ``p + backward``. Of a flake, the change of its place
+        in the picture; of the texture, the one vector for each tile that predicts the other frame
+        best (see `flurries.spectral.motion.tile_motions`), interpolated between tiles as they are
+        blended. Flake or texture as in `depth`; 0 where nothing is.
     coverage : (h, w) float32 or None
         Opacity of what is drawn one by one, flakes and drops, without texture and veil.
     ids : (h, w) int64 or None
@@ -79,13 +77,9 @@ class Rendered:
         Each effect's part: `rgba`, `alpha`, `depth`, `motion`, `backward`, `coverage`, `ids`.
     depth : (h, w) float32 or None
         The background's planar depth, where the scene has one, world units.
-    motion : (h, w, 2) float32 or None
-        Motion of the layers together: at every pixel that of the layer that shows most, 0 where
-        that layer has none. With a single layer it is the layer's own array.
-    backward : (h, w, 2) float32 or None
-        In the same way to the frame before.
-    weather_depth : (h, w) float32 or None
-        Depth of the layer that shows most at every pixel, infinity where that layer has none.
+    motion, backward, weather_depth : (h, w, 2), (h, w, 2), (h, w) float32 or None
+        Of the layers together: at every pixel that of the layer that shows most, 0 or infinity
+        where that layer has none. With a single layer it is the layer's own array.
     background : (h, w, 3 or 4) float32
         The background in the light of the composite, multiplied by alpha; foregrounds with a depth
         of their own, which stand in the weather, are part of it.

@@ -14,10 +14,9 @@ from flurries._contract import Array, Float64
 from flurries._kept import Kept
 from flurries._threads import reproducible
 from flurries._trace import current
-from flurries.camera.lens import Camera
+from flurries.camera.lens import Camera, rotation_vector
 from flurries.camera.optics import Blur, Lens
 from flurries.camera.path import CameraPath
-from flurries.camera.rotation import rotation_vector
 from flurries.frame.bands import Visible, Window, crop
 from flurries.frame.matte import Deep
 from flurries.frame.needs import Step
@@ -76,24 +75,18 @@ class Frame:
         Size of the whole frame, and the part that is wanted, pixels.
     t, fps : float
         Frame number, and frames per second.
-    camera : Camera
-        The eye as it is at `t`: its rotation is from its own axes to the house's then.
-    path : CameraPath
-        The camera's path.
+    camera, path : Camera, CameraPath
+        The eye as it is at `t`, its rotation from its own axes to the house's then; and its path.
     seed : int
         The effect's own.
     depth : (H, W) float32 or None
         Planar depth of the background in world units, of the whole frame; infinity where nothing
         stands, None where nobody said. Read-only.
-    sun, lights : Sun or None, tuple of Lamp
-        The scene's sun and lamps.
-    ambient : (r, g, b) or None
-        Display values of white in the background's own light, where an effect's color is
-        "ambient".
-    plate : PlateLight or None
-        The background's light by places, where an effect's color is "local".
-    lens : Lens or None
-        The lens that the weather is seen through; without one everything is sharp.
+    sun, lights, lens : Sun or None, tuple of Lamp, Lens or None
+        The scene's sun and lamps, and its lens; without one everything is sharp.
+    ambient, plate : (r, g, b) or None, PlateLight or None
+        Display values of white in the background's own light, where an effect's color is "ambient",
+        and that light by places, where it is "local".
     lap : Lap or None
         The loop of a film that repeats; `t` is a frame of it.
     still : bool
@@ -105,10 +98,9 @@ class Frame:
         The effect's steps that are planned; None where a frame was made without a plan: all.
     visible : Visible or None
         Where anything of the effect can be seen; None is everywhere.
-    deep : bool
-        Whether the scene has a depth, read or not.
-    whole : bool
-        Whether layers are asked for with all that they can say of their pixels.
+    deep, whole : bool
+        Whether the scene has a depth, read or not, and whether layers are asked for with all that
+        they can say of their pixels.
     """
 
     shape: tuple[int, int]

@@ -8,8 +8,15 @@ in them, :func:`light` shades them. :func:`projection_error` and :func:`parallax
 paper's analysis of its billboards.
 """
 
-from flurries.gas.billboards import parallax_error, projection_error
-from flurries.gas.optics import extinction, footprint_table, light, phase, visibility
+from flurries.gas.optics import (
+    extinction,
+    footprint_table,
+    light,
+    parallax_error,
+    phase,
+    projection_error,
+    visibility,
+)
 from flurries.gas.splatting import alpha, splat
 
 __all__ = [

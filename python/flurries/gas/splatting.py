@@ -42,10 +42,12 @@ def splat(
     depth: ArrayLike | None = None, occlusion: Occlusion = "soft", error: float | None = None,
     dtype: npt.DTypeLike = np.float32, out: Array | None = None,
 ) -> Array:  # fmt: skip
-    """Return the image of a gas as a layer for `over` (Johnson 2005, sections 2 and 3).
+    """Return the image (H, W, 4) of a gas as a layer for `over` (Johnson 2005, sections 2 and 3).
 
     A particle is a Gaussian of sigma = radius / 3 in every direction. Its opacity on a pixel is
-    ``density * g(q)``, q the distance from its middle in sigma as the `footprint` measures it.
+    ``density * g(q)``, q the distance from its middle in sigma as the `footprint` measures it. The
+    layer has linear RGB multiplied by alpha, and alpha = 1 - prod(1 - alpha_i), 0 to 1. The nearer
+    particle is in front ("viewpoint" and "volume": by distance), then the lower index.
 
     Parameters
     ----------
@@ -81,12 +83,6 @@ def splat(
     error : float, optional
         A tile of the picture is finished once no pixel lets through more than this, by which alpha
         then errs. If not given, 1e-6 for float32 and 1e-13 for float64.
-
-    Returns
-    -------
-    (H, W, 4) array
-        Linear RGB multiplied by alpha, and alpha = 1 - prod(1 - alpha_i), 0 to 1. The nearer
-        particle is in front ("viewpoint" and "volume": by distance), then the lower index.
 
     Examples
     --------

@@ -54,13 +54,9 @@ def srgb_to_linear(values: ArrayLike) -> Array:
     """Decode sRGB display values to linear light, of the same shape.
 
     The exact two-part formula of IEC 61966-2-1. Below 0 its straight part goes on, above 1 its
-    power goes on, so that every finite value survives a round trip; NaN stays NaN.
-
-    Parameters
-    ----------
-    values : array_like of float
-        Display values, 0 to 1 for what a screen can show. float32 and float64 keep their dtype,
-        float16 becomes float32.
+    power goes on, so that every finite value survives a round trip; NaN stays NaN. `values` are
+    floats, 0 to 1 for what a screen can show: float32 and float64 keep their dtype, float16 becomes
+    float32.
     """
     display = _floats("values", values)
     # The base of the power is kept off negative numbers, where it would be NaN with a warning.
@@ -70,10 +66,7 @@ def srgb_to_linear(values: ArrayLike) -> Array:
 
 
 def linear_to_srgb(values: ArrayLike) -> Array:
-    """Encode linear light as sRGB display values, not clipped; the inverse of `srgb_to_linear`.
-
-    `values` and errors are as there.
-    """
+    """Encode linear light as sRGB display values, not clipped; the inverse of `srgb_to_linear`."""
     linear = _floats("values", values)
     power = 1.055 * np.maximum(linear, 0.0) ** (1.0 / 2.4) - 0.055
     return np.where(linear <= 0.0031308, linear * 12.92, power).astype(linear.dtype, copy=False)

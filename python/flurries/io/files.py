@@ -34,17 +34,14 @@ def _limit(variable: str, default: int) -> int:
 
 @dataclass(frozen=True)
 class Budget:
-    """The largest size of a picture, or of a film's frame, that is read.
-
-    Larger ones are refused by what their header claims, before anything is decoded.
+    """The largest size of a picture, or of a film's frame, that is read; by what headers claim.
 
     Parameters
     ----------
-    pixels : int
-        Of what is stored and of what is shown; the environment variable FLURRIES_MAX_PIXELS if not
-        given, or else 2^28, which is 16384 x 16384.
-    bytes : int
-        That the decoded numbers take; FLURRIES_MAX_BYTES, or else 2^32.
+    pixels, bytes : int
+        Of what is stored and of what is shown, and that the decoded numbers take; the environment
+        variables FLURRIES_MAX_PIXELS and FLURRIES_MAX_BYTES if not given, or else 2^28, which is
+        16384 x 16384, and 2^32.
     """
 
     pixels: int = field(default_factory=lambda: _limit(_PIXELS_VARIABLE, _PIXELS))

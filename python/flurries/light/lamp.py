@@ -43,10 +43,8 @@ class Sun:
     direction : (x, y, z)
         Direction in which the light travels, of any length but 0, in house axes (x right, y down, z
         forward): (0, 1, 0) shines from straight above, (0, 0, -1) into a camera that is not turned.
-    color : float, (r, g, b) or "#rrggbb"
-        Display values, 0 to 1.
-    ambient : float
-        Share of the light that comes from all sides, 0 to 1.
+    color, ambient : float, (r, g, b) or "#rrggbb"; float
+        Display values, 0 to 1; and the share of the light that comes from all sides, 0 to 1.
     """
 
     direction: tuple[float, float, float] = (0.4, 1.0, 0.3)
@@ -84,10 +82,9 @@ class Lamp:
         Metres, house axes: x right, y down, z forward of the camera at frame 0. Keyed.
     direction : (x, y, z), optional
         Direction in which the light travels, of any length but 0. Keyed.
-    angle : float, optional
-        Angle of a spot's cone from rim to rim, radians.
-    soft : float
-        Share of the cone over which it fades at its rim, 0 to 1.
+    angle, soft : float
+        Angle of a spot's cone from rim to rim, radians, and the share of the cone over which it
+        fades at its rim, 0 to 1.
     color : float or (r, g, b)
         Color in linear light. Keyed.
     power : float

@@ -43,11 +43,9 @@ class Light:
     snow : float or (r, g, b)
         Radiance of white snow: linear light, 1 for the white of a picture of integers, without an
         upper end. Effects whose color is "ambient" have it. Keyed where the sky itself changes.
-    sky : float or (r, g, b), optional
-        Light from above, outside the picture, for mist and "local". `snow` / 0.9 if not given.
-        Keyed.
-    ground : float or (r, g, b), optional
-        Light from below; 0.18 of `sky` if not given. Keyed.
+    sky, ground : float or (r, g, b), optional
+        Light from above, outside the picture, for mist and "local", and from below; `snow` / 0.9
+        and 0.18 of `sky` if not given. Keyed.
 
     Examples
     --------

@@ -18,10 +18,7 @@ from flurries._contract import Float64, real, suggesting, table, vector
 class Keys:
     """A number or a vector that changes over time: given at some frames, linear between them.
 
-    Parameters
-    ----------
-    keys : sequence of (frame, value)
-        Frames increase; values are numbers, or vectors of one length.
+    `keys` are pairs (frame, value): frames increase; values are numbers, or vectors of one length.
 
     Examples
     --------

@@ -144,10 +144,9 @@ class Wind:
         return tuple(np.add(self.mean, own).tolist())
 
     def velocity(self, points: ArrayLike, seconds: float) -> Float64:
-        """Return the air's velocity (n, 3) at places (n, 3) of the house axes, without the profile.
+        """Return the air's velocity (n, 3), m/s, at places (n, 3) of the house axes, metres.
 
-        Metres, metres per second, and `seconds` since frame 0; a keyed `mean` counts in frames and
-        is taken at frame 0.
+        At `seconds` since frame 0, without the profile; a keyed `mean` is taken at frame 0.
         """
         at = rows_of("points", points, 3)
         steady = self.steady

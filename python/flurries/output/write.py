@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -15,18 +15,21 @@ import numpy as np
 
 from flurries._contract import flag, suggestion
 from flurries.camera.lens import Camera
+from flurries.effects.drawn import STEP, drawn_of, velocities
+from flurries.frame.mixing import free_name
 from flurries.io import Pattern
 from flurries.io.colorspace import ColorSpace
 from flurries.io.sequences import VIDEO_EXTENSIONS, with_percent
+from flurries.io.stage import PointStage, require_usd
 from flurries.io.stores import store_of
 from flurries.output.cluster import grouped, run_on
 from flurries.output.film import Frames, write_film
-from flurries.output.points import EXTENSIONS as USD
-from flurries.output.points import Points
-from flurries.output.sequence import Fates, Progress, run
+from flurries.output.journal import Mark
+from flurries.output.sequence import Fates, Job, Progress, run
 from flurries.scene.content import Content
 from flurries.scene.files import Frames as Numbers
 from flurries.scene.files import frames_of
+from flurries.scene.fingerprint import fingerprint, short_hash
 from flurries.scene.rendering import Rendering
 from flurries.scene.scene import Scene, expect_scene
 
@@ -42,16 +45,14 @@ class Summary:
 
     Attributes
     ----------
-    written : list of int
-        Frames that were rendered now.
-    kept : list of int
-        Frames of this scene that were there already, or that another process made meanwhile.
+    written, kept : list of int
+        Frames that were rendered now; and those of this scene that were there already, or that
+        another process made meanwhile.
     files : list of Path or str
         All files of the request that are there, in order; the one video. Urls are strings.
-    skipped : list of int
-        Frames that were left out because their background is missing or damaged.
-    held : list of int
-        Frames whose background is that of an earlier one, for the same reason.
+    skipped, held : list of int
+        Frames that were left out because their background is missing or damaged; and those whose
+        background is that of an earlier one, for the same reason.
     seconds : float
         How long it took.
     sound : str
@@ -86,7 +87,7 @@ def write(
     text = with_percent(text)
     suffix = Path(text).suffix.lower()
     bar = progress if progress is not None else iter
-    if suffix in USD:
+    if suffix in USD_EXTENSIONS:
         wanted = _points_of(scene, frames, store, text, {**output, "eyes": eyes, "dask": dask})
         fates = run(Points(scene, Path(text), wanted, overwrite=overwrite), [0], bar)
         return _summary(fates, [Path(text)], started)
@@ -181,3 +182,72 @@ def _token_for(text: str, token: str = "%d") -> str:
     if not path.suffix:
         raise ValueError(f"pattern {text!r} needs an extension such as .png, .exr or .mp4")
     return str(path.with_name(f"{path.stem}{token}{path.suffix}"))
+
+
+USD_EXTENSIONS = (".usd", ".usda", ".usdc")
+
+# Points of all frames together: some 4 GB in the file.
+MOST_POINTS = 100_000_000
+
+
+class Points(Job):
+    """A USD stage with the flakes that are in view, and the camera."""
+
+    def __init__(self, scene: Scene, path: Path, frames: list[int], *, overwrite: bool) -> None:
+        require_usd()
+        self.scene, self.path, self.numbers, self.overwrite = scene, path, frames, overwrite
+        self.folder = path.parent
+        self._mark = Mark(short_hash((fingerprint(scene), frames)), frames[0])
+
+    def frames(self, index: int) -> list[int]:
+        return self.numbers
+
+    def path_of(self, index: int) -> Path:
+        return self.path
+
+    def mark_of(self, index: int) -> Mark:
+        return self._mark
+
+    def make(self, index: int, numbers: Iterable[int]) -> Any:
+        scene, program = self.scene, self.scene._program
+        names: list[str] = []
+        for effect in scene.effects:
+            names.append(free_name(getattr(effect, "NAME", "effect"), names))
+        stage = PointStage(self.numbers, scene.fps, self._mark.scene)
+        for number in numbers:
+            for name, found in points_at(scene, names, number).items():
+                stage.add(name, number, *found)
+                if stage.total > MOST_POINTS:
+                    raise ValueError(
+                        f"{self.path}: more than {MOST_POINTS} points up to frame {number}; take "
+                        "fewer frames, or a population with a smaller far or density"
+                    )
+            t = scene._time_of(number)
+            eye = program.camera(None, t)
+            lens = eye.focals, eye.principal(scene._shape), scene._shape
+            place = program.base.path.place(t, fps=scene.fps) + eye.matrix() @ eye.offset
+            stage.see(number, eye.matrix(), place, *lens)
+        if not stage.prims:
+            raise ValueError(
+                f"{self.path}: points are flakes of Snow and Rain; the scene has none that are "
+                "drawn one by one"
+            )
+        return stage
+
+    def save(self, path: Path, made: PointStage, header: dict[str, Any]) -> None:
+        made.save(path)
+
+
+def points_at(scene: Scene, names: list[str], number: float) -> dict[str, Any]:
+    """Return the flakes of each effect that has any and their velocities, by its name."""
+    program = scene._program
+    t = scene._time_of(number)
+    found = {}
+    for part in program.parts:
+        frame = replace(program.frame(t), seed=part.seed)
+        moment = frame.t + STEP
+        later = replace(frame, t=moment, camera=program.camera(None, moment))
+        now, then = drawn_of(part.effect, frame), drawn_of(part.effect, later)
+        if now is not None and then is not None:
+            found[names[part.place]] = now, velocities(now, then, STEP / scene.fps)
+    return found

@@ -18,11 +18,12 @@ def positions(
     center: ArrayLike = (0.0, 0.0, 0.0), sway: tuple[float, float] | None = None,
     out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
-    """Return the places of flakes at a time, in a box that wraps around a centre.
+    """Return the places (count, 3) of flakes at a time, in a box that wraps around a centre.
 
     p = c + wrap(B u + v t - c), wrap(x) = x - B floor(x / B + 1/2), with u uniform in [0, 1)^3,
-    hashed from the seed and the flake's index: flake i is the same whatever `count` is. At time 1e9
-    a place is as exact as at time 0, within 1e-15 B.
+    hashed from the seed and the flake's index: flake i is row i whatever `count` is, (x, y, z)
+    float64, absolute, world units. Without sway the offset from the centre lies in [-B/2, B/2) on
+    each axis, up to the rounding of the sum. At time 1e9 a place is exact within 1e-15 B.
 
     Parameters
     ----------
@@ -36,12 +37,6 @@ def positions(
         c, the middle of the box: as a rule where the camera is. World units.
     sway : (float, float), optional
         Of the offsets that are added after the wrap: see :func:`sway_offsets`.
-
-    Returns
-    -------
-    (count, 3) float64
-        Row i is flake i's (x, y, z), absolute, world units. Without sway the offset from the centre
-        lies in [-B/2, B/2) on each axis, up to the rounding of the sum with the centre.
     """
     number = check.integer("count", count, low=0, high=MOST_ELEMENTS // 3)
     sides, middle = _box(box, center)
@@ -90,41 +85,34 @@ def splat(
     opacity: ArrayLike, velocity: ArrayLike | None = None, shutter: float = 0.0, near: float = 0.1,
     depth: ArrayLike | None = None, dtype: npt.DTypeLike = np.float32, out: Array | None = None,
 ) -> Array:  # fmt: skip
-    """Return the alpha of many flakes of one color.
+    """Return the alpha (H, W) of many flakes of one color, 1 - prod(1 - alpha_i), 0 to 1.
 
-    A flake of radius r at depth D is a Gaussian with sigma = f r / (3 D) px around
-    (cx + f x / z, cy + f y / z), drawn with sigma_e^2 = max(sigma^2 + 1/12, 0.38) and an amplitude
-    lowered by sigma^2 / sigma_e^2, which keeps its energy. One that moves is the exact integral of
-    that Gaussian along its path, cut at the near plane before the perspective division.
+    A flake of radius r at depth D is a Gaussian with sigma = f r / (3 D) px around (cx + f x / z,
+    cy + f y / z), drawn with sigma_e^2 = max(sigma^2 + 1/12, 0.38) and an amplitude lowered by
+    sigma^2 / sigma_e^2, which keeps its energy: one faint flake's alpha at the pixel centres (j +
+    1/2, i + 1/2) sums to 2 pi opacity sigma^2 within 0.2 %. Footprints go smoothly to 0 from 3 to 4
+    sigma_e. One that moves is the exact integral along its path, cut at the near plane before the
+    perspective division. Flakes whose image is farther out or wider than 1e30 px are left out.
 
     Parameters
     ----------
     points : (n, 3)
         Where the flakes are at mid-exposure, in camera axes (x right, y down, z forward), world
         units. ``camera.offset`` is subtracted; ``camera.rotation`` is not applied.
-    radius : float or (n,)
-        World units, 0 or more; a third of it is sigma.
+    radius, opacity : float or (n,)
+        World units, 0 or more; a third of it is sigma. And the opacity in the centre of a large
+        resting flake, 0 to 1.
     camera : Camera
         Its focal length, principal point and offset are used.
-    opacity : float or (n,)
-        Opacity in the centre of a large resting flake, 0 to 1.
     velocity, shutter : (3,) or (n, 3), and float
-        Flake minus camera, world units per frame, and exposure in frames: the flake moves from
-        p - v shutter / 2 to p + v shutter / 2.
+        Flake minus camera, world units per frame, and exposure in frames: the flake moves from p -
+        v shutter / 2 to p + v shutter / 2.
     near : float, optional
         Nothing nearer than this depth is drawn, world units, more than 0. A flake that crosses it
         keeps the share of its opacity that the exposure had in front.
     depth : (H, W), optional
         Depth of what stands in the picture, world units; infinity is the sky. It hides a flake that
         is farther, at the middle of its clipped path. NaN hides nothing.
-
-    Returns
-    -------
-    (H, W) array
-        alpha = 1 - prod(1 - alpha_i) at the pixel centres (j + 1/2, i + 1/2), from 0 to 1, in any
-        order of the flakes. The sum of one faint flake's alpha is 2 pi opacity sigma^2 within
-        0.2 %. The footprint goes smoothly to 0 from 3 to 4 sigma_e. Flakes whose image is farther
-        out or wider than 1e30 px are left out.
     """
     size, kind = check.shape_of("shape", shape), check.float_dtype(dtype)
     flakes, inputs = _read(size, points, radius, camera, opacity, velocity, shutter, near, depth)

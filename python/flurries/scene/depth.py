@@ -28,9 +28,9 @@ Law: TypeAlias = Literal["linear", "inverse"]
 class DepthMap:
     """A grey picture that stands for depth, such as one painted by hand.
 
-    With g the grey from 0 to 1, and w = 1 - g where white is near, or g where it is far:
-    "linear" gives near + w (far - near); "inverse" gives 1 / (1/near + w (1/far - 1/near)), which
-    spends more greys on what is near, as disparity maps do.
+    With g the grey from 0 to 1, and w = 1 - g where white is near, or g where it is far: "linear"
+    gives near + w (far - near); "inverse" gives 1 / (1/near + w (1/far - 1/near)), which spends
+    more greys on what is near, as disparity maps do.
 
     Parameters
     ----------
@@ -39,10 +39,8 @@ class DepthMap:
         uint16 or float from 0 to 1. A color picture counts with its luminance, as stored.
     near, far : float
         Depths at the ends of the grey scale, 0 < near < far; with "inverse" infinity is the sky.
-    white : {"near", "far"}
-        Which end is white.
-    law : {"linear", "inverse"}
-        What is in proportion to the grey: depth, or its inverse.
+    white, law : {"near", "far"}, {"linear", "inverse"}
+        Which end is white, and what is in proportion to the grey: depth, or its inverse.
 
     Examples
     --------

@@ -32,10 +32,10 @@ class Foreground:
     Parameters
     ----------
     source : path or array
-        A mask (H, W) of the background's own pixels, 1 in front; or a picture with alpha
-        (H, W, 4), straight for integers, premultiplied for floats. A file, an image sequence
-        (``roto.%04d.png``) or a film goes by the shot's frame numbers. Of an EXR's Cryptomatte
-        what is named after a colon stands in front: ``plate.####.exr:house,tree``.
+        A mask (H, W) of the background's own pixels, 1 in front; or a picture with alpha (H, W, 4),
+        straight for integers, premultiplied for floats. A file, an image sequence
+        (``roto.%04d.png``) or a film goes by the shot's frame numbers. Of an EXR's Cryptomatte what
+        is named after a colon stands in front: ``plate.####.exr:house,tree``.
     depth : float, array or path, optional
         How far away it stands, as a scene's `depth`: weather that is nearer falls in front of it.
         If not given it stands before all weather.

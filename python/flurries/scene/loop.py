@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flurries._contract import Float64
+from flurries.camera.lens import quaternions_of, rotation_matrix, rotation_vector
 from flurries.camera.path import CameraPath
-from flurries.camera.rotation import quaternions_of, rotation_matrix, rotation_vector
 from flurries.effects.cone import ConeRain, ConeSnow, beyond
 from flurries.effects.falling import Rain, Snow
 from flurries.effects.mist import Mist

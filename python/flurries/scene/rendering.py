@@ -138,23 +138,20 @@ class Rendering(Sources):
         return made
 
     def render(self, t: float, *, region: Region | None = None, eye: Camera | None = None) -> Array:
-        """Return the frame at `t`.
+        """Return the frame at `t`: (H, W, 3), or (H, W, 4) where the background has alpha.
+
+        It is uint8 or uint16 where the background is, else float32. The same bits whatever was
+        rendered before, in any process and number of threads; see :func:`flurries.settings`.
 
         Parameters
         ----------
         t : float
-            Frame number, any float: that of the background's files, a film's first frame being 0
-            or `start`. A background that moves shows its frame floor(t).
+            Frame number, any float: that of the background's files, a film's first frame being 0 or
+            `start`. A background that moves shows its frame floor(t).
         region : (rows, cols), optional
             Two slices, as from ``np.s_[100:200, 50:80]``: only that part, with the whole's bits.
         eye : Camera, optional
             Another eye in place of the camera, which goes with its path; the background stays.
-
-        Returns
-        -------
-        (H, W, 3), or the region's; (H, W, 4) where the background has alpha
-            uint8 or uint16 where the background is, else float32. The same bits whatever was
-            rendered before, in any process and number of threads; see :func:`flurries.settings`.
         """
         time, window, eyes = self._asked(t, region, [eye])
         return images(self._program, time, eyes, window)[0]
@@ -162,13 +159,7 @@ class Rendering(Sources):
     def layers(
         self, t: float, *, region: Region | None = None, eye: Camera | None = None
     ) -> Rendered:
-        """Return the frame at `t` with its layers apart, their depth, motion, coverage and ids.
-
-        Parameters
-        ----------
-        t, region, eye
-            As in :meth:`render`.
-        """
+        """Return the frame at `t` with its layers apart, their depth, motion, coverage and ids."""
         time, window, eyes = self._asked(t, region, [eye])
         return truth(self._program, time, eyes, window)[0]
 
@@ -180,18 +171,8 @@ class Rendering(Sources):
 
         The weather lies in depth; background and foreground are flat, at the depth of convergence.
         A texture so near that its disparity, half a wavelength or more, is ambiguous is warned of.
-
-        Parameters
-        ----------
-        t, region
-            As in :meth:`render`.
-        distance, convergence : float
-            As in :func:`flurries.stereo.eyes`.
-
-        Returns
-        -------
-        left, right
-            Each with the bits that :meth:`render` returns for that eye.
+        `distance` and `convergence` are those of :func:`flurries.stereo.eyes`, `t` and `region` of
+        :meth:`render`.
         """
         pair = eyes(self.camera.camera, distance=distance, convergence=convergence)
         for index, effect in enumerate(self.effects):

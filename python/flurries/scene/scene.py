@@ -232,14 +232,9 @@ class Scene(Rendering):
 
 
 def open_scene(path: str | Path, **arguments: Any) -> Scene:
-    """Return the scene of a file.
+    """Return the scene of a file that ends in .toml, or of a picture, a sequence or a film.
 
-    Parameters
-    ----------
-    path : str or path
-        A scene file that ends in .toml, or a background: a picture, a sequence or a film.
-    **arguments
-        Of :class:`Scene`; those of a scene file are replaced by them.
+    Further arguments are those of :class:`Scene`, and replace those of a scene file.
 
     Examples
     --------
@@ -261,14 +256,9 @@ def open_scene(path: str | Path, **arguments: Any) -> Scene:
 def find_light(scene: Scene, *, keyed: bool = False) -> Light:
     """Return the light of a scene's background, whatever its own `light` says.
 
-    Parameters
-    ----------
-    scene : Scene
-        Nine frames of its background are read, and for each place the middle counts: a lamp that
-        enters changes nothing.
-    keyed : bool
-        Whether each of these frames gets a key: for a sky that changes itself, as at dusk, and
-        stays in the picture. A camera that turns to another part of the sky is no such change.
+    Nine frames are read, and for each place the middle counts: a lamp that enters changes nothing.
+    With `keyed` each of these frames gets a key: for a sky that changes itself, as at dusk, and
+    stays in the picture. A camera that turns to another part of the sky is no such change.
 
     Examples
     --------
@@ -281,22 +271,13 @@ def find_light(scene: Scene, *, keyed: bool = False) -> Light:
 
 
 def flakes(scene: Scene, t: float = 0.0) -> npt.NDArray[Any]:
-    """Return the flakes and drops of a frame that are drawn one by one.
+    """Return the flakes and drops of a frame that are drawn one by one, a structured array (n,).
 
-    Parameters
-    ----------
-    scene : Scene
-    t : float
-        Frame number.
-
-    Returns
-    -------
-    (n,) structured array
-        ``id`` (uint64, below 2^53): the same in every frame, eye, crop and size of the picture, and
-        that of EXR files and USD points. ``place`` (3,): metres, x right, y down, z ahead, from the
-        camera's place at frame 0. ``pixel`` (x, y), of the middle of the exposure; a flake of which
-        only a part reaches into the picture lies outside. ``depth``: metres. ``diameter``: metres.
-        ``opacity``: mean over the disc of the resting flake, fading included.
+    ``id`` (uint64, below 2^53): the same in every frame, eye, crop and size of the picture, and
+    that of EXR files and USD points. ``place`` (3,): metres, x right, y down, z ahead, from the
+    camera's place at frame 0. ``pixel`` (x, y), of the middle of the exposure; a flake of which
+    only a part reaches into the picture lies outside. ``depth``: metres. ``diameter``: metres.
+    ``opacity``: mean over the disc of the resting flake, fading included.
 
     Examples
     --------

@@ -43,7 +43,12 @@ def flake_patterns(
     tile: int, *, counts: ArrayLike, diameters: ArrayLike, opacity: float = 0.9,
     patterns: int = 8, shear: float = 0.0, seed: int, dtype: npt.DTypeLike = np.complex64,
 ) -> Array:  # fmt: skip
-    """Spectra of flakes at random places, for the layers of a texture.
+    """Spectra (L, P, M, M // 2 + 1) of flakes at random places, for the layers of a texture.
+
+    They are Fourier coefficients, unnormalised, in the order of ``numpy.fft.rfft2``, complex64 or
+    complex128. The wave of row b and column a has ``(a, b - shear a) / M`` cycles/px, x right and y
+    down. Waves of half a cycle are 0. Every ``[l, p, 0, 0]`` is the layer's mean coverage of a tile
+    in square pixels, ``counts[l] * opacity * pi / 12 * (a^2 + a b + b^2)`` for diameters a to b.
 
     Parameters
     ----------
@@ -59,14 +64,6 @@ def flake_patterns(
     shear : float
         h / M: the torus repeats at (M, 0) and (h, M) px, so that snow which falls straight down
         does not meet itself again. From -1 to 1; 0.382 is good.
-
-    Returns
-    -------
-    (L, P, M, M // 2 + 1) complex64 or complex128
-        Fourier coefficients, unnormalised, in the order of ``numpy.fft.rfft2``. The wave of row b
-        and column a has ``(a, b - shear a) / M`` cycles/px, x right and y down. Waves of half a
-        cycle are 0. Every ``[l, p, 0, 0]`` is the layer's mean coverage of a tile in square pixels,
-        ``counts[l] * opacity * pi / 12 * (a^2 + a b + b^2)`` for diameters a to b.
     """
     (size, _), _ = check.tile_of(check.integer("tile", tile, low=1, high=2**15), 0)
     numbers = check.table("counts", counts, ndim=1)
@@ -124,7 +121,11 @@ def optical_depth(
     shear: float = 0.0, seed: int | None, overlap: int = OVERLAP, dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:  # fmt: skip
-    """Optical depth of layers of flakes, in overlapping tiles.
+    """Optical depth (H, W) of layers of flakes, in overlapping tiles, 0 or more.
+
+    ``1 - exp(-depth)`` is the joint opacity of the flakes. Tiles without their mean are blended by
+    the power law, the mean is added, and what is below 0 is 0. The same bits for any number of
+    threads.
 
     Parameters
     ----------
@@ -137,17 +138,10 @@ def optical_depth(
     gain : (L,), optional
         Factor of each layer; None is 1.
     seed : int or None
-        Tiles take a pattern and a shift of the torus by a hash of (seed, layer, tile
-        row, tile column). With None each takes pattern 0 as it is.
+        Tiles take a pattern and a shift of the torus by a hash of (seed, layer, tile row, tile
+        column). With None each takes pattern 0 as it is.
     overlap : int
         Pixels shared by neighbours, less than M.
-
-    Returns
-    -------
-    (H, W) float32 or float64
-        Optical depth, 0 or more; ``1 - exp(-depth)`` is the joint opacity of the flakes. Tiles
-        without their mean are blended by the power law, the mean is added, and what is below 0
-        is 0. The same bits for any number of threads.
 
     Examples
     --------

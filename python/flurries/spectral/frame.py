@@ -106,7 +106,12 @@ def field(
     shift_rate: ArrayLike | None = None, shortest: ArrayLike | None = None,
     time: float = 0.0, dtype: npt.DTypeLike = np.float32, out: Array | None = None,
 ) -> Array:  # fmt: skip
-    """One whole frame of the snow field, made in overlapping tiles and blended.
+    """One whole frame (H, W) of the snow field, made in overlapping tiles and blended.
+
+    It has mean 0 and variance 1 (less what filter and depth limits take), y down: within rounding
+    the composition of this module's functions, with the same bits for any number of threads. A
+    larger image has the same pixels but at the old right and bottom borders. Langer 2004, sections
+    5 and 7, in the form of ``docs/internals/deviations.md``.
 
     Parameters
     ----------
@@ -125,17 +130,6 @@ def field(
         stand for). The normaliser stays, so that there is less snow in front of a near wall.
     time : float
         Frames that the texture's `rate` has run, any number.
-
-    Returns
-    -------
-    (H, W) float32 or float64
-        Field of mean 0 and variance 1 (less what filter and depth limits take), y down: within
-        rounding the composition of this module's functions, with the same bits for any number of
-        threads. A larger image has the same pixels but at the old right and bottom borders.
-
-    Notes
-    -----
-    Langer 2004, sections 5 and 7, in the form of ``docs/internals/deviations.md``.
     """
     asked = request(
         shape, texture, drift=drift, shift=shift, seed=seed, velocity=velocity,
@@ -177,7 +171,9 @@ def movie(
     velocity: ArrayLike = NOWHERE, contrast: float | None = None, mean: float = 0.5,
     dtype: npt.DTypeLike = np.float32, out: Array | None = None,
 ) -> Array:  # fmt: skip
-    """Frames 0 to T - 1 of a texture, as one array.
+    """Frames 0 to T - 1 of a texture, as one array (T, H, W).
+
+    It is ``mean (1 + contrast field)``, not clipped; or the field, of mean 0 and variance 1.
 
     Parameters
     ----------
@@ -192,11 +188,6 @@ def movie(
         the film is the field itself.
     mean : float
         Mean luminance of a film with a contrast.
-
-    Returns
-    -------
-    (T, H, W) float32 or float64
-        ``mean (1 + contrast field)``, not clipped; or the field, of mean 0 and variance 1.
     """
     count = check.integer("frames", frames, low=1, high=2**31 - 1)
     speed = check.vector("velocity", velocity, 2)
@@ -241,11 +232,7 @@ def _made(
 
 
 def _own_field(asked: Request, texture: Texture, time: float, result: Array) -> None:
-    """Write the field of a spectrum and a motion of the caller's own, tile by tile.
-
-    The kernel knows one band and one law of motion. Here both are tables, so that any noise that
-    moves can be made of the same tiles: clouds of waves (Motion Clouds), water, smoke.
-    """
+    """Write the field of a spectrum and a motion of the caller's own, tile by tile."""
     fy, fx = np.meshgrid(*map(np.fft.fftfreq, asked.tile), indexing="ij")
     with np.errstate(divide="ignore"):
         length = 1.0 / np.hypot(fy, fx)

@@ -44,20 +44,13 @@ def tent_rate(
     shape: tuple[int, int], velocity: ArrayLike, *, wavelength_max: float = 32.0,
     loop: int | None = None, out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
-    """Temporal frequency of each wave on the tent surface, cycles per frame.
+    """Temporal frequency (H, W) of each wave on the tent surface, cycles per frame.
 
-    `velocity` is the drift per frame; with `loop`, the frames after which the film shall repeat,
-    rates are rounded to ``n / loop``, half to even.
+    It is ``-(a kx' + b ky') / |k'|`` with ``(a, b) = velocity / wavelength_max``, of at most its
+    length, float64. Odd in k; 0 at dc. On a Nyquist line that axis' part of the numerator is 0, as
+    the real field demands. `velocity` is the drift per frame; with `loop`, the frames after which
+    the film shall repeat, rates are rounded to ``n / loop``, half to even.
 
-    Returns
-    -------
-    (H, W) float64
-        ``-(a kx' + b ky') / |k'|`` with ``(a, b) = velocity / wavelength_max``, of at most its
-        length. Odd in k; 0 at dc. On a Nyquist line that axis' part of the numerator is 0, as the
-        real field demands.
-
-    Notes
-    -----
     Langer 2004, Eq. 6 with the sign of Eq. 1: the printed sign moves the snow backwards
     (``docs/internals/deviations.md``, 1).
     """
@@ -72,7 +65,9 @@ def tent_rate(
 def velocity_from_paper(
     C: float, theta: float, *, period: float, wavelength_max: float = 32.0
 ) -> tuple[float, float]:
-    """Drift per frame from the constants of the paper.
+    """Drift per frame from the constants of the paper, pixels of the longest wave.
+
+    It is ``C / period * wavelength_max * (cos theta, sin theta)``.
 
     Parameters
     ----------
@@ -82,11 +77,6 @@ def velocity_from_paper(
         Direction of motion in radians from +x towards +y; pi/2 falls down the screen.
     period : float
         The paper's T, frames.
-
-    Returns
-    -------
-    (vx, vy) : tuple of float
-        ``C / period * wavelength_max * (cos, sin)``, pixels per frame of the longest wave.
     """
     frames = check.real("period", period, low=SMALLEST)
     longest = check.real("wavelength_max", wavelength_max, low=SMALLEST, high=LARGEST)
@@ -99,7 +89,10 @@ def band_amplitude(
     shape: tuple[int, int], *, wavelengths: tuple[float, float] = BANDS["paper"],
     exponent: float = 1.0, out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
-    """Amplitude of each wave: a band of wavelengths, falling as a power of the frequency.
+    """Amplitude (H, W) of each wave: a band of wavelengths, falling as a power of the frequency.
+
+    Squares sum to 1, so the field has variance 1. 0 at dc, float64. Langer 2004, sections 5.3 and
+    5.4.
 
     Parameters
     ----------
@@ -109,15 +102,6 @@ def band_amplitude(
         default is the paper's three octaves, (2, 16) the slides'; see :data:`BANDS`.
     exponent : float
         Amplitude ~ ``|k| ** -exponent``; 1 gives octaves equal power, less makes finer snow.
-
-    Returns
-    -------
-    (H, W) float64
-        Amplitudes whose squares sum to 1, so the field has variance 1. 0 at dc.
-
-    Notes
-    -----
-    Langer 2004, sections 5.3 and 5.4.
     """
     size = check.shape_of("shape", shape)
     band = band_of(wavelengths)
@@ -167,7 +151,12 @@ def advance_phase(
     phase: ArrayLike, drift: ArrayLike, *, shift: ArrayLike = (0.0, 0.0),
     wavelength_max: float = 32.0, out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
-    """Phases after a displacement of the snow.
+    """Phases (H, W) after a displacement of the snow, float64.
+
+    ``phase - (A kx' + B ky') / |k'| - (fx sx + fy sy)`` reduced to [-1/2, 1/2) cycles. At a drift
+    of 1e6 times the wavelength it is right to 1e-9; beyond 1e12 times nothing is left. The paper
+    multiplies where phases must be added (Langer 2004, section 5.2;
+    ``docs/internals/deviations.md``, 6 and 7).
 
     Parameters
     ----------
@@ -175,17 +164,6 @@ def advance_phase(
         Cycles at time 0.
     drift, shift : (x, y)
         Displacements in pixels: of the wave of `wavelength_max`, and of all waves alike.
-
-    Returns
-    -------
-    (H, W) float64
-        ``phase - (A kx' + B ky') / |k'| - (fx sx + fy sy)`` reduced to [-1/2, 1/2) cycles. At a
-        drift of 1e6 times the wavelength it is right to 1e-9; beyond 1e12 times nothing is left.
-
-    Notes
-    -----
-    The paper multiplies where phases must be added (Langer 2004, section 5.2;
-    ``docs/internals/deviations.md``, 6 and 7).
     """
     start = check.table("phase", phase)
     size = check.shape_of("phase", start.shape)
@@ -202,7 +180,10 @@ def temporal_filter(
     alias: Aliasing = "cut", soft_from: float = SOFT_FROM, shutter: float = 0.0,
     renormalise: bool = False, wavelength_max: float = 32.0, out: Float64 | None = None,
 ) -> Float64:  # fmt: skip
-    """Amplitudes after what frames do to fast waves: aliasing and the open shutter.
+    """Amplitudes (H, W) after what frames do to fast waves: aliasing and the open shutter.
+
+    Langer 2004, section 5.5. The equal case, exactly half a cycle, is cut
+    (``docs/internals/deviations.md``, 15). The result is float64.
 
     Parameters
     ----------
@@ -220,15 +201,6 @@ def temporal_filter(
         negative lobes are kept.
     renormalise : bool
         Restore the power that the alias law took, before the shutter. Nothing kept gives zeros.
-
-    Returns
-    -------
-    (H, W) float64
-
-    Notes
-    -----
-    Langer 2004, section 5.5. The equal case, exactly half a cycle, is cut
-    (``docs/internals/deviations.md``, 15).
     """
     given = check.table("amplitude", amplitude)
     size = check.shape_of("amplitude", given.shape)

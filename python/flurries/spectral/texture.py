@@ -206,7 +206,10 @@ def cloud(
 ) -> Texture:  # fmt: skip
     """Texture of a Motion Cloud: waves around one frequency, orientation and velocity.
 
-    Bandwidths are standard deviations of the power of the film.
+    Bandwidths are standard deviations of the power of the film. The envelope has the power
+    ``exp(-o^2 / (2 b^2)) / f^2`` at o octaves from `frequency`, times ``exp(-a^2 / (2 b^2))`` at an
+    angle a from `orientation`, a up to a right angle; the rate is ``-(fx vx + fy vy) +
+    speed_bandwidth f n``, n one normal number for each wave.
 
     Parameters
     ----------
@@ -216,10 +219,8 @@ def cloud(
         Pixels per frame of all waves.
     seed : int
         Draws the speeds.
-    frequency : float
-        Cycles per pixel, above 0 and at most 1/2.
-    frequency_bandwidth : float
-        Octaves around it, above 0.
+    frequency, frequency_bandwidth : float
+        Cycles per pixel, above 0 and at most 1/2, and octaves around it, above 0.
     orientation : float
         Direction in which the waves rise and fall, radians from +x towards +y; bars stand across.
     orientation_bandwidth : float, optional
@@ -228,13 +229,6 @@ def cloud(
         Pixels per frame by which waves are faster or slower along their own direction.
     loop : int, optional
         Frames after which the film shall repeat: rates are rounded to ``n / loop``.
-
-    Returns
-    -------
-    Texture
-        Its envelope has the power ``exp(-o^2 / (2 b^2)) / f^2`` at o octaves from `frequency`,
-        times ``exp(-a^2 / (2 b^2))`` at an angle a from `orientation`, a up to a right angle; its
-        rate is ``-(fx vx + fy vy) + speed_bandwidth f n``, n one normal number for each wave.
 
     Notes
     -----

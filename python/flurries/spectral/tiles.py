@@ -85,6 +85,8 @@ def blend_tiles(
 ) -> Array:  # fmt: skip
     """Blend a grid of overlapping tiles into one picture (H, W), in their dtype.
 
+    Langer 2004, section 7; ``docs/internals/deviations.md``, 16.
+
     Parameters
     ----------
     tiles : (rows, cols, M, M)
@@ -92,10 +94,6 @@ def blend_tiles(
     blend : {"power", "linear"}
         Squares of the weights sum to 1, which keeps the variance of independent fields; or the
         weights do (the paper), and the variance dips to 1/2 at edges and 1/4 at corners.
-
-    Notes
-    -----
-    Langer 2004, section 7; ``docs/internals/deviations.md``, 16.
     """
     given, kept = check.pixels("tiles", tiles, ndim=4)
     check.finite("tiles", given)
@@ -114,6 +112,10 @@ def opacity(
 ) -> Array:  # fmt: skip
     """Opacity of a field: ``amount * clip(mean + field / (2 spread), 0, 1) ** power``.
 
+    Langer 2004, section 5.6. The scale comes from the known variance, never from the frame: a
+    per-frame minimum and maximum flickers (``docs/internals/deviations.md``, 20). The defaults have
+    mean 0.2776 and standard deviation 0.1706.
+
     Parameters
     ----------
     field : (H, W) or (n, H, W)
@@ -122,20 +124,8 @@ def opacity(
         Where the field's zero goes. Less than the paper's 0.5 leaves separate flakes.
     spread : float
         Deviations of the field that reach from 1/2 to 0 or 1; 3, which is ours, holds 99.7 %.
-    power : float
-        Above 0; the paper squares.
-    amount : float
-        0 to 1.
-
-    Returns
-    -------
-    like `field`
-        Opacity in [0, amount]. The defaults have mean 0.2776 and standard deviation 0.1706.
-
-    Notes
-    -----
-    Langer 2004, section 5.6. The scale comes from the known variance, never from the frame: a
-    per-frame minimum and maximum flickers (``docs/internals/deviations.md``, 20).
+    power, amount : float
+        Above 0, which the paper squares; and 0 to 1.
     """
     frames = check.rectangular("field", field)
     given, kept = check.pixels("field", frames, ndim=3 if frames.ndim == 3 else 2)

@@ -93,10 +93,13 @@ def volume(
     wavelengths: tuple[float, float] = BANDS["paper"], cells: Cells = "one",
     dtype: npt.DTypeLike = np.float32, out: Array | None = None,
 ) -> Array:  # fmt: skip
-    """Film of falling snow by the 3-D method: an inverse transform of its space-time spectrum.
+    """Film (T, M, M) of falling snow by the 3-D method: an inverse transform in space and time.
 
     Every column (kx, ky) of the M x M x T spectrum holds power where the tent passes through it;
-    the rest is zero. The film is periodic in x, y and t.
+    the rest is zero. The film is periodic in x, y and t: ``sum_k,n a(k, n) cos 2 pi (f_k . (x, y) +
+    n t / T + phase(k, n))``. Mean 0; mean square 1 over space and time, with one cell per column in
+    every frame. Waves so fast that they seem to run backwards, longer than the tile, or all rounded
+    to rest are warned of.
 
     Parameters
     ----------
@@ -109,18 +112,11 @@ def volume(
     wavelengths : (shortest, longest)
         See :func:`band_amplitude`.
     cells : {"one", "overlap"}
-        Which cells of a column hold power: the one nearest to the tent, so that each wave keeps
-        its amplitude and moves at ``round(rate T) / T``; or, an experiment, all whose unit cube the
+        Which cells of a column hold power: the one nearest to the tent, so that each wave keeps its
+        amplitude and moves at ``round(rate T) / T``; or, an experiment, all whose unit cube the
         tent passes through, as the paper says. The latter has more cells at low frequencies, so
-        that octaves are not equal any more, and every wave beats
-        (``docs/internals/deviations.md``, 14).
-
-    Returns
-    -------
-    (T, M, M) float32 or float64
-        ``sum_k,n a(k, n) cos 2 pi (f_k . (x, y) + n t / T + phase(k, n))``. Mean 0; mean square 1
-        over space and time, with one cell per column in every frame. Waves so fast that they seem
-        to run backwards, longer than the tile, or all rounded to rest are warned of.
+        that octaves are not equal any more, and every wave beats (``docs/internals/deviations.md``,
+        14).
 
     Notes
     -----
@@ -142,8 +138,10 @@ def loop(
 ) -> Array:  # fmt: skip
     """Field of falling snow that repeats after so many frames, and in x and y.
 
-    Each wave turns a whole number of times in the loop: the rates of :func:`tent_rate` with
-    ``loop=frames``. Frame T + 3 has the bits of frame 3.
+    (T, H, W), (n, H, W) or (H, W): all frames, or those at `time`, each of mean 0 and variance 1
+    less what the filter takes. Each wave turns a whole number of times in the loop: the rates of
+    :func:`tent_rate` with ``loop=frames``. Frame T + 3 has the bits of frame 3. Warned of is what
+    :func:`volume` warns of, and more than a quarter of the waves at rest.
 
     Parameters
     ----------
@@ -156,12 +154,6 @@ def loop(
         Which moments, in frames; any numbers. If not given, frames 0 to T - 1.
     wavelengths, exponent, alias, soft_from, shutter, jitter
         See :class:`Texture`; the filter acts on the rounded rates.
-
-    Returns
-    -------
-    (T, H, W), (n, H, W) or (H, W) float32 or float64
-        All frames, or those at `time`. Mean 0, variance 1 in each, less what the filter takes.
-        Warned of is what :func:`volume` warns of, and more than a quarter of the waves at rest.
     """
     texture = Texture(
         wavelengths=wavelengths, exponent=exponent, alias=alias, soft_from=soft_from,
@@ -198,7 +190,11 @@ def export_loop(
     amount: float = 1.0, bits: int | None = None, half: bool = False, overwrite: bool = False,
     progress: Callable[[Iterable[int]], Iterable[int]] | None = None,
 ) -> list[Path]:  # fmt: skip
-    """Write a loop of snow as textures that repeat in x, y and time.
+    """Write a loop of snow as textures that repeat in x, y and time, and return the files.
+
+    Last of them is the description: a JSON file beside the frames, named like the pattern without
+    its number. It holds size (width, height), frames, the pattern, the type of the values, all
+    arguments, the mean opacity of what the files hold, and the version.
 
     Parameters
     ----------
@@ -215,13 +211,6 @@ def export_loop(
         Replace what is there; otherwise files in the way are refused.
     progress : callable, optional
         Wraps the frame numbers, as tqdm does.
-
-    Returns
-    -------
-    list of Path
-        The frames in order, and last the description: a JSON file beside them, named like the
-        pattern without its number. It holds size (width, height), frames, the pattern, the type of
-        the values, all arguments, the mean opacity of what the files hold, and the version.
 
     Notes
     -----

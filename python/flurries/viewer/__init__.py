@@ -13,7 +13,10 @@ __all__ = ["view"]
 
 
 def view(scene: Scene, *, size: int = 512, save: str = "tuned.toml") -> Viewer:
-    """Show a scene in a notebook, with sliders.
+    """Return a widget that shows a scene in a notebook, with sliders.
+
+    Its `scene` is the scene as the sliders stand. While a slider is dragged the air goes on; a
+    saved scene has its values from frame 0 on.
 
     Parameters
     ----------
@@ -23,15 +26,6 @@ def view(scene: Scene, *, size: int = 512, save: str = "tuned.toml") -> Viewer:
         Pixels of the longer side of the picture, 16 to 4096. More is slower.
     save : path
         File that the button "Save" writes the scene to, as TOML; it replaces an older file.
-
-    Returns
-    -------
-    Viewer
-        A widget. Its `scene` is the scene as the sliders stand.
-
-    Notes
-    -----
-    While a slider is dragged the air goes on; a saved scene has its values from frame 0 on.
     """
     try:
         from flurries.viewer.widget import Viewer

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import ArrayLike, Float64, choice, flag, integer, moderate, real, table
-from flurries.camera.lens import Camera, expect_camera
+from flurries.camera.lens import Camera, expect_camera, quaternions_of
 from flurries.camera.path import CameraPath
-from flurries.camera.rotation import quaternions_of
 from flurries.motion.keys import Keys
 
 # y up and looking along -z, as OpenGL, Nuke, Maya and Blender's cameras: half a turn about x.
@@ -30,8 +29,8 @@ def from_matrices(
     ----------
     matrices : (n, 3, 4) or (n, 4, 4)
         From the camera's axes to the world's; `inverse` (extrinsics): the other way.
-    camera : Camera
-        The lens; `focal`, (n,) pixels, is that of one that zooms.
+    camera, focal : Camera, (n,) or None
+        The lens, and the focal lengths in pixels of one that zooms.
     axes : {"x right, y down, z forward", "x right, y up, z back"}
         Of camera and world: of OpenCV, KITTI and ROS' optical frames, or of OpenGL, Nuke, Maya and
         NeRF data. Matrices do not say which, and the wrong one turns the world over.

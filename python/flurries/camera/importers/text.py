@@ -15,9 +15,8 @@ import numpy as np
 
 from flurries._contract import ArrayLike, Float64, PathLike, real, shape_of, vector
 from flurries.camera.importers.matrices import AXES, FLIP, from_matrices, path_of
-from flurries.camera.lens import Camera, expect_camera
+from flurries.camera.lens import Camera, expect_camera, matrices_of, rotation_matrix
 from flurries.camera.path import CameraPath
-from flurries.camera.rotation import matrices_of, rotation_matrix
 from flurries.io.files import read_text
 from flurries.motion.keys import Keys
 

@@ -56,12 +56,12 @@ def write_layers(
         Ends in .exr.
     layers : mapping of str to array
         Arrays of one size: floats, linear light, colors multiplied by alpha. The layer ``"rgba"``
-        becomes the channels R, G, B, A; others get their name in front, ``snow.R``. An array
-        (H, W, 3) or (H, W, 4) is a color, (H, W, 2) a vector with the channels X and Y, or u and v
-        where the name ends in "forward" or "backward", and (H, W) a number: ``depth.Z``,
-        ``alpha.A``, ``mask.A``, ``coverage.A``, else ``name.Y``. An array (H, W) of int64 or
-        uint64, 0 to 2^63 - 1, is two channels of type uint: ``name.lo``, its lower 32 bits,
-        and ``name.hi``, the upper ones.
+        becomes the channels R, G, B, A; others get their name in front, ``snow.R``. An array (H, W,
+        3) or (H, W, 4) is a color, (H, W, 2) a vector with the channels X and Y, or u and v where
+        the name ends in "forward" or "backward", and (H, W) a number: ``depth.Z``, ``alpha.A``,
+        ``mask.A``, ``coverage.A``, else ``name.Y``. An array (H, W) of int64 or uint64, 0 to 2^63 -
+        1, is two channels of type uint: ``name.lo``, its lower 32 bits, and ``name.hi``, the upper
+        ones.
     half : bool, default True
         Store colors, masks and what ends in "forward" or "backward" as half. Depths and other
         vectors always have 32 bits.
@@ -286,10 +286,7 @@ def write_deep(
 
 
 def read_deep(path: PathLike) -> Deep:
-    """Return the samples of a deep EXR.
-
-    OSError or ValueError if the file cannot be read, or is none with these channels.
-    """
+    """Return the samples of a deep EXR; OSError or ValueError where none can be read."""
     with opened_picture(path, deep=True) as opened:
         names = opened.specification.channelnames
         if not opened.specification.deep or not set(CHANNELS) <= set(names):

@@ -18,13 +18,9 @@ def photograph(
 ) -> Array:
     """Return a photograph that comes with the package, (height, width, 3) uint8, sRGB.
 
-    Parameters
-    ----------
-    name : {"rocket", "coffee"}
-        "rocket" starts at night, 640 x 427 px, public domain (SpaceX). "coffee" stands in daylight,
-        600 x 400 px, CC0 (Rachel Michetti).
-    size : (width, height), optional
-        Pixels that it is fitted to, as :func:`flurries.io.fit` does; its own if not given.
+    "rocket" starts at night, 640 x 427 px, public domain (SpaceX). "coffee" stands in daylight, 600
+    x 400 px, CC0 (Rachel Michetti). It is fitted to a `size` (width, height) as by
+    :func:`flurries.io.fit`.
     """
     choice("name", name, NAMES)
     pixels = read_picture(Path(__file__).with_name(f"{name}.jpg")).pixels

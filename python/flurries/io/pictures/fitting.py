@@ -20,7 +20,7 @@ Fit: TypeAlias = Literal["cover", "stretch"]
 def fit(
     pixels: ArrayLike, size: Sequence[int], how: Fit = "cover", *, encoding: str | None = None
 ) -> Array:
-    """Resize a picture to `size`, through a Lanczos filter of three lobes.
+    """Resize a picture to `size`, (width, height) px, through a Lanczos filter of three lobes.
 
     Filtering happens in linear light, in float32. Ringing is cut at the smallest and the largest
     value of each channel; a lamp of a single pixel gains light by that, up to a third. A picture
@@ -31,8 +31,6 @@ def fit(
     pixels : array_like
         (H, W), (H, W, 1), (H, W, 3) or (H, W, 4); uint8, uint16 or float, kept. A fourth channel is
         alpha: the colors of floats are multiplied by it, those of integers are not.
-    size : (int, int)
-        (width, height) in px.
     how : {"cover", "stretch"}
         Keep the aspect and fill the frame, cutting off both sides; or let both directions go their
         own way.

@@ -59,10 +59,7 @@ class Picture:
         return self.pixels.shape[1], self.pixels.shape[0]
 
     def rgba(self) -> Array:
-        """Return (H, W, 4) in the pixels' dtype: floats multiplied by alpha, integers not.
-
-        A picture without alpha is opaque.
-        """
+        """Return (H, W, 4) in the pixels' dtype, floats multiplied by alpha; opaque without one."""
         result = np.empty((*self.pixels.shape[:2], 4), self.pixels.dtype)
         result[..., :3] = self.pixels
         opaque = np.iinfo(result.dtype).max if result.dtype.kind == "u" else 1

@@ -75,14 +75,12 @@ def write_picture(
     ----------
     path : str or path
         Ends in .dpx, .exr, .hdr, .jpg, .jpeg, .png, .tif or .tiff.
-    pixels : array_like
-        (H, W), (H, W, 1), (H, W, 3) or (H, W, 4) with alpha; uint8, uint16 or float.
-    alpha : array_like, optional
-        (H, W) opacity; integers over their maximum, floats from 0 to 1.
-    encoding : {"display", "linear"}, optional
-        What `pixels` are; by default integers are display values and floats linear light.
-    premultiplied : bool, optional
-        Whether the colors are multiplied by alpha; by default floats are, integers are not.
+    pixels, alpha : array_like
+        (H, W), (H, W, 1), (H, W, 3) or (H, W, 4) with alpha; uint8, uint16 or float. An opacity
+        apart is (H, W); integers over their maximum, floats from 0 to 1.
+    encoding, premultiplied : {"display", "linear"}, bool, optional
+        What `pixels` are, and whether colors are multiplied by alpha; by default integers are
+        display values and are not, floats are linear light and are.
     half : bool, default True
         Store EXR as half, 16 bits; False stores 32.
     bits : {8, 10, 16}, optional
@@ -93,8 +91,8 @@ def write_picture(
     quality : int, default 95
         Of JPEG, 1 to 100; colors are not subsampled.
     metadata : mapping of str to str, int or float, optional
-        Goes into the header under ``flurries:``; HDR holds none. ``DateTime``, as
-        ``2000:01:01 00:00:00``, replaces that fixed moment.
+        Goes into the header under ``flurries:``; HDR holds none. ``DateTime``, as ``2000:01:01
+        00:00:00``, replaces that fixed moment.
     slate : flurries.io.pictures.slate.Slate, optional
         What the plate that it was made of says of itself.
     """
