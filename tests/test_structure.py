@@ -17,7 +17,7 @@ LEVELS = (
     ("_build", "_core", "_contract", "_kept", "_threads", "_warnings", "_trace"),
     ("io",),
     # A camera is an argument of the array modules.
-    ("camera.lens", "camera.rotation"),
+    ("camera.lens",),
     ("spectral", "particles", "gas", "cone", "composite", "stereo"),
     ("camera", "motion", "light"),
     ("frame",),

@@ -323,6 +323,12 @@ def depths(name: str, array: Array) -> Array:
     return array
 
 
+def sealed(array: Array) -> Array:
+    """Return the array, read-only."""
+    array.flags.writeable = False
+    return array
+
+
 def aligned(array: Array, dtype: npt.DTypeLike) -> Array:
     """Return the array C-contiguous, native and aligned, copied only where it has to be."""
     result = np.ascontiguousarray(array, dtype=dtype)

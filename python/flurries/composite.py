@@ -21,16 +21,11 @@ _DTYPES = ("uint8", "uint16", "float16", "float32", "float64")
 
 
 def _background(background: object, channels: Sequence[int]) -> tuple[Array, Array]:
-    """Return the picture as (H, W, C) of a dtype that kernels read, and the array as it came."""
-    try:
-        given = np.asarray(background)
-    except ValueError:
-        raise ValueError("background must be a rectangular array, got a ragged one") from None
+    """Return the picture as (H, W, C) of a dtype that kernels read, and as it came."""
+    given = check.rectangular("background", background)
     kept = given.dtype.newbyteorder("=")
     if kept.name not in _DTYPES:
-        raise TypeError(
-            f"background must be uint8, uint16, float16, float32 or float64, got {given.dtype}"
-        )
+        raise TypeError(f"background must be uint8, uint16 or float, got {given.dtype}")
     planes = given[..., None] if given.ndim == 2 and 1 in channels else given
     if planes.ndim != 3 or planes.shape[2] not in channels:
         wanted = " or ".join(["(H, W)"] * (1 in channels) + [f"(H, W, {c})" for c in channels])

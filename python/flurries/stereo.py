@@ -125,10 +125,7 @@ def side_by_side(
 
 
 def over_under(left: ArrayLike, right: ArrayLike, *, out: Array | None = None) -> Array:
-    """Return both pictures on top of each other, the left eye's above, (2 H, W, ...).
-
-    Arguments are those of :func:`side_by_side`.
-    """
+    """Return pictures as :func:`side_by_side` does, but the left above, (2 H, W, ...)."""
     return _packed(_pair(left, right, None), 0, out)
 
 

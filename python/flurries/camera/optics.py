@@ -74,14 +74,12 @@ class Lens:
         long = focal * self.sensor / width
         focus, stop = float(value_at(self.focus, t)), float(value_at(self.f_stop, t))
         if focus <= long:
-            raise ValueError(
-                f"focus must be farther than the lens is long, {long:.3g} m, got {focus:g}"
-            )
+            wanted = f"farther than the lens is long, {long:.3g} m"
+            raise ValueError(f"focus must be {wanted}, got {focus:g}")
         # s / (s - F) with s at infinity.
         ratio = 1.0 / (1.0 - long / focus)
-        return Blur(
-            long**2 / stop * ratio * width / self.sensor, 1.0 / focus, self.blades, self.turn
-        )
+        strength = long**2 / stop * ratio * width / self.sensor
+        return Blur(strength, 1.0 / focus, self.blades, self.turn)
 
     def circle(self, depth: float, *, focal: float, width: int, t: float = 0.0) -> float:
         """Return the circle of confusion at a depth in metres, px; focal and width in px too."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Float64, choice, suggesting, table
+from flurries._contract import Float64, choice, sealed, suggesting, table
 from flurries._kept import kept
 from flurries.camera.lens import Camera, quaternions_of, rotation_vector
 from flurries.camera.turning import Turning, lengths_of, turning_of, weigh
@@ -34,7 +34,8 @@ from flurries.motion.keys import (
 class CameraPath:
     """A camera that moves and turns.
 
-    Give one of `position` and `velocity`, or neither for a camera that stands still.
+    Give one of `position` and `velocity`, or neither for a camera that stands still. Langer 2004,
+    section 7, where the camera never turns; ``docs/internals/deviations.md``, 17.
 
     Parameters
     ----------
@@ -57,10 +58,6 @@ class CameraPath:
     extend : {"on", "stop"}
         "on": outside its frames the path goes on with the first and the last rate. "stop": the
         scene's own `extend` decides. Paths from files have "stop".
-
-    Notes
-    -----
-    Langer 2004, section 7, where the camera never turns; ``docs/internals/deviations.md``, 17.
 
     Examples
     --------
@@ -104,8 +101,7 @@ class CameraPath:
         for name in ("position", "orientation", "focal"):
             given = getattr(self, name)
             if given is not None and not isinstance(given, Keys):
-                own[name] = table(name, given, ndim=None).copy()
-                own[name].flags.writeable = False
+                own[name] = sealed(table(name, given, ndim=None).copy())
         vars(self).update(own)
 
     def __reduce__(self) -> tuple[Any, ...]:

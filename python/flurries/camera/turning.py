@@ -133,9 +133,8 @@ def turning_of(orientation: Any) -> Turning:
         frames = np.arange(len(values), dtype=np.float64) if values.ndim else np.empty(0)
     vectors = values if values.shape[1:] == (3,) else None
     if len(values) == 0 or values.shape[1:] not in ((3,), (4,), (3, 3)):
-        raise ValueError(
-            f"orientation must have shape (n, 3), (n, 4) or (n, 3, 3), got {values.shape}"
-        )
+        wanted = "(n, 3), (n, 4) or (n, 3, 3)"
+        raise ValueError(f"orientation must have shape {wanted}, got {values.shape}")
     matrices = _matrices(values)
     return Turning(frames, matrices, _rates(frames, matrices, vectors))
 

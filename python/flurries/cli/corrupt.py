@@ -115,9 +115,8 @@ def benchmark(
     """
     code = 0
     if of is not None:
-        differs, failed = benchmarks.make(
-            of, folder, like=like, progress=words.progress("file"), **how
-        )
+        bar = words.progress("file")
+        differs, failed = benchmarks.make(of, folder, like=like, progress=bar, **how)
         for name, why in failed.items():
             say(f"{name}: {why}")
         words.say(f"{folder}: {'differs in ' + ', '.join(differs) if differs else 'OK'}")

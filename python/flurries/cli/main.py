@@ -37,7 +37,7 @@ COMMANDS = {
 
 # The files of those that have none of their name.
 FILES = {"plan": "look", "light": "look", "view": "look", "benchmark": "corrupt",
-         "completion": "main"}  # fmt: skip
+         "completion": "main", "check": "render", "texture": "render"}  # fmt: skip
 
 # Where a shell leaves the line that it wants completed.
 COMPLETE = "_FLURRIES_COMPLETE"

@@ -91,10 +91,9 @@ def render(words: Words, output: str, eyes: tuple[float, float] | None, **given:
         return _render(words, output, None, **given)
     ends = []
     for side, view in enumerate(("left", "right")):
-        own: dict[str, Any] = {
-            n: v.replace("%V", view) if isinstance(v, str) else v for n, v in given.items()
-        }
-        own["foreground"] = [name.replace("%V", view) for name in given["foreground"]]
+        texts = {n: v.replace("%V", view) for n, v in given.items() if isinstance(v, str)}
+        front = [name.replace("%V", view) for name in given["foreground"]]
+        own = {**given, **texts, "foreground": front}
         ends.append(_render(words, output.replace("%V", view), eyes and (*eyes, side), **own))
     return max(ends)
 

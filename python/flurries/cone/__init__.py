@@ -5,9 +5,8 @@ slower than the one before; the cost of a frame does not depend on how heavy the
 """
 
 from flurries.cone.path import Path, State, path
-from flurries.cone.sheet import Rays, layer, rays
+from flurries.cone.sheet import Rays, Texture, layer, rain_tile, rays, snow_tile
 from flurries.cone.stack import layers
-from flurries.cone.tiles import Texture, rain_tile, snow_tile
 
 __all__ = [
     "Path", "Rays", "State", "Texture", "layer", "layers", "path", "rain_tile", "rays",

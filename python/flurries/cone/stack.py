@@ -14,8 +14,7 @@ from flurries import _core
 from flurries._contract import Array, ArrayLike
 from flurries._kept import kept
 from flurries.camera.lens import Camera, expect_camera
-from flurries.cone.sheet import MOST_REPEATS, Pose, layer, pose, reach_of, wrapped
-from flurries.cone.tiles import Table, Texture
+from flurries.cone.sheet import MOST_REPEATS, Pose, Table, Texture, layer, pose, reach_of, wrapped
 
 BLOCK = 16
 

@@ -155,9 +155,8 @@ class Rays:
 
     def __init__(self, frame: Frame, step: int = 1, margin: int = 0) -> None:
         # A sample every `step` px, and `margin` of them beyond each border.
-        down, across = (
-            (np.arange(-(-side // step) + 2 * margin) - margin + 0.5) * step for side in frame.shape
-        )
+        counts = (-(-side // step) + 2 * margin for side in frame.shape)
+        down, across = ((np.arange(count) - margin + 0.5) * step for count in counts)
         cx, cy = frame.camera.principal(frame.shape)
         self.x = ((across - cx) / frame.camera.focal).astype(np.float32)[None, :]
         self.y = ((down - cy) / frame.camera.focal).astype(np.float32)[:, None]

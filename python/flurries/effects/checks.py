@@ -107,9 +107,7 @@ class Described(type):
     """The class of effects: its `dir` has their fields and what users call."""
 
     def __dir__(cls) -> Iterable[str]:
-        return [
-            name for name in super().__dir__() if not name.startswith("_") and name not in INNER
-        ]
+        return [name for name in super().__dir__() if name[0] != "_" and name not in INNER]
 
     def of_preset(cls, name: str, changes: dict[str, Any]) -> dict[str, Any]:
         presets, knobs = cls.PRESETS, cls.KNOBS  # type: ignore[attr-defined]

@@ -194,19 +194,16 @@ class ConeRain(_Cone):
         Longer streaks are fainter. False keeps them bright.
     drops : int
         Drops in a tile of the texture. A farther layer shows the tile smaller and more often.
-    drop_size : float
-        Width in metres.
-    drop_length : float
-        Length of a resting drop in metres. A streak is ``drop_length + speed * shutter / fps``
-        long.
+    drop_size, drop_length : float
+        Width and length of a resting drop in metres. A streak is ``drop_length + speed * shutter /
+        fps`` long.
     spread : float
         How much drops differ in size and opacity, 0 to 1.
     damping : float
         How much of the camera's motion tilts the cone, 0 to 1; 1 is what is seen.
-    radius : float
-        Radius of the nearest cone, metres; the other cones are 2, 4 and 8 times as large.
-    repeats : int
-        Number of tiles around the nearest cone.
+    radius, repeats : float, int
+        Radius of the nearest cone, metres, and the tiles around it; the other cones are 2, 4 and 8
+        times as large.
     slope : float
         Radius over height of the cone; 0 is a cylinder, in exact perspective.
     tile : int
@@ -226,9 +223,8 @@ class ConeRain(_Cone):
         super().__post_init__()
         most = 0.5 * self._tile_metres
         if self.drop_length > most:
-            raise ValueError(
-                f"drop_length must be at most half a tile ({most:g} m), got {self.drop_length!r}"
-            )
+            got = f"({most:g} m), got {self.drop_length!r}"
+            raise ValueError(f"drop_length must be at most half a tile {got}")
 
     @cached_property
     def parts(self) -> Precipitation:

@@ -86,9 +86,8 @@ def areas_of(film: Film, focals: tuple[float, float]) -> list[tuple[int, int]]:
     power, found = film.power, []
     for number, faint in enumerate((power < film.rigid * _FAINT * power.sum()).tolist()):
         own = (1.0 + 0.2 * ((0.618_034 * (number + 1)) % 1.0)) * (_SOONER if faint else 1.0)
-        rows, columns = (
-            max(round(own * part * focals[1 - axis]), _LEAST) for axis, part in enumerate(_PERIOD)
-        )
+        sides = (own * part * focal for part, focal in zip(_PERIOD, focals[::-1], strict=True))
+        rows, columns = (max(round(side), _LEAST) for side in sides)
         smaller = min(math.sqrt(_LARGEST / (rows * columns)), 1.0)
         found.append((round(smaller * rows), round(smaller * columns)))
     return found

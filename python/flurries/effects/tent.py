@@ -148,9 +148,10 @@ class TentSnow(_Tent):
 @checks.effect()
 @dataclass(frozen=True, kw_only=True)
 class TentRain(_Tent):
-    """Rain as Langer's texture.
+    """Rain as Langer's texture (2004, sections 5 and 8), whose tiles are as large as streaks need.
 
-    Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.
+    ``docs/internals/deviations.md`` says how that follows from the speed. A frame whose `tile` is
+    so small that a tenth or more of the streaks stands still is warned of.
 
     Parameters
     ----------
@@ -177,17 +178,6 @@ near_depth, overlap, blend, alias, jitter, depth_mode, look, seed
     gain : float
         Light that a drop scatters, divided by the light that an opaque disc of its size hides. With
         1 the streaks are hardly visible, as those of real drops.
-
-    Warns
-    -----
-    UserWarning
-        When a frame is rendered whose `tile` is so small that a tenth or more of the streaks stands
-        still.
-
-    Notes
-    -----
-    Langer 2004, sections 5 and 8. ``docs/internals/deviations.md`` says how the size of the
-    tile follows from the speed.
     """
 
     preset: InitVar[RainLook | None] = field(default=None, kw_only=False)

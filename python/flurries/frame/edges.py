@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flurries._contract import Array
+from flurries._contract import Array, sealed
 from flurries.frame.matte import NOTHING, Deep
 
 # Sides whose depths are as alike look alike.
@@ -36,9 +36,7 @@ class Edges(NamedTuple):
         if not two.any():
             return None
         planes = back, np.where(two, share, 0.0), np.where(two, near, NOTHING)
-        back, share, near = (np.asarray(plane, np.float32) for plane in planes)
-        for plane in (back, share, near):
-            plane.flags.writeable = False
+        back, share, near = (sealed(np.asarray(plane, np.float32)) for plane in planes)
         return Edges(back, Deep(share, near))
 
 

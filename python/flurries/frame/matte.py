@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import Array
+from flurries._contract import Array, sealed
 from flurries.frame.bands import Visible, Window, crop
 from flurries.frame.layer import Layer
 from flurries.io.color import linear_to_srgb, srgb_to_linear, unmultiply
@@ -86,9 +86,7 @@ class Deep:
         """Return a scene's depth with it in front, read-only; the same again for the same one."""
         kept: tuple[Array, Array] | None = self.__dict__.get("_joint")
         if kept is None or kept[0] is not depth:
-            joint = np.minimum(depth, self.depth)
-            joint.flags.writeable = False
-            kept = self.__dict__["_joint"] = depth, joint
+            kept = self.__dict__["_joint"] = depth, sealed(np.minimum(depth, self.depth))
         return kept[1]
 
     def join(self, whole: Layer, near: Layer, window: Window, part: Window) -> Layer:

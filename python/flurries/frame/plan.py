@@ -181,18 +181,12 @@ def plan_of(program: Program, numbers: Sequence[int], *, probe: bool = True) -> 
         rest = 1e3 * float(np.mean([trace.outside.seconds for trace in warm]))
         total = rest + sum(s.share * (s.milliseconds or 0.0) for s in steps if not s.once)
     return Plan(
-        size=program.base.shape[::-1],
-        frames=(numbers[0], numbers[-1], len(numbers)),
-        steps=tuple(steps),
-        strengths=tuple(_strengths(program, (numbers[0], middle, numbers[-1]))),
-        left_out=(*program.left_out, *_left_out(looks)),
-        probed=probed,
-        milliseconds=total,
-        first=first,
-        rest=rest,
-        bytes=max((trace.bytes for trace in cold), default=None),
+        size=program.base.shape[::-1], frames=(numbers[0], numbers[-1], len(numbers)),
+        steps=tuple(steps), strengths=tuple(_strengths(program, (numbers[0], middle, numbers[-1]))),
+        left_out=(*program.left_out, *_left_out(looks)), probed=probed, milliseconds=total,
+        first=first, rest=rest, bytes=max((trace.bytes for trace in cold), default=None),
         threads=threads(),
-    )
+    )  # fmt: skip  # fmt: skip
 
 
 def _steps(

@@ -150,13 +150,10 @@ class Program:
         for number, (part, needs) in enumerate(runs):
             read_by = {k: v for name in needs.reads for k, v in given.get(name, {}).items()}
             frame = base.derive(
-                seed=part.seed,
-                air=(sum(airs), sum(airs[:number])),
-                steps={step.name: step for step in needs.steps},
-                visible=visible,
-                whole=dtype is None,
-                **read_by,
-            )
+                seed=part.seed, air=(sum(airs), sum(airs[:number])),
+                steps={step.name: step for step in needs.steps}, visible=visible,
+                whole=dtype is None, **read_by,
+            )  # fmt: skip  # fmt: skip
             found.append(Ask(part, frame, needs))
         return found
 

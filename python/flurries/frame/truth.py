@@ -150,17 +150,13 @@ def _truth(
         # What stands in the weather is a part of the background.
         behind = to_single(to_unit(front.behind(mix.decode(plate), linear=mix.linear)))
     return Rendered(
-        image=image,
-        alpha=cover,
-        layers=layers,
+        image=image, alpha=cover, layers=layers,
         depth=None if depth is None else crop(depth, window),
         motion=_chosen([part.motion for part in parts], most, 0.0),
         backward=_chosen([part.backward for part in parts], most, 0.0),
-        weather_depth=_chosen([part.depth for part in parts], most, np.inf),
-        background=behind,
-        foreground=None if front is None else front.rgba(linear=mix.linear),
-        linear=mix.linear,
-    )
+        weather_depth=_chosen([part.depth for part in parts], most, np.inf), background=behind,
+        foreground=None if front is None else front.rgba(linear=mix.linear), linear=mix.linear,
+    )  # fmt: skip  # fmt: skip
 
 
 def _most(alphas: Sequence[Array]) -> Array:

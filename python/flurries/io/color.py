@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Array, ArrayLike, choice, rectangular
+from flurries._contract import Array, ArrayLike, choice, rectangular, sealed
 from flurries._kept import kept
 
 Encoding: TypeAlias = Literal["display", "linear"]
@@ -146,9 +146,7 @@ def to_single(values: Array) -> Array:
 def decoding_table(itemsize: int) -> Array:
     """Return the linear light of every 8-bit or 16-bit display value."""
     levels = 256**itemsize
-    table = srgb_to_linear(np.arange(levels) / (levels - 1)).astype(np.float32)
-    table.flags.writeable = False
-    return table
+    return sealed(srgb_to_linear(np.arange(levels) / (levels - 1)).astype(np.float32))
 
 
 @kept(1)
@@ -161,9 +159,7 @@ def encoding_edges() -> Array:
         middle = (bits[0] + bits[1]) // 2
         enough = to_integer(linear_to_srgb(middle.view(np.float32)), 8) >= wanted
         bits = [np.where(enough, bits[0], middle), np.where(enough, middle, bits[1])]
-    edges = bits[1].astype(np.int32).view(np.float32)
-    edges.flags.writeable = False
-    return edges
+    return sealed(bits[1].astype(np.int32).view(np.float32))
 
 
 def encode_bytes(light: Array) -> Array:

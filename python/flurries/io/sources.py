@@ -139,9 +139,7 @@ class PictureSource(Source):
         if self.pattern is not None:
             numbers = self.pattern.existing(str(path.parent))
             if not numbers:
-                raise FileNotFoundError(
-                    errno.ENOENT, "No frame of this sequence is there", str(path)
-                )
+                raise FileNotFoundError(errno.ENOENT, "No frame of it is there", str(path))
             self.first, self.count = numbers[0], numbers[-1] - numbers[0] + 1
         header = read_header(self.file(0), overscan=overscan, deep=deep)
         self.size, self.encoding, self.display = header.size, header.encoding, header.display
@@ -230,16 +228,10 @@ def open_background(
 ) -> Source:
     """Open a background.
 
-    Parameters
-    ----------
-    spec : str or path
-        A picture, ``plate.exr``; a numbered sequence from the lowest number that is there,
-        ``plate.%04d.png`` (or ``####``, ``$F4``); or a video, ``plate.mov``.
-    damaged : {"stop", "hold"}
-        Whether a frame that is missing or damaged is an error, or the last good frame before it
-        stands in for it.
-    budget, overscan
-        As `read_picture`; for each frame, and of pictures alone.
+    A picture, ``plate.exr``; a numbered sequence from the lowest number that is there,
+    ``plate.%04d.png`` (or ``####``, ``$F4``); or a video, ``plate.mov``. A frame that is missing or
+    `damaged` is an error with "stop"; with "hold" the last good frame before it stands in for it.
+    `budget` and `overscan` are those of `read_picture`, for each frame, and of pictures alone.
     """
     choice("damaged", damaged, ("stop", "hold"))
     given("budget", budget, Budget)

@@ -20,9 +20,8 @@ def require_usd() -> tuple[Any, Any, Any, Any, Any]:
     try:
         from pxr import Gf, Sdf, Usd, UsdGeom, Vt
     except ImportError:
-        raise ImportError(
-            "USD files need usd-core: pip install 'flurries[usd]'", name="pxr"
-        ) from None
+        message = "USD files need usd-core: pip install 'flurries[usd]'"
+        raise ImportError(message, name="pxr") from None
     return Gf, Sdf, Usd, UsdGeom, Vt
 
 

@@ -110,9 +110,8 @@ def prefix_sums(areas: Float64, shape: tuple[int, ...]) -> Float64:
     sums = np.zeros(shape)
     for i, area in enumerate(areas, 1):
         larger = total + area
-        lost = lost + np.where(
-            np.abs(total) >= np.abs(area), (total - larger) + area, (area - larger) + total
-        )
+        rest = (total - larger) + area, (area - larger) + total
+        lost = lost + np.where(np.abs(total) >= np.abs(area), *rest)
         total = larger
         sums[i] = total + lost
     return sums
@@ -192,11 +191,9 @@ def course_of(value: Any, scale: float = 1.0) -> Course:
     between = np.diff(values, axis=0) / np.diff(frames)[:, None]
     flat = np.zeros((1, values.shape[1]))
     return Course(
-        frames,
-        np.concatenate([values[:1], values]),
-        np.concatenate([flat, between, flat]),
+        frames, np.concatenate([values[:1], values]), np.concatenate([flat, between, flat]),
         np.concatenate([frames[:1], frames]),
-    )
+    )  # fmt: skip
 
 
 def air_courses(wind: Vector, fall: Number, scale: float) -> list[Course]:

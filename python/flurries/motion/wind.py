@@ -8,17 +8,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from flurries._contract import (
-    ArrayLike,
-    Float64,
-    integer,
-    real,
-    rows_of,
-    seed_of,
-    suggesting,
-    table,
-)
+from flurries._contract import Float64, integer, real, rows_of, sealed, seed_of, suggesting, table
 from flurries.motion.keys import Keys, Vector, as_vector
 from flurries.motion.waves import Waves, eddies, strongest
 
@@ -38,6 +30,12 @@ _STREAM = 201
 class Wind:
     """Wind that differs from place to place.
 
+    Langer 2004, section 8, asks for such winds. A `field` that never changes carries what falls
+    straight through its columns ever further; give it a period in time, or a mean. Gusts and swirls
+    have no divergence; they displace a flake by a bounded way in a mean wind that does not change,
+    since they drift upwards in it while what falls does not. A flake feels the wind of the place
+    where it would be without them: see ``docs/internals/deviations.md``.
+
     Parameters
     ----------
     mean : (x, y, z) or Keys
@@ -54,20 +52,11 @@ class Wind:
     field : (nz, ny, nx, 3) or (nt, nz, ny, nx, 3) array, optional
         A velocity field of your own, metres per second, house axes, added to the rest: samples of
         one period in space (and time).
-    spacing, duration : float
-        Metres between samples of `field`, and its period in time, seconds.
-    modes : int
-        How many waves of `field` are kept, the strongest.
+    spacing, duration, modes : float, float, int
+        Metres between samples of `field`, its period in time, seconds, and how many of its waves
+        are kept, the strongest.
     seed : int, optional
         Of gusts and swirls; with the same seed all effects share the same air.
-
-    Notes
-    -----
-    Langer 2004, section 8, asks for such winds. A `field` that never changes carries what falls
-    straight through its columns ever further; give it a period in time, or a mean. Gusts and swirls
-    have no divergence; they displace a flake by a bounded way in a mean wind that does not change,
-    since they drift upwards in it while what falls does not. A flake feels the wind of the place
-    where it would be without them: see ``docs/internals/deviations.md``.
 
     Examples
     --------
@@ -109,8 +98,7 @@ class Wind:
                     "field must have shape (nz, ny, nx, 3) or (nt, nz, ny, nx, 3), "
                     f"got {given.shape}"
                 )
-            given.flags.writeable = False
-            vars(self)["field"] = given
+            vars(self)["field"] = sealed(given)
         vars(self)["waves"] = _waves_of(self)
 
     def __reduce__(self) -> tuple[Any, ...]:

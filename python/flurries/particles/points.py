@@ -43,9 +43,8 @@ def positions(
     rate = check.each_of("velocity", velocity, number, (3,))
     result = check.output(out, (number, 3), np.dtype(np.float64), rate)
     swing = None if sway is None else _sway(sway)
-    _core.particle_positions(
-        result, sides, middle, check.seed_of(seed), rate, check.real("time", time), swing
-    )
+    moment = check.real("time", time)
+    _core.particle_positions(result, sides, middle, check.seed_of(seed), rate, moment, swing)
     return result
 
 

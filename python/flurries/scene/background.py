@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, require, table
+from flurries._contract import Array, require, sealed, table
 from flurries._warnings import warn, warn_of_levels
 from flurries.io import fit, open_background
 from flurries.io.color import parse_hex
 from flurries.io.colorspace import ColorSpace
 from flurries.io.files import file_of, path_text
-from flurries.scene.numbered import Display, Planes, pixels_of, read_only
+from flurries.scene.numbered import Display, Planes, pixels_of
 
 Size = tuple[int, int]
 
@@ -43,9 +43,8 @@ class Backdrop(Planes):
         if self.span is None or self.count is None:
             return [0]
         most = min(most, self.count)
-        numbers = [
-            self.span.first + (2 * k + 1) * self.count // (2 * most) for k in range(most)
-        ]  # fmt: skip
+        first, count = self.span.first, self.count
+        numbers = [first + (2 * k + 1) * count // (2 * most) for k in range(most)]
         missing = self.gaps(numbers)
         return [number for number in numbers if number not in missing] or [self.span.first]
 
@@ -57,7 +56,7 @@ class Backdrop(Planes):
 
     def decoded(self, space: ColorSpace) -> Backdrop:
         """Return the same as light of a color space's working space."""
-        return replace(self.then(lambda p: read_only(space.decode(p))), encoding="linear")
+        return replace(self.then(lambda p: sealed(space.decode(p))), encoding="linear")
 
     def fine(self) -> Backdrop:
         """Return the same in 16 bits, where it has 8."""
@@ -100,7 +99,7 @@ def _still(pixels: Array) -> Backdrop:
     encoding = "linear" if pixels.dtype.kind == "f" else "display"
     size = pixels.shape[1], pixels.shape[0]
     whole = encoding == "display"
-    return Backdrop(read_only(pixels), size=size, encoding=encoding, photograph=whole)
+    return Backdrop(sealed(pixels), size=size, encoding=encoding, photograph=whole)
 
 
 def _of_source(source: Any, size: Size | None, **numbers: Any) -> Backdrop:
@@ -136,9 +135,8 @@ def _of_array(background: Any, size: Size | None) -> Backdrop:
     if given.ndim == 2:
         given = np.repeat(given[..., None], 3, axis=2)
     if given.ndim != 3 or given.shape[2] not in (3, 4) or 0 in given.shape:
-        raise ValueError(
-            f"background must have shape (H, W, 3) or (H, W, 4), got {np.shape(background)}"
-        )
+        wanted = "(H, W, 3) or (H, W, 4)"
+        raise ValueError(f"background must have shape {wanted}, got {np.shape(background)}")
     kind = given.dtype.kind
     if kind == "f" and given.shape[2] == 4:
         cover = given[..., 3]

@@ -10,14 +10,14 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from flurries._contract import Array, choice, depths, real, rectangular, require, suggesting
+from flurries._contract import Array, choice, depths, real, rectangular, require, sealed, suggesting
 from flurries._warnings import warn_of_units
 from flurries.frame.edges import Edges, edges_of
 from flurries.io import fit_nearest, open_background, open_depth
 from flurries.io.color import to_unit
 from flurries.io.files import file_of
 from flurries.io.pictures.reader import luminance
-from flurries.scene.numbered import Display, Planes, pixels_of, placed, read_only
+from flurries.scene.numbered import Display, Planes, pixels_of, placed
 
 White: TypeAlias = Literal["near", "far"]
 Law: TypeAlias = Literal["linear", "inverse"]
@@ -72,7 +72,7 @@ class DepthMap:
             raise ValueError(f"source must have shape (H, W), got {given.shape}")
         if given.dtype.kind == "f":
             require("source", given, (given >= 0.0) & (given <= 1.0), "from 0 to 1 everywhere")
-        settle("source", read_only(np.array(given, order="C")))
+        settle("source", sealed(np.array(given, order="C")))
 
     def depth_of(self, grey: Array) -> Array:
         """Return the depths of greys from 0 to 1, float32 of the same shape."""
@@ -123,7 +123,7 @@ def _split(found: Array, *, inverse: bool) -> tuple[Array, Edges | None]:
         return found, edges_of(found, inverse=inverse)
     near, back, share = (np.ascontiguousarray(found[..., k]) for k in range(3))
     share = np.where(np.isfinite(share), share, np.float32(0.0))
-    return read_only(np.where(share >= 0.5, near, back)), Edges.of(near, read_only(back), share)
+    return sealed(np.where(share >= 0.5, near, back)), Edges.of(near, sealed(back), share)
 
 
 def distance_of(
@@ -138,14 +138,14 @@ def distance_of(
         depth = picture.pixels if law is None else law.depth_of(luminance(picture))
         whole = placed(depth, picture.display, shape, display, fit_nearest, np.inf)
         # A copy where it is the file's own, which other frames may share.
-        return read_only(np.array(whole, order="C"))
+        return sealed(np.array(whole, order="C"))
 
     if isinstance(source, (str, os.PathLike)):
         with file_of(name):
             opened = (open_background if law else open_depth)(source, overscan=display is not None)
             return Planes.of(name, opened, fitted, **numbers)
     if law is None and not isinstance(value, (dict, set, list, tuple)) and np.ndim(value) == 0:
-        return Planes(read_only(np.full(shape, real(name, value, above=0.0), np.float32)))
+        return Planes(sealed(np.full(shape, real(name, value, above=0.0), np.float32)))
     given = rectangular(name, source)
     if law is None and given.dtype.kind != "f":
         raise TypeError(
@@ -156,7 +156,7 @@ def distance_of(
         of = name if law is None else f"{name}: source"
         raise ValueError(f"{of} must have shape {shape}, got {given.shape}")
     if law is not None:
-        return Planes(read_only(law.depth_of(to_unit(given))))
+        return Planes(sealed(law.depth_of(to_unit(given))))
     plane = depths(name, np.array(given, np.float32, order="C"))
     warn_of_units(name, plane)
-    return Planes(read_only(plane))
+    return Planes(sealed(plane))

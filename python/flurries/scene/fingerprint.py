@@ -1,7 +1,5 @@
 """What a scene's frames depend on, as hashes: its own values, and the files that it reads."""
 
-from __future__ import annotations
-
 import bisect
 import hashlib
 import pickle

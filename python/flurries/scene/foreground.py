@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import finite, shares, suggesting
+from flurries._contract import finite, sealed, shares, suggesting
 from flurries._kept import Kept
 from flurries._warnings import warn_of_levels
 from flurries.frame.matte import Deep, Front, Matte
@@ -19,7 +19,7 @@ from flurries.io.files import file_of, path_text
 from flurries.io.pictures.reader import Picture, luminance
 from flurries.io.sources import open_matte
 from flurries.scene.depth import distance_of
-from flurries.scene.numbered import Display, Planes, pixels_of, placed, read_only
+from flurries.scene.numbered import Display, Planes, pixels_of, placed
 
 MOST_MATTES = 64
 
@@ -102,7 +102,7 @@ def frozen(value: Any) -> Any:
     """Return an argument as nobody can change it: of an array that can be, a copy."""
     if not isinstance(value, np.ndarray) or (value.base is None and not value.flags.writeable):
         return value
-    return read_only(value.copy())
+    return sealed(value.copy())
 
 
 def listed(value: Any) -> list[Foreground]:

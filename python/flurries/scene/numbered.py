@@ -108,11 +108,6 @@ def pixels_of(name: str, value: object, wanted: str, *more: type) -> Array:
     return given
 
 
-def read_only(plane: Array) -> Array:
-    plane.flags.writeable = False
-    return plane
-
-
 def placed(
     plane: Array, own: Display | None, shape: tuple[int, int], display: Display | None,
     fitted: Callable[[Array, tuple[int, int]], Array], outside: float,

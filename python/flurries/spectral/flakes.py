@@ -186,8 +186,7 @@ def optical_depth(
         _core.flake_choices(pattern, shift, check.seed_of(seed), number, tile)
         shift += drifts
     means = spectra[:, 0, 0, 0].real.astype(np.float64)
-    asked = Request(
-        shared, slant, pattern, shift, streak, gains, mean=float(gains @ means) / tile**2
-    )
+    mean = float(gains @ means) / tile**2
+    asked = Request(shared, slant, pattern, shift, streak, gains, mean)
     _core.flake_frame(result, spectra.reshape(-1, *spectra.shape[2:]), asked)
     return result

@@ -242,9 +242,8 @@ def _own_field(asked: Request, texture: Texture, time: float, result: Array) -> 
     turns = texture._own_rate * time
     turns -= np.rint(turns)
     filtered = asked.alias != "keep" or asked.shutter > 0.0
-    rows, cols = (
-        len(starts(n, side, asked.overlap)) for n, side in zip(asked.shape, asked.tile, strict=True)
-    )
+    sides = zip(asked.shape, asked.tile, strict=True)
+    rows, cols = (len(starts(n, side, asked.overlap)) for n, side in sides)
     motion = {
         name: _by_tile(name, getattr(asked, name), (rows, cols))
         for name in ("drift", "shift", "velocity", "shift_rate")

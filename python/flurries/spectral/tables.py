@@ -124,9 +124,7 @@ def warn_long(tile: tuple[int, int], band: tuple[float, float]) -> None:
 def warn_far(cycles: float) -> None:
     """Warn where float64 no longer holds the phase: the drift counts in whole cycles, too."""
     if cycles > FAR:
-        warn(
-            f"drift is {cycles:.1e} cycles: phases are off by more than 1e-5 cycles beyond {FAR:g}"
-        )
+        warn(f"drift is {cycles:.1e} cycles: phases are off by over 1e-5 cycles beyond {FAR:g}")
 
 
 def random_phase(

@@ -11,15 +11,7 @@ import numpy as np
 
 from flurries import _contract as check
 from flurries._contract import LARGEST, OVERLAP, SMALLEST, TILE, ArrayLike, Float64
-from flurries.spectral.tables import (
-    ALIAS,
-    BANDS,
-    SOFT_FROM,
-    Aliasing,
-    band_amplitude,
-    band_of,
-    random_phase,
-)
+from flurries.spectral import tables
 from flurries.spectral.tiles import BLEND, Blend
 
 # Of the largest rate: how far a table of rates may be from odd, which is rounding.
@@ -76,10 +68,10 @@ class Texture:
     (480, 640)
     """
 
-    wavelengths: tuple[float, float] = BANDS["paper"]
+    wavelengths: tuple[float, float] = tables.BANDS["paper"]
     exponent: float = 1.0
-    alias: Aliasing = "keep"
-    soft_from: float = SOFT_FROM
+    alias: tables.Aliasing = "keep"
+    soft_from: float = tables.SOFT_FROM
     shutter: float = 0.0
     jitter: bool = False
     tile: int | tuple[int, int] = TILE
@@ -93,9 +85,9 @@ class Texture:
     def __post_init__(self) -> None:
         tile, overlap = check.tile_of(self.tile, self.overlap)
         settled: dict[str, Any] = {
-            "tile": tile, "overlap": overlap, "wavelengths": band_of(self.wavelengths),
+            "tile": tile, "overlap": overlap, "wavelengths": tables.band_of(self.wavelengths),
             "exponent": check.real("exponent", self.exponent),
-            "alias": check.choice("alias", self.alias, ALIAS),
+            "alias": check.choice("alias", self.alias, tables.ALIAS),
             "blend": check.choice("blend", self.blend, BLEND),
             "soft_from": check.real("soft_from", self.soft_from),
             "shutter": check.real("shutter", self.shutter, low=0.0, high=LARGEST),
@@ -103,8 +95,8 @@ class Texture:
         }  # fmt: skip
         for name, ndim in (("ring_edges", 1), ("ring_gains", 1), ("envelope", 2), ("rate", 2)):
             if (given := getattr(self, name)) is not None:
-                settled[name] = check.table(name, given, ndim=ndim).copy()  # It may change.
-                settled[name].flags.writeable = False
+                # The caller's may change.
+                settled[name] = check.sealed(check.table(name, given, ndim=ndim).copy())
         vars(self).update(settled)
         rings = [np.empty(0) if one is None else one for one in (self.ring_edges, self.ring_gains)]
         vars(self).update(edges=rings[0], gains=rings[1])
@@ -127,9 +119,8 @@ class Texture:
     def _check_own(self) -> None:
         shortest, longest = self.wavelengths
         if not 2.0 <= shortest < longest <= LARGEST:
-            raise ValueError(
-                f"wavelengths must be 2 <= shortest < longest, got ({shortest:g}, {longest:g})"
-            )
+            band = f"({shortest:g}, {longest:g})"
+            raise ValueError(f"wavelengths must be 2 <= shortest < longest, got {band}")
         if self.jitter:
             raise ValueError("jitter must be False beside envelope or rate, got True")
         if self.ring_edges is not None:
@@ -150,7 +141,9 @@ class Texture:
     def _own_amplitude(self) -> Float64:
         """Amplitudes of a tile's waves, even in k, 0 at dc, whose squares sum to 1."""
         if self.envelope is None:
-            return band_amplitude(self.sides, wavelengths=self.wavelengths, exponent=self.exponent)
+            return tables.band_amplitude(
+                self.sides, wavelengths=self.wavelengths, exponent=self.exponent
+            )
         given = self._of_tile("envelope")
         if (given < 0.0).any():
             raise ValueError(f"envelope must be 0 or more, got {given.min():g}")
@@ -258,7 +251,7 @@ def cloud(
             f"frequency_bandwidth must reach a wave of the tile {sides}, got {octaves:g} octaves "
             f"around {middle:g} cycles a pixel"
         )
-    size, turn = (random_phase(sides, seed=number, tile=place) for place in _SPEEDS)
+    size, turn = (tables.random_phase(sides, seed=number, tile=place) for place in _SPEEDS)
     # Normal numbers that are odd in k, as rates of a real field are (Box and Muller).
     normal = np.sqrt(-2.0 * np.log(np.maximum(2.0 * np.abs(size), SMALLEST)))
     normal *= np.sin(2.0 * np.pi * turn)

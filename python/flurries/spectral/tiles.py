@@ -101,9 +101,7 @@ def blend_tiles(
     _, shared = check.tile_of((given.shape[2], given.shape[3]), overlap)
     law = check.choice("blend", blend, BLEND)
     result = check.output(out, size, kept, given)
-    return check.filled(
-        result, given.dtype, lambda view: _core.blend_tiles(view, given, shared, law)
-    )
+    return check.filled(result, given.dtype, lambda v: _core.blend_tiles(v, given, shared, law))
 
 
 def opacity(

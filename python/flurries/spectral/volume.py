@@ -258,19 +258,12 @@ def export_loop(
         done += values.size
     top = 2.0 ** depth["bits"] - 1.0 if integer else 1.0
     described = {
-        "generator": "flurries",
-        "version": __version__,
-        "size": [asked.shape[1], asked.shape[0]],
-        "frames": asked.frames,
-        "first": 0,
-        "files": Path(target.text).name,
-        "type": stored,
-        "periodic": ["x", "y", "t"],
-        "mean_opacity": total / done / top,
+        "generator": "flurries", "version": __version__, "size": [asked.shape[1], asked.shape[0]],
+        "frames": asked.frames, "first": 0, "files": Path(target.text).name, "type": stored,
+        "periodic": ["x", "y", "t"], "mean_opacity": total / done / top,
         "velocity": [c * asked.wavelengths[1] for c in asked.drift],
-        **{name: getattr(asked, name) for name in _LAW},
-        **look,
-    }
+        **{name: getattr(asked, name) for name in _LAW}, **look,
+    }  # fmt: skip  # fmt: skip
     with replacing(side) as temporary:
         temporary.write_text(json.dumps(described, indent=2) + "\n", encoding="utf-8")
     return [*files, side]

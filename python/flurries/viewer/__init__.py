@@ -30,7 +30,6 @@ def view(scene: Scene, *, size: int = 512, save: str = "tuned.toml") -> Viewer:
     try:
         from flurries.viewer.widget import Viewer
     except ImportError as error:
-        raise ImportError(
-            f"fl.view needs anywidget: pip install 'flurries[view]' ({error})"
-        ) from None
+        need = "fl.view needs anywidget: pip install 'flurries[view]'"
+        raise ImportError(f"{need} ({error})") from None
     return Viewer(scene, size=size, save=save)

@@ -80,9 +80,8 @@ def dressed(scene: Scene, values: Mapping[str, Any]) -> Scene:
         if looks is None:
             raise ValueError(f"values must have keys of sliders, got '{index}.{PRESET}'")
         seed = getattr(effect, "seed", None)
-        effects[index] = type(effect)(
-            looks.checked(name), **({} if seed is None else {"seed": seed})
-        )
+        more = {} if seed is None else {"seed": seed}
+        effects[index] = type(effect)(looks.checked(name), **more)
     changed = any(new is not old for new, old in zip(effects, scene.effects, strict=True))
     return scene._derive(effects=tuple(effects)) if changed else scene
 

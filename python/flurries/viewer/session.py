@@ -42,12 +42,10 @@ class Preview:
         if self.scale < 1.0:
             size = (max(round(width * self.scale), 1), max(round(height * self.scale), 1))
             self.scene = scene.replace(
-                size=size,
-                background=_small(scene.background, size),
-                foreground=_small(scene.foreground, size),
-                depth=_small(scene.depth, size),
+                size=size, background=_small(scene.background, size),
+                foreground=_small(scene.foreground, size), depth=_small(scene.depth, size),
                 camera=scene.camera.resize(self.scale),
-            )
+            )  # fmt: skip
 
     @cached_property
     def flat(self) -> Scene:
@@ -121,16 +119,13 @@ class Session:
         """Return the page's parts, as JSON has them, with the looks that were chosen."""
         height, width = self._preview.scene._shape
         return {
-            "width": width,
-            "height": height,
-            "full": list(self.scene.size or ()),
-            "fps": self.scene.fps,
-            "frames": self.scene._backdrop.count,
+            "width": width, "height": height, "full": list(self.scene.size or ()),
+            "fps": self.scene.fps, "frames": self.scene._backdrop.count,
             "effects": names(self.scene),
             "textured": [field_of(effect) is not None for effect in self.scene.effects],
             "controls": [asdict(row) for row in controls_of(self.scene, values)],
             "save": str(self.save_path),
-        }
+        }  # fmt: skip
 
     def answer(self, ask: Mapping[str, Any]) -> tuple[dict[str, Any], list[bytes]]:
         """Return a header, as JSON has it, and buffers; a mistake is a header with "error"."""

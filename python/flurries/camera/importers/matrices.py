@@ -74,9 +74,7 @@ def path_of(
         return Keys(list(zip(frames.tolist(), values, strict=True)))
 
     return CameraPath(
-        lens,
-        position=keys_of(places.tolist()),
+        lens, position=keys_of(places.tolist()),
         orientation=keys_of(quaternions_of(turns).tolist()),
-        focal=None if focal is None else keys_of(focal.tolist()),
-        extend="stop",
-    )
+        focal=None if focal is None else keys_of(focal.tolist()), extend="stop",
+    )  # fmt: skip  # fmt: skip

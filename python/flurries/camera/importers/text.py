@@ -190,10 +190,9 @@ def read_colmap(
     across, high = width / seen[0, 0], height / seen[0, 1]
     focal = across * seen[:, 2]
     lens = Camera(
-        float(focal[0]),
-        center=(across * seen[0, 4], high * seen[0, 5]),
+        float(focal[0]), center=(across * seen[0, 4], high * seen[0, 5]),
         aspect=float(high * seen[0, 3] / (across * seen[0, 2])),
-    )
+    )  # fmt: skip
     world = _upright(turns[:, :, 1].mean(axis=0) if down is None else vector("down", down, 3))
     return path_of(frames, places @ world.T, world @ turns, lens, focal, scale)
 

@@ -53,10 +53,9 @@ def read_usd(
     shape : (H, W)
         Of the pictures. Apertures of their shape are their edges, and say how wide a pixel is;
         those of another shape fit the width, with a warning.
-    camera : Camera, optional
-        Its `aspect` is the pictures' own, where the apertures are of another shape.
-    prim : str, optional
-        The camera, such as ``/shot/camera``, where the stage has several.
+    camera, prim : Camera and str, optional
+        A camera whose `aspect` is the pictures' own, where the apertures are of another shape; and
+        the stage's camera, such as ``/shot/camera``, where it has several.
     """
     require_usd()
     size = shape_of("shape", shape)

@@ -97,9 +97,8 @@ def encoder_for(
         hint = f"; {', '.join(able)} can" if able else ""
         raise ValueError(f"bits must be {known} for {name}, got {stored}{hint}")
     if name == "h265" and max(size) < _X265_LEAST:
-        raise ValueError(
-            f"codec h265 needs {_X265_LEAST} px in width or height, got {size[0]} x {size[1]}"
-        )
+        got = f"{size[0]} x {size[1]}"
+        raise ValueError(f"codec h265 needs {_X265_LEAST} px in width or height, got {got}")
     # Without bitexact, the container is stamped with the library's version and random numbers.
     container = {"fflags": "+bitexact"}
     if suffix in (".mp4", ".mov"):

@@ -74,15 +74,13 @@ class Tags:
         texts = [text for one in said_of for key, text in one.items() if key.lower() == "timecode"]
         codes = [TimeCode.of_text(text, Fraction(rate)) for text in texts if rate]
         return Tags(
-            primaries=said("color_primaries"),
-            transfer=said("color_trc"),
+            primaries=said("color_primaries"), transfer=said("color_trc"),
             matrix=UNSPECIFIED if frame.format.is_rgb else said("colorspace"),
             full=said("color_range") == 2 or frame.format.name.startswith("yuvj"),
-            aspect=aspect if Fraction(1, 20) <= aspect <= 20 else Fraction(1),
-            bits=_bits(frame),
+            aspect=aspect if Fraction(1, 20) <= aspect <= 20 else Fraction(1), bits=_bits(frame),
             timecode=next((code for code in codes if code is not None), None),
             interlaced=bool(frame.interlaced_frame),
-        )
+        )  # fmt: skip  # fmt: skip
 
 
 def _bits(frame: Any) -> int:

@@ -188,9 +188,8 @@ class Film:
 
         plan, self._temporary = self._plan, temporary
         with self._told():
-            self._container = av.open(
-                str(temporary.absolute()), "w", container_options=plan.codec.container
-            )
+            place, how = str(temporary.absolute()), plan.codec.container
+            self._container = av.open(place, "w", container_options=how)
             if plan.comment:
                 self._container.metadata["comment"] = plan.comment
             # Its encoder tells the file what it holds, and encodes nothing.

@@ -203,9 +203,8 @@ def _part_of(layers: Mapping[str, ArrayLike], half: bool) -> Part:
 def _checked_layer(name: str, values: ArrayLike) -> Any:
     """Return a layer as (H, W, C)."""
     if not isinstance(name, str) or not _NAME.fullmatch(name):
-        raise ValueError(
-            f"layers: the name {name!r} must be letters, digits and '_', parts joined by '.'"
-        )
+        known = "letters, digits and '_', parts joined by '.'"
+        raise ValueError(f"layers: the name {name!r} must be {known}")
     array = np.asarray(values)
     whole = array.dtype.kind in "iu"
     if array.dtype.kind != "f" and not (whole and array.dtype.itemsize == 8):

@@ -223,9 +223,7 @@ def opened_picture(
                 limits.admit(found, (spec.tile_width, spec.tile_height), 1)
             yield opened
         except UnicodeDecodeError as error:
-            raise OSError(
-                f"{found}: the picture's header is damaged: a name is not text"
-            ) from error
+            raise OSError(f"{found}: the header is damaged: a name is not text") from error
         finally:
             reader.close()
 

@@ -77,21 +77,14 @@ class Picture:
 def read_picture(
     path: PathLike, *, budget: Budget | None = None, overscan: bool = False
 ) -> Picture:
-    """Read a picture.
+    """Read a picture: PNG, JPEG, EXR, TIFF, HDR, WebP, or what else OpenImageIO reads.
 
     Of an EXR comes its display window: pixels outside it are cut off, pixels of it that are not
     stored are black and transparent; of its channels R, G, B and A, or else those of its first
     layer. Orientation marks are honoured. Floats are linear light, half becomes float32; integers
-    are display values: 8 and 16 bits stay as they are, other widths become float32 from 0 to 1.
-
-    Parameters
-    ----------
-    path : str or path
-        PNG, JPEG, EXR, TIFF, HDR, WebP, or what else OpenImageIO reads.
-    budget : Budget, optional
-        How large it may be; ``Budget()`` if not given.
-    overscan : bool
-        All that is stored comes, and the display window is where `Picture.display` says.
+    are display values: 8 and 16 bits stay as they are, other widths become float32 from 0 to 1. A
+    `budget` says how large it may be, ``Budget()`` if not given. With `overscan` all that is stored
+    comes, and the display window is where `Picture.display` says.
     """
     with opened_picture(path, budget, overscan=overscan) as opened:
         stored = opened.stored_type
@@ -119,18 +112,12 @@ def luminance(picture: Picture) -> Array:
 
 
 def read_depth(path: PathLike, *, budget: Budget | None = None, overscan: bool = False) -> Array:
-    """Read the depth channel of a picture, (H, W) float32.
+    """Read the depth channel of a picture, (H, W) float32, as `read_picture` does.
 
-    Outside an EXR's data window it is infinity. A deep EXR has two depths in a pixel: (H, W, 3), a
-    near one, that of what is seen behind it, and the share of the pixel that the near one hides.
-
-    Parameters
-    ----------
-    path : str or path
-        EXR or TIFF with a float channel named "Z" or "depth", alone or at the end of a layer's name
-        (``ViewLayer.Depth.Z``), in any part; or with a single float channel.
-    budget, overscan
-        As `read_picture`.
+    It is an EXR or TIFF with a float channel named "Z" or "depth", alone or at the end of a layer's
+    name (``ViewLayer.Depth.Z``), in any part; or with a single float channel. Outside an EXR's data
+    window depth is infinity. A deep EXR has two depths in a pixel: (H, W, 3), a near one, that of
+    what is seen behind it, and the share of the pixel that the near one hides.
     """
     with opened_picture(path, budget, overscan=overscan, deep=True) as opened:
         part, channel = _find_depth(opened)

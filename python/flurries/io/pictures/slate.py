@@ -157,9 +157,8 @@ def checked_metadata(metadata: Mapping[str, object] | None) -> dict[str, str]:
             raise TypeError(f"metadata keys must be strings, got {given!r}")
         key = given.removeprefix(PREFIX)
         if not _KEY.fullmatch(key):
-            raise ValueError(
-                f"metadata key {given!r} must be at most 60 letters, digits, '_', '.' or '-'"
-            )
+            known = "at most 60 letters, digits, '_', '.' or '-'"
+            raise ValueError(f"metadata key {given!r} must be {known}")
         if not isinstance(value, (str, Integral, Real)):
             raise TypeError(f"metadata {key!r} must be a string or a number, got {value!r}")
         # NumPy's own words for a float name its type, too.

@@ -199,9 +199,8 @@ def _camera(text: SceneText, table: Any, scene: Scene) -> CameraPath:
     of_file = {key: values.pop(key) for key in ("down", "scale") if key in values}
     with file_of("camera: path"), text.errors(table, "camera"):
         file = text.path.parent / name
-        return replace(
-            load_camera(file, (height, width), camera=Camera(**lens), **of_file), **values
-        )
+        way = load_camera(file, (height, width), camera=Camera(**lens), **of_file)
+        return replace(way, **values)
 
 
 def _value(text: SceneText, value: Any, *keys: str | int) -> Any:
@@ -210,9 +209,8 @@ def _value(text: SceneText, value: Any, *keys: str | int) -> Any:
     if keys[-1] == "wind" and "keys" not in value:
         return _part(text, value, Wind, "wind", *keys)
     if set(value) != {"keys"}:
-        raise ValueError(
-            f"{text.where(*keys)}: {keys[-1]} must be a value or {{keys = [[frame, value], ...]}}"
-        )
+        wanted = "a value or {keys = [[frame, value], ...]}"
+        raise ValueError(f"{text.where(*keys)}: {keys[-1]} must be {wanted}")
     with text.errors((), *keys):
         return Keys(value["keys"])
 

@@ -1,7 +1,5 @@
 """From a scene to a TOML file: every value that differs from its default."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
@@ -66,9 +64,8 @@ def _effect(kind: str | None, effect: Any, folder: Path | None, *, bare: bool) -
         value = getattr(effect, f.name)
         # A look's version always: a later one has another default.
         if value is not None and (f.name == "look" or f.default is MISSING or value != f.default):
-            entry[f.name] = (
-                _where(value, folder, bare) if isinstance(value, Where) else _plain(value)
-            )
+            own = isinstance(value, Where)
+            entry[f.name] = _where(value, folder, bare) if own else _plain(value)
     return entry
 
 
