@@ -1,4 +1,4 @@
-"""`flurries render`: weather over a picture, a film or a scene, to files."""
+"""`flurries render`, `check` and `texture`: weather over pictures, films and scenes, to files."""
 
 from dataclasses import replace
 from typing import Any
