@@ -54,7 +54,6 @@ class Case:
 
     @property
     def uniform(self) -> bool:
-        """Whether all places of the picture move alike."""
         return self.camera in ("still", "sideways")
 
     @property
@@ -64,7 +63,6 @@ class Case:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height, pixels."""
         return self.width, 3 * self.width // 4
 
     def effect(self, method: str = "flakes") -> Any:
@@ -86,7 +84,6 @@ class Case:
         )
 
     def twin(self) -> tuple[Law, View]:
-        """Return the population and the camera of the twin."""
         snow = self.effect()
         rain = self.weather == "rain"
         law = Law(
@@ -113,5 +110,4 @@ class Case:
 
 
 def pictures(scene: fl.Scene, times: tuple[float, ...]) -> list[Picture]:
-    """Return the opacity of frames, (h, w) each."""
     return [scene.render(t)[..., 0].astype(np.float64) for t in times]

@@ -11,7 +11,6 @@ FREE = re.compile(
 
 
 def needed(name: str, found: dict[str, str]) -> dict[str, str]:
-    """Return the licence of a package and of all that it needs, without extras."""
     key = re.sub(r"[-_.]+", "-", name).lower()
     if key in found:
         return found

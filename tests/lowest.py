@@ -8,7 +8,6 @@ EXTRAS = ("test", "video", "view", "dask", "stores", "plots")
 
 
 def lowest(text: str) -> list[str]:
-    """Return ``name==version`` of each requirement of the package and of its tests."""
     parts = [re.search(r"^dependencies = \[(.*?)^\]", text, re.M | re.S)]
     parts += [re.search(rf"^{extra} = \[(.*?)\]\n", text, re.M | re.S) for extra in EXTRAS]
     found: dict[str, str] = {}

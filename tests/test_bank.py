@@ -90,7 +90,6 @@ def test_ground_mist_thins_above_its_top():
 
 
 def test_it_moves_with_the_wind_at_its_depth():
-    """All of it goes right; what is near goes faster."""
     moved = []
     for depths in ((4.0, 5.0), (16.0, 20.0)):
         mist = fl.Mist(visibility=60.0, structure=0.6, wind=(3.0, 0.0, 0.0), depths=depths)

@@ -23,7 +23,6 @@ def picture(dtype: Any, shape: tuple[int, ...], seed: int = 0) -> np.ndarray:
 
 
 def opacity(shape: tuple[int, ...], dtype: Any = np.float32, seed: int = 1) -> np.ndarray:
-    """Everything from 0 to 1, both ends among it."""
     values = np.clip(np.random.default_rng(seed).uniform(-0.2, 1.2, shape[:2]), 0.0, 1.0)
     return values.astype(dtype)
 

@@ -48,7 +48,6 @@ def modules() -> Iterator[str]:
 
 
 def run_blocks(text: str) -> int:
-    """Run the marked blocks of a page, one after the other in one namespace; say how many."""
     namespace: dict[str, object] = {"__name__": "page"}
     blocks = RUN.findall(text)
     for number, block in enumerate(blocks, 1):
@@ -70,7 +69,6 @@ RUNNING = [
 
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Examples may write files; they do so in a folder of the test's own."""
     monkeypatch.chdir(tmp_path)
 
 

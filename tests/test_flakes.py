@@ -15,7 +15,6 @@ DEPTH = fl.spectral.optical_depth
 
 
 def case(number: int) -> dict[str, Any]:
-    """A random set: layers, drifts, shutters, overlaps, odd sizes."""
     rng = np.random.default_rng(number)
     tile = int(rng.choice([1, 2, 3, 4, 5, 8, 9, 12, 16, 17, 20, 24, 31, 32, 40, 64]))
     layers = int(rng.integers(1, 7))

@@ -112,7 +112,6 @@ SMALL = View(size=(120, 90), focal=200.0, wind=(3.0, 0.0, 0.0), sway=(0.02, 4.0)
 
 
 def sampled(way: np.ndarray, diameter: float) -> np.ndarray:
-    """A flake in 24 x 24 px: rings of its disc at many times, counted by pixels."""
     r2, angle = (np.arange(60) + 0.5) / 60, 2.0 * math.pi * (np.arange(90) + 0.5) / 90
     weight = profile(r2, middle_depth(0.9))[:, None] + 0.0 * angle
     weight *= 0.25 * math.pi * diameter**2 / weight.size

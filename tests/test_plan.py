@@ -42,7 +42,6 @@ class Everything:
 
 
 def both(effect: Any, picture: Any = BYTES, **more: Any) -> tuple[fl.Scene, fl.Scene]:
-    """The scene, and the one in which everything is computed."""
     whole = Everything(replace(effect, seed=5), seed=5)
     return (
         fl.Scene(picture, effects=[replace(effect, seed=5)], **more),

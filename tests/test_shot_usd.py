@@ -20,7 +20,6 @@ PLACES = np.random.default_rng(3).uniform((-2.0, -2.0, 5.0), (2.0, 2.0, 12.0), (
 
 
 def stage_of(path: Path, *, up: str = "Y", unit: float = 1.0, film: float = 0.75) -> Usd.Stage:
-    """Return a stage whose camera moves, rolls, zooms and is off its middle, below a moving rig."""
     stage = Usd.Stage.CreateNew(str(path))
     # A prim does not keep its stage.
     OPEN.append(stage)

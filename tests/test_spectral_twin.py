@@ -11,7 +11,6 @@ MASK = 2**64 - 1
 
 
 def mix64_in_python(z: int) -> int:
-    """The hash once more, in Python's own integers."""
     z = (z + 0x9E3779B97F4A7C15) & MASK
     z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & MASK
     z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & MASK

@@ -24,12 +24,10 @@ KEYS = {"AWS_ACCESS_KEY_ID": "a", "AWS_SECRET_ACCESS_KEY": "b", "AWS_DEFAULT_REG
 
 
 def named(place: str) -> Any:
-    """Return the file system of a url, and the way in it."""
     return fsspec.core.url_to_fs(place, use_listings_cache=False)
 
 
 def contents(place: str) -> dict[str, bytes]:
-    """Return all that is in a folder of a store but its journal, hidden objects too."""
     system, folder = named(place)
     keys = {Path(key).name: key for key in system.ls(folder, detail=False)}
     return {name: system.cat_file(key) for name, key in keys.items() if not is_journal(name)}

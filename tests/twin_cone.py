@@ -24,7 +24,6 @@ def basis(axis):
 
 
 def directions(points, camera, shape):
-    """Return unit rays in house axes of positions in the picture, (n, 3)."""
     cx, cy = camera.principal(shape)
     x, y = np.asarray(points, float).T
     local = np.stack([x - cx, y - cy, np.full_like(x, camera.focal)], axis=-1)

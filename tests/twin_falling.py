@@ -50,7 +50,6 @@ class View:
         return self.focal * math.exp(self.zoom * t / self.fps)
 
     def project(self, places: Floats, t: float) -> tuple[Floats, Floats]:
-        """Return pixels (2, n) and depths (n,) of places (3, n) at frame t."""
         eye = np.array(self.velocity) * (t / self.fps)
         local = self.matrix(t).T @ (places - eye[:, None])
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -101,7 +100,6 @@ def film(
 
 
 def classes(law: Law) -> list[float]:
-    """Return diameters between which flakes fall at nearly one speed: borders of classes."""
     small, _, large = law.sizes
     if small == large:
         return [small, large]

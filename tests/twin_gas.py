@@ -43,7 +43,6 @@ def smoothstep(low, high, x):
 
 def opacity(shape, place, radius, density, focal, center, *, footprint="viewplane_c", edge="taper",
             near=0.1, near_mode="fade", depth=None, occlusion="soft"):  # fmt: skip
-    """Return alpha (H, W) of one particle at `place`, seen from the eye."""
     height, width = shape
     x, y, z = place
     sigma = radius / 3

@@ -12,7 +12,6 @@ STREAM = int.from_bytes(b"flakebox", "big")
 
 
 def unit(seed: int, index: int, word: int) -> float:
-    """Return the number in [0, 1) that belongs to a flake."""
     return float(twin.unit(twin.hashed(seed, STREAM, index, word))[0])
 
 
@@ -48,7 +47,6 @@ def share(sigma2: float, effective: float) -> float:
 
 
 def image(flake: dict, focal: float, center, offset, near: float):
-    """Return start, direction, length (px), sigma_e, amplitude and depth; None if unseen."""
     p = np.asarray(flake["point"], float) - np.asarray(offset, float)
     travel = np.asarray(flake.get("velocity", (0, 0, 0)), float) * flake.get("shutter", 0.0)
     ends = [-0.5, 0.5]

@@ -122,7 +122,6 @@ def listed() -> dict[str, Callable[..., Any]]:
 
 
 def calls() -> dict[str, Call]:
-    """Return a call of each; files that they read are those of `scenes.write_files`."""
     from public import arrays, refused, scenes
 
     functions = listed()

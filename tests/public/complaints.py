@@ -21,7 +21,6 @@ MORE = 64 << 20
 
 
 def numbers(answer: Any) -> list[np.ndarray]:
-    """Return all numbers of an answer, whatever it is made of."""
     if isinstance(answer, np.ndarray):
         return [answer]
     if isinstance(answer, (int, float, np.generic)):
@@ -70,7 +69,6 @@ def names(error: Exception, *arguments: str) -> bool:
 
 
 def converted(array: np.ndarray, dtype: str, picture: bool) -> np.ndarray:
-    """Return numbers, or levels of a picture, in a dtype."""
     kind = np.dtype(dtype)
     if kind.kind == "b":
         return array > 0.5
@@ -279,7 +277,6 @@ Values = Callable[[Call, str], Iterator[tuple[Any, bool]]]
 
 
 def of_arguments(call: Call, tried: Values = values_for) -> Iterator[str]:
-    """Try values for every argument that is no array, with little memory."""
     call()
     # Strengths of effects ("severity") are no parameters of their own.
     for argument in dict.fromkeys((*call.parameters, *call.refused)):

@@ -45,7 +45,6 @@ KINDS["corrupt"] = Pictures
 
 
 def work(shot: Shot, conf: dict[str, Any], parent: Connection) -> None:
-    """Write when all is loaded and the parent is ready."""
     fsspec.config.conf.update(conf)
     tempfile.tempdir = str(shot.room / "temporary")
     type(shot)(shot.kind, shot.room / str(os.getpid())).write()
