@@ -13,7 +13,7 @@ from twin_footprints import POINT, Canvas, middle_depth, profile
 from twin_law import Law
 
 SNOW = Law(density=60.0, sizes=(0.003, 0.007, 0.022), near=2.0, far=20.0)
-AIR = View(size=(256, 192), focal=400.0, wind=(1.5, 0.0, 0.0), sway=(0.02, 4.0))
+AIR = View(size=(192, 144), focal=400.0, wind=(1.5, 0.0, 0.0), sway=(0.02, 4.0))
 TIMES = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0)
 TILE = 63
 
@@ -40,8 +40,8 @@ def test_euler_counts_pieces_and_holes():
 def killed() -> np.ndarray:
     """A film of tiles, each with flakes of its own: what leaves a tile is gone."""
     films, found = [drawn(seed) for seed in range(1, 5)], drawn(1).copy()
-    for row in range(0, 192, TILE):
-        for col in range(0, 256, TILE):
+    for row in range(0, 144, TILE):
+        for col in range(0, 192, TILE):
             part = np.s_[:, row : row + TILE, col : col + TILE]
             found[part] = films[(row // TILE + 2 * (col // TILE)) % 4][part]
     return found
