@@ -145,7 +145,7 @@ def layer(
         check.integer("repeats", repeats, low=1, high=MOST_REPEATS),
         wrapped(check.real("phase", phase)), length,
         (wrapped(float(place[0])), wrapped(float(place[1]))), strength,
-    )  # fmt: skip  # fmt: skip
+    )  # fmt: skip
     _core.cone_layer(result, texture, given, sheet)
     return result
 

@@ -186,7 +186,7 @@ def plan_of(program: Program, numbers: Sequence[int], *, probe: bool = True) -> 
         left_out=(*program.left_out, *_left_out(looks)), probed=probed, milliseconds=total,
         first=first, rest=rest, bytes=max((trace.bytes for trace in cold), default=None),
         threads=threads(),
-    )  # fmt: skip  # fmt: skip
+    )  # fmt: skip
 
 
 def _steps(

@@ -153,7 +153,7 @@ class Program:
                 seed=part.seed, air=(sum(airs), sum(airs[:number])),
                 steps={step.name: step for step in needs.steps}, visible=visible,
                 whole=dtype is None, **read_by,
-            )  # fmt: skip  # fmt: skip
+            )  # fmt: skip
             found.append(Ask(part, frame, needs))
         return found
 

@@ -156,7 +156,7 @@ def _truth(
         backward=_chosen([part.backward for part in parts], most, 0.0),
         weather_depth=_chosen([part.depth for part in parts], most, np.inf), background=behind,
         foreground=None if front is None else front.rgba(linear=mix.linear), linear=mix.linear,
-    )  # fmt: skip  # fmt: skip
+    )  # fmt: skip
 
 
 def _most(alphas: Sequence[Array]) -> Array:

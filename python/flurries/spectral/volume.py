@@ -263,7 +263,7 @@ def export_loop(
         "periodic": ["x", "y", "t"], "mean_opacity": total / done / top,
         "velocity": [c * asked.wavelengths[1] for c in asked.drift],
         **{name: getattr(asked, name) for name in _LAW}, **look,
-    }  # fmt: skip  # fmt: skip
+    }  # fmt: skip
     with replacing(side) as temporary:
         temporary.write_text(json.dumps(described, indent=2) + "\n", encoding="utf-8")
     return [*files, side]

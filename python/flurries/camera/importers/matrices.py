@@ -77,4 +77,4 @@ def path_of(
         lens, position=keys_of(places.tolist()),
         orientation=keys_of(quaternions_of(turns).tolist()),
         focal=None if focal is None else keys_of(focal.tolist()), extend="stop",
-    )  # fmt: skip  # fmt: skip
+    )  # fmt: skip

@@ -80,7 +80,7 @@ class Tags:
             aspect=aspect if Fraction(1, 20) <= aspect <= 20 else Fraction(1), bits=_bits(frame),
             timecode=next((code for code in codes if code is not None), None),
             interlaced=bool(frame.interlaced_frame),
-        )  # fmt: skip  # fmt: skip
+        )  # fmt: skip
 
 
 def _bits(frame: Any) -> int:
