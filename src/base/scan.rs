@@ -11,10 +11,6 @@ pub fn all_within<T: Real>(values: &[T], low: T, high: T) -> bool {
     values.chunks(RUN).all(|run| within(run, low, high))
 }
 
-pub fn all_finite<T: Real>(values: &[T]) -> bool {
-    all_within(values, T::min_value(), T::max_value())
-}
-
 #[dispatch]
 fn within<const LEVEL: u8, T: Real>(values: &[T], low: T, high: T) -> bool {
     // Without an early end the loop is two comparisons of vectors.

@@ -189,7 +189,10 @@ impl Sight {
             // A cell has at most 8 flakes; too many are refused before any is looked at.
             flakes += f64::from(parts) * lengths.iter().product::<f64>();
             if flakes > MOST {
-                return Err(too_many());
+                let wanted = "take fewer, a shorter way during the exposure, or a smaller far";
+                let message =
+                    format!("the view holds more than {MOST:.0e} cells of flakes; {wanted}");
+                return Err(Error::invalid("density", message));
             }
             let [layers, ..] = all;
             for (layer, part) in layers.flat_map(|layer| (0..parts).map(move |part| (layer, part)))
@@ -253,12 +256,6 @@ impl Sight {
         }
         Ok(())
     }
-}
-
-fn too_many() -> Error {
-    let wanted = "take fewer, a shorter way during the exposure, or a smaller far";
-    let message = format!("the view holds more than {MOST:.0e} cells of flakes; {wanted}");
-    Error::invalid("density", message)
 }
 
 fn norm(v: &[f64]) -> f64 {

@@ -49,7 +49,12 @@ pub fn veil<T: Normal>(
             match patches {
                 Some(patches) => {
                     patches.row(row, &mut line);
-                    patched(out, &places, &line, T::of(patches.strength));
+                    let strength = T::of(patches.strength);
+                    for (density, &(first, part)) in out.iter_mut().zip(&places) {
+                        let (left, right) = (line[first as usize], line[first as usize + 1]);
+                        let here = left + part * (right - left);
+                        *density = most(T::one() + strength * here, T::zero());
+                    }
                     let one = if way.len() == 1 { way[0] } else { T::one() };
                     dim(out, T::of(extinction) * one, (way.len() > 1).then_some(way));
                 }
@@ -84,13 +89,6 @@ impl<T: Normal> Patches<'_, T> {
         for ((value, &upper), &lower) in line.iter_mut().zip(upper).zip(lower) {
             *value = upper + part * (lower - upper);
         }
-    }
-}
-
-fn patched<T: Normal>(out: &mut [T], places: &[(u32, T)], line: &[T], strength: T) {
-    for (density, &(first, part)) in out.iter_mut().zip(places) {
-        let (left, right) = (line[first as usize], line[first as usize + 1]);
-        *density = most(T::one() + strength * (left + part * (right - left)), T::zero());
     }
 }
 

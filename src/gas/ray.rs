@@ -75,7 +75,8 @@ impl<P: Normal, const N: usize> Canvas<'_, P, N> {
                     }
                 }
                 let span = part * PART..(part + 1) * PART;
-                let through = part_of_mut(&mut self.through[row], part);
+                let through = &mut self.through[row][span.clone()];
+                let through = through.try_into().expect("PART of them");
                 match &mut self.light {
                     None => dim::<P, LEVEL>(through, &alpha),
                     Some(light) => {
@@ -105,11 +106,6 @@ pub fn finished<P: Normal, const N: usize>(through: &[[P; N]; N], error: P) -> b
 #[inline(always)]
 fn part_of<P, const N: usize>(row: &[P; N], part: usize) -> &Part<P> {
     row[part * PART..(part + 1) * PART].try_into().expect("PART of them")
-}
-
-#[inline(always)]
-fn part_of_mut<P, const N: usize>(row: &mut [P; N], part: usize) -> &mut Part<P> {
-    (&mut row[part * PART..(part + 1) * PART]).try_into().expect("PART of them")
 }
 
 #[inline(always)]

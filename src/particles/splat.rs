@@ -48,8 +48,10 @@ impl Flakes<'_> {
             }
         }
         for (argument, values) in [("points", &self.points), ("velocity", &self.velocity)] {
-            let finite = values.as_slice().is_some_and(scan::all_finite);
-            if !finite && !values.iter().all(|value| value.is_finite()) {
+            let finite = |values| scan::all_within(values, f64::MIN, f64::MAX);
+            if !values.as_slice().is_some_and(finite)
+                && !values.iter().all(|value| value.is_finite())
+            {
                 return Err(Error::invalid(argument, "must be finite"));
             }
         }

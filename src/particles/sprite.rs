@@ -15,13 +15,6 @@ use crate::base::pixel::sampled;
 /// Gives back what the end of the footprint takes from small flakes, px^2.
 pub const RIM_SHARE: f64 = 4.8e-4;
 
-/// Of a flake of this sigma^2, px^2: sigma_e^2, and its middle's opacity over the flake's own.
-#[inline(always)]
-pub fn image_of(variance: f64) -> (f64, f64) {
-    let wide = sampled(variance);
-    (wide, variance / wide * (1.0 + RIM_SHARE / wide))
-}
-
 /// The footprint ends here, in sigma_e, on each side.
 pub const REACH: f64 = 4.0;
 
@@ -94,7 +87,9 @@ impl Sprite {
         let shift = 0.5 * (from + to);
         let depth = (middle[2] + shift * flake.travel[2]).max(lens.near);
         let raw = lens.focal * flake.radius / (3.0 * depth);
-        let (variance, share) = image_of(raw * raw);
+        // sigma_e^2, px^2, and the middle's opacity over the flake's own.
+        let variance = sampled(raw * raw);
+        let share = raw * raw / variance * (1.0 + RIM_SHARE / variance);
         let amplitude = flake.opacity * (to - from) * share;
         let place = |share: f64| {
             let at: [f64; 3] =

@@ -48,10 +48,6 @@ type Lens = (f64, f64, f64, [f64; 3]);
 /// (footprint, edge, near, near mode, hard, error)
 type Manner = (String, String, f64, String, bool, f64);
 
-fn eye_of((focal, x, y, offset): Lens) -> Eye {
-    Eye { focal, center: [x, y], offset }
-}
-
 fn look_of((footprint, edge, near, near_mode, hard, error): Manner) -> PyResult<Look> {
     let footprint = named(
         "footprint",
@@ -105,7 +101,8 @@ pub fn gas_sort(
     manner: Manner,
 ) -> PyResult<SortedGas> {
     let colors = colors_of(&colors)?;
-    let (eye, look) = (eye_of(lens), look_of(manner)?);
+    let ((focal, x, y, offset), look) = (lens, look_of(manner)?);
+    let eye = Eye { focal, center: [x, y], offset };
     let cloud = gas.cloud(&colors);
     cloud.check()?;
     let nanoseconds = splat::estimate(shape, &cloud, &eye, &look);

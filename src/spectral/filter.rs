@@ -57,11 +57,6 @@ impl TemporalFilter {
         Ok(self)
     }
 
-    /// Whether every gain is 1.
-    pub fn is_open(&self) -> bool {
-        self.alias == Alias::Keep && self.shutter == 0.0
-    }
-
     /// The factor of the alias law for a rate in cycles per frame.
     #[inline]
     pub fn alias_gain(&self, rate: f64) -> f64 {
@@ -119,18 +114,13 @@ pub fn fill_gains<const LEVEL: u8>(filter: TemporalFilter, values: &mut [f64]) {
             if soft { (filter.soft_from, 0.5 / (0.5 - filter.soft_from)) } else { (0.5, 0.0) };
         for value in values {
             let speed = value.abs();
-            let fade = short_cos::<LEVEL>(least(most(speed - from, 0.0) * by, 0.5));
+            // cos(pi x), to 1e-15.
+            let fade = series::<12, LEVEL>(least(most(speed - from, 0.0) * by, 0.5), 0);
             let kept = if speed < NYQUIST { fade * fade } else { 0.0 };
             // An aliased rate has gain 0 already, but its polynomial must not be infinite.
             *value = kept * short_sinc::<LEVEL>(least(speed * filter.shutter, 0.5));
         }
     }
-}
-
-/// cos(pi x) for |x| <= 1/2, to 1e-15.
-#[inline(always)]
-fn short_cos<const LEVEL: u8>(x: f64) -> f64 {
-    series::<12, LEVEL>(x, 0)
 }
 
 /// The largest of some rates, whatever their sign. Of each lane first: one after the other they would

@@ -3,7 +3,7 @@
 //! Waves stand in rows of one ky, so that loops without branches do them all on vector lanes; places
 //! of the rows that the band leaves out have amplitude 0.
 
-use super::filter::{LANES, TemporalFilter, fill_gains};
+use super::filter::{Alias, LANES, TemporalFilter, fill_gains};
 use super::tent::Motion;
 use super::waves::{Draw, Waves};
 use crate::base::aligned::Aligned;
@@ -249,7 +249,8 @@ impl Columns {
     /// Amplitudes after the filter and the depth limit, and their power.
     /// Returns whether they are other ones than before.
     fn gains<T: Real>(&self, jitter: bool, motion: TileMotion<'_>, values: &mut Values<T>) -> bool {
-        let open = motion.filter.is_open() && motion.shortest <= 0.0;
+        let TemporalFilter { alias, shutter, .. } = motion.filter;
+        let open = alias == Alias::Keep && shutter == 0.0 && motion.shortest <= 0.0;
         let shortest = motion.shortest.max(0.0);
         let alike =
             values.shortest == shortest && (open || (!jitter && values.rate[..] == *motion.rate));

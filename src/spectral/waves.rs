@@ -42,6 +42,7 @@ impl Waves {
         let band = band.checked()?;
         let mut list: Vec<Wave> = Vec::new();
         let mut squares = Sum::default();
+        let inner = ring_edges.get(1..ring_edges.len().saturating_sub(1)).unwrap_or(&[]);
         // Leaders of the band lie within |k| < 1 / shortest, kx >= 0.
         let reach = |n: usize| (n as f64 / band.shortest).ceil().min(n as f64 / 2.0) as i64;
         for kx in 0..=reach(tile.1) {
@@ -59,7 +60,8 @@ impl Waves {
                     frequency: odd_frequency(ky, kx, tile),
                     amplitude: weight,
                     wavelength,
-                    ring: ring_of(wavelength, ring_edges),
+                    // Ring r holds edges[r] < wavelength <= edges[r + 1].
+                    ring: inner.iter().filter(|&&edge| wavelength > edge).count(),
                 };
                 pushed(&mut list, wave)?;
             }
@@ -97,12 +99,6 @@ impl Waves {
         self.list.iter_mut().for_each(|wave| wave.amplitude *= factor);
         Ok(self)
     }
-}
-
-/// Ring r holds edges[r] < wavelength <= edges[r + 1].
-fn ring_of(wavelength: f64, edges: &[f64]) -> usize {
-    let inner = if edges.len() > 2 { &edges[1..edges.len() - 1] } else { &[] };
-    inner.iter().filter(|&&edge| wavelength > edge).count()
 }
 
 /// The random state of one tile: phases, and the directions of the jittered tent.

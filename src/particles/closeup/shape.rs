@@ -214,7 +214,11 @@ impl Shape for Refracting {
 
 /// A drop of a diameter in metres: what it does not let through.
 fn drop(place: &Place, diameter: f64, own: f64) -> Vec<f32> {
-    let ratio = axis_ratio(own);
+    // Height over width by Brandes, Zhang and Vivekanandan 2002 (J. Appl. Meteor. 41, 674), a fit to
+    // measurements in wind tunnels and of oscillating drops.
+    let d = (1e3 * own).clamp(0.5, 8.0);
+    let ratio = 0.9951 + d * (0.0251 + d * (-0.03644 + d * (0.005_303 - d * 0.000_249_2)));
+    let ratio = ratio.clamp(0.4, 1.0);
     // Axes of a drop of the same area.
     let axes = [0.5 / ratio.sqrt(), 0.5 * ratio.sqrt()].map(|axis| axis as f32);
     let shape = Refracting { axes, diameter: diameter as f32 };
@@ -263,12 +267,4 @@ fn through(share: f64) -> f64 {
     let along = (index * a - b) / (index * a + b);
     let passed = 1.0 - 0.5 * (across * across + along * along);
     passed * passed
-}
-
-/// Height over width of a falling drop of a diameter in metres: Brandes, Zhang and Vivekanandan 2002
-/// (J. Appl. Meteor. 41, 674), a fit to measurements in wind tunnels and of oscillating drops.
-fn axis_ratio(diameter: f64) -> f64 {
-    let d = (1e3 * diameter).clamp(0.5, 8.0);
-    let ratio = 0.9951 + d * (0.0251 + d * (-0.03644 + d * (0.005_303 - d * 0.000_249_2)));
-    ratio.clamp(0.4, 1.0)
 }

@@ -56,14 +56,6 @@ impl Layer {
     }
 }
 
-/// Flakes of pattern `index` of `patterns`: floor or ceil of the count, the mean of all as near to it as
-/// whole numbers can be.
-fn flakes_of(count: f64, index: usize, patterns: usize) -> usize {
-    let all = (count * patterns as f64).round() as u128;
-    let upto = |n: usize| all * n as u128 / patterns as u128;
-    (upto(index + 1) - upto(index)) as usize
-}
-
 /// Which quantile the flake `i` of `n` has: neighbours differ.
 fn quantile(i: usize, n: usize, step: usize) -> f64 {
     ((i as u128 * step as u128 % n as u128) as f64 + 0.5) / n as f64
@@ -199,7 +191,10 @@ impl Torus {
         cancel: &Cancel,
     ) -> Result<(), Error> {
         let Law { tile, opacity, seed, .. } = self.law;
-        let all = flakes_of(layer.count, index, patterns);
+        // Floor or ceil of the count, the mean of all patterns as near to it as whole numbers can be.
+        let whole = (layer.count * patterns as f64).round() as u128;
+        let upto = |n: usize| whole * n as u128 / patterns as u128;
+        let all = (upto(index + 1) - upto(index)) as usize;
         let step = golden(all);
         let hash = Hash::seeded(seed).word(PLACES).word(layer.index as i64).word(index as i64);
         let (least, most) = layer.diameters;
