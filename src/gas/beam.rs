@@ -84,36 +84,48 @@ fn cone(along: f32, behind: f32, foot: f32, aside: f32, cosine: f32) -> [f32; 2]
 /// The light of all lamps in a slice, by channels, as [`one`] has it.
 #[inline(always)]
 pub fn near<const LEVEL: u8>(lamps: &Lamps, rays: &Rays, reach: f32) -> [Lane; 3] {
-    let mut light = [[0.0; LANES]; 3];
+    let (mut light, all) = (suns::<LEVEL>(lamps, rays), moments::<LEVEL>(lamps, rays, reach));
+    for (light, [found, ..]) in light.iter_mut().zip(all) {
+        light.iter_mut().zip(found).for_each(|(light, found)| *light += found);
+    }
+    light
+}
+
+/// The light of lamps that have a place, by channels, and its moments, as [`one`] has them.
+#[inline(always)]
+pub fn moments<const LEVEL: u8>(lamps: &Lamps, rays: &Rays, reach: f32) -> [[Lane; 3]; 3] {
+    let mut all = [[[0.0; LANES]; 3]; 3];
     for lamp in &lamps.lamps {
-        let found = match lamp.place {
-            Some(place) => one::<LEVEL>(lamps, lamp, place, rays, reach),
-            None => sun::<LEVEL>(lamps, lamp.way, rays),
-        };
-        for (light, color) in light.iter_mut().zip(lamp.color) {
-            for k in 0..LANES {
-                light[k] += found[k] * color as f32;
+        let Some(place) = lamp.place else { continue };
+        let found = one::<LEVEL>(lamps, lamp, place, rays, reach);
+        for (all, color) in all.iter_mut().zip(lamp.color) {
+            for (all, found) in all.as_flattened_mut().iter_mut().zip(found.as_flattened()) {
+                *all += found * color as f32;
             }
+        }
+    }
+    all
+}
+
+/// The light of suns, whose way through the gas is not known, in the same way.
+#[inline(always)]
+pub fn suns<const LEVEL: u8>(lamps: &Lamps, rays: &Rays) -> [Lane; 3] {
+    let mut light = [[0.0; LANES]; 3];
+    for lamp in lamps.lamps.iter().filter(|lamp| lamp.place.is_none()) {
+        let [x, y, z] = lamp.way.map(|part| part as f32);
+        for k in 0..LANES {
+            let cosine = -(x * rays.slope[k] + y * rays.down + z) / rays.length[k];
+            let extinction = most(rays.extinction[k], 1e-12);
+            let taken = 1.0 - left::<f32, LEVEL>(extinction * (rays.to[k] - rays.from[k]));
+            let found = taken / extinction * lamps.phase(cosine);
+            light.iter_mut().zip(lamp.color).for_each(|(light, c)| light[k] += found * c as f32);
         }
     }
     light
 }
 
-/// The light of a sun, whose way through the gas is not known, in the same way.
-#[inline(always)]
-fn sun<const LEVEL: u8>(lamps: &Lamps, way: [f64; 3], rays: &Rays) -> Lane {
-    let ([x, y, z], mut light) = (way.map(|part| part as f32), [0.0; LANES]);
-    for k in 0..LANES {
-        let cosine = -(x * rays.slope[k] + y * rays.down + z) / rays.length[k];
-        let extinction = most(rays.extinction[k], 1e-12);
-        let taken = 1.0 - left::<f32, LEVEL>(extinction * (rays.to[k] - rays.from[k]));
-        light[k] = taken / extinction * lamps.phase(cosine);
-    }
-    light
-}
-
-/// The light of a lamp in a slice over its extinction and what reaches the eye; NaN where it is nearer to
-/// the rays than `reach` for a depth of 1.
+/// The light of a lamp in a slice over its extinction and what reaches the eye, and the same times its way in the slice's gas
+/// once and twice: the slopes by extinction. NaN where the lamp is nearer to the rays than `reach` for a depth of 1.
 #[inline(always)]
 fn one<const LEVEL: u8>(
     lamps: &Lamps,
@@ -121,7 +133,7 @@ fn one<const LEVEL: u8>(
     place: [f64; 3],
     rays: &Rays,
     reach: f32,
-) -> Lane {
+) -> [Lane; 3] {
     let [x, y, z] = [0, 1, 2].map(|axis| (place[axis] - lamps.eye[axis]) as f32);
     let way = lamp.way.map(|part| part as f32);
     let (radius, spot) = (lamp.radius as f32, lamp.cone.0 > -1.0);
@@ -140,13 +152,13 @@ fn one<const LEVEL: u8>(
         wide[k] = (aside[k] + radius * radius).sqrt();
         along[k] = (a * way[0] + b * way[1] + way[2]) / length;
     }
-    let (mut from, mut to, mut light) = (rays.from, rays.to, [0.0; LANES]);
+    let (mut from, mut to, mut light) = (rays.from, rays.to, [[0.0; LANES]; 3]);
     for k in 0..LANES {
         // The nearest place of the slice to the lamp.
         let s = least(most(foot[k], from[k]), to[k]);
         let distance = (wide[k] * wide[k] + (s - foot[k]) * (s - foot[k])).sqrt();
         let steep = distance < reach * s || (spot && reach > 0.0);
-        light[k] = if steep { f32::NAN } else { 0.0 };
+        light[0][k] = if steep { f32::NAN } else { 0.0 };
     }
     if outer > 0.0 {
         for k in 0..LANES {
@@ -188,8 +200,12 @@ fn one<const LEVEL: u8>(
                     let axis = (s * along[k] - behind) / most(distance, 1e-9);
                     part *= smoothstep((axis - outer) / soft);
                 }
-                let thick = rays.extinction[k] * (most(s - rays.from[k], 0.0) + distance);
-                light[k] += part * left::<f32, LEVEL>(thick + air[0] * distance + air[1] * s);
+                let way = most(s - rays.from[k], 0.0) + distance;
+                let thick = rays.extinction[k] * way + air[0] * distance + air[1] * s;
+                let part = part * left::<f32, LEVEL>(thick);
+                light[0][k] += part;
+                light[1][k] += part * way;
+                light[2][k] += part * way * way;
             }
         }
     }

@@ -2,14 +2,14 @@
 //!
 //! L = sum over slices of T * k * what `beam` finds, T the transmittance up to the slice, k its extinction there.
 //!
-//! For a slice's own k and T that integral is smooth over the picture too: it is found at every second sample of the
-//! slices' coarse grid; near a lamp, and where gas is rough, at each. What comes of a pixel's opacity, L over 1 - T of all
-//! slices, is smooth as well: coarse samples give it, but nearest to a lamp, in the light of a spot and where the scene ends a
-//! slice, which each pixel adds up by itself.
+//! Of a slice of even gas that integral is smooth over the picture: it is found at every fourth sample of the slices' coarse
+//! grid, with its slopes by extinction, from which that of a sample's own gas follows, but near a lamp and in rough gas.
+//! L over 1 - T of all slices is smooth as well: coarse samples give it, but nearest to a lamp, in the light of a spot and
+//! where the scene ends a slice, which each pixel adds up by itself.
 
-use ndarray::{Array3, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, Zip, s};
+use ndarray::{Array3, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, s};
 
-use super::beam::{LANES, Lane, Rays, near};
+use super::beam::{LANES, Lane, Rays, moments, near, suns};
 use super::slices::{COARSE, MARGIN, Slices, lines, pixels};
 use crate::base::error::{Cancel, Error, layout, zeroed};
 use crate::base::lamps::{Lamps, left};
@@ -20,12 +20,23 @@ use crate::base::simd::dispatch;
 /// Rows of pixels of one task.
 const BAND: usize = 64;
 
-/// A lamp that is nearer than so many coarse samples wants each of them, and nearer than so many each pixel.
-const STEEP: [f32; 2] = [16.0, 7.0];
+/// Coarse samples from one whose light is found in even gas to the next.
+const APART: usize = 4;
 
-/// Gas whose optical depth in a slice, times what reaches the eye from there, changes by so much from one place to
-/// the next wants each sample.
-const ROUGH: f32 = 0.05;
+/// A lamp that is nearer than so many coarse samples wants each of them, and nearer than so many each pixel.
+const STEEP: [f32; 2] = [24.0, 7.0];
+
+/// Weights of the four values around a place by its distance from the second, by Catmull and Rom.
+const AROUND: [[f32; 4]; APART] = [
+    [0.0, 1.0, 0.0, 0.0],
+    [-0.0703125, 0.8671875, 0.2265625, -0.0234375],
+    [-0.0625, 0.5625, 0.5625, -0.0625],
+    [-0.0234375, 0.2265625, 0.8671875, -0.0703125],
+];
+
+/// Gas wants its own light where the variance of its optical depth by the way of light, times what reaches the eye from
+/// there, is more than this: the third power of the depth then counts for a hundredth.
+const ROUGH: f32 = 0.1;
 
 /// The least opacity of a slice: light and depth are divided by it.
 const LEAST: f32 = 1e-9;
@@ -89,6 +100,15 @@ pub fn see(
         return Err(Error::Internal("slices of gas do not fit their planes".into()));
     }
     let (room, lit) = (columns * COARSE + LANES, light.is_some());
+    let even: Vec<f32> = slices.density.outer_iter().filter_map(|plane| plane.mean()).collect();
+    let wide = 9 * count * (columns.div_ceil(LANES) * (LANES / APART) + 3);
+    let mut spaces = vec![zeroed(wide)?; rows.div_ceil(APART) + 3];
+    let filled = spaces.iter_mut().enumerate().take(if lit { rows + 3 } else { 0 });
+    pool::for_each(filled, |(row, out)| {
+        cancel.check()?;
+        spaced(gas, lamps, &even, row, out);
+        Ok(())
+    })?;
     let shown = if lit { 0 } else { 3 }..if far.is_some() { 4 } else { 3 };
     let bands = height.div_ceil(BAND);
     let mut light = light.as_mut().map(|light| light.axis_chunks_iter_mut(Axis(0), BAND));
@@ -103,21 +123,17 @@ pub fn see(
         let (mut dense, mut glow) = (lines_of(count)?, lines_of(3 * count + 4)?);
         slopes[..width].copy_from_slice(slices.slopes.0);
         let first = band * BAND / COARSE;
-        let last = (first + BAND / COARSE + 2 * MARGIN + 1).min(rows);
+        let last = (first + BAND / COARSE + 2 * MARGIN).min(rows);
         let shape = (3 * count + 4, last - first, columns);
         let coarse = zeroed(shape.0 * shape.1 * shape.2)?;
         let mut coarse = Array3::from_shape_vec(shape, coarse).map_err(|_| layout())?;
-        let row = |row: usize| row - first;
-        for at in (first..last).filter(|at| lit && (row(*at) % 2 == 0 || at + 1 == last)) {
-            second(gas, lamps, at, coarse.index_axis_mut(Axis(1), row(at)));
-        }
-        for at in (first + 1..last - 1).step_by(2).filter(|_| lit) {
-            let around = (s![.., row(at) - 1, ..], s![.., row(at), ..], s![.., row(at) + 1, ..]);
-            let (above, here, below) = coarse.multi_slice_mut(around);
-            Zip::from(here).and(above).and(below).for_each(|here, a, b| *here = 0.5 * (*a + *b));
-        }
-        for at in first..last {
-            samples(gas, lamps, at, coarse.index_axis_mut(Axis(1), row(at)));
+        let mut between = zeroed(wide)?;
+        for (row, at) in (first..last).enumerate() {
+            between.fill(0.0);
+            for (line, weight) in spaces[at / APART..].iter().zip(AROUND[at % APART]) {
+                between.iter_mut().zip(line).for_each(|(out, value)| *out += weight * value);
+            }
+            samples(gas, lamps, (&even, &between), at, coarse.index_axis_mut(Axis(1), row));
         }
         let (own, smooth) = coarse.view().split_at(Axis(0), 3 * count);
         let smooth = smooth.slice(s![shown.clone(), .., ..]);
@@ -169,63 +185,87 @@ fn apart(grid: (&[f32], &[f32])) -> f32 {
     most(grid.0[1] - grid.0[0], grid.1[1] - grid.1[0])
 }
 
-/// Fills a row of coarse samples with the light of lamps in each slice over its extinction and what reaches the
-/// eye, red, green and blue of one after the other; NaN where the samples are too far apart. Every second is found.
+/// Fills a line with what even slices have at every fourth sample of a fourth row, and beyond the last: the light of red,
+/// green and blue over its extinction and what reaches the eye, mean and variance of its ways; NaN nearer to a lamp.
 #[dispatch]
-fn second<const LEVEL: u8>(gas: Gas<'_>, lamps: &Lamps, row: usize, out: ArrayViewMut2<'_, f32>) {
-    let ((slices, grid, middles), mut out) = (gas, out);
-    let (last, reach) = (grid.0.len() - 1, STEEP[0] * apart(grid));
-    for at in (0..=last + 1).step_by(2 * LANES) {
-        let columns: [usize; LANES] = std::array::from_fn(|k| (at + 2 * k).min(last));
-        let mut rays = Rays::new(columns.map(|column| grid.0[column]), grid.1[row]);
-        for number in 0..middles.len() {
-            let dense = |row: usize| slices.density.slice(s![number, row, ..]);
-            let (dense, above) = (dense(row), dense(row.max(2) - 2));
-            let own = columns.map(|column| dense[column]);
-            rays.at(&slices.edges[number..], &[f32::INFINITY; LANES], own);
-            let light = near::<LEVEL>(lamps, &rays, reach);
-            for (k, column) in columns.into_iter().enumerate() {
-                let (beside, above) = (dense[column.max(2) - 2], above[column]);
-                let change = most((beside - own[k]).abs(), (above - own[k]).abs());
-                let seen = left::<f32, LEVEL>(own[k] * rays.from[k]);
-                let rough = change * (rays.to[k] - rays.from[k]) * seen > ROUGH;
-                for c in 0..3 {
-                    out[[3 * number + c, column]] = if rough { f32::NAN } else { light[c][k] };
+fn spaced<const LEVEL: u8>(gas: Gas<'_>, lamps: &Lamps, even: &[f32], row: usize, out: &mut [f32]) {
+    let ((slices, grid, middles), out) = (gas, out);
+    let (width, reach) = (out.len() / (9 * middles.len()), STEEP[0] * apart(grid));
+    let place = |l: &[f32], at: usize| l[0] + (l[1] - l[0]) * APART as f32 * (at as f32 - 1.0);
+    for at in (0..width).step_by(LANES) {
+        let slopes = std::array::from_fn(|k| place(grid.0, at + k));
+        let mut rays = Rays::new(slopes, place(grid.1, row));
+        for (number, &even) in even.iter().enumerate() {
+            rays.at(&slices.edges[number..], &[f32::INFINITY; LANES], [even; LANES]);
+            for (c, found) in moments::<LEVEL>(lamps, &rays, reach).iter().enumerate() {
+                for k in 0..LANES.min(width - at) {
+                    let [light, once, twice] = found.map(|moment| moment[k]);
+                    let [way, square] = [once, twice].map(|moment| moment / most(light, 1e-30));
+                    let said = [light, way, most(square - way * way, 0.0)];
+                    for (part, said) in said.into_iter().enumerate() {
+                        out[(9 * number + 3 * c + part) * width + at + k] = said;
+                    }
                 }
             }
         }
     }
-    for mut line in out.outer_iter_mut() {
-        for column in (1..last).step_by(2) {
-            line[column] = 0.5 * (line[column - 1] + line[column + 1]);
-        }
-    }
 }
 
-/// Fills the last four lines of a row of coarse samples with what is [`Seen`] of all slices; the light that is NaN is found
-/// for that, and NaN is left where these samples are too far apart.
+/// Fills a row of coarse samples with the light of lamps in each slice over its extinction and what reaches the eye, red, green
+/// and blue of one after the other, of a line of what even gas has there; and the last four lines with what is [`Seen`] of
+/// all slices. NaN is left nearest to a lamp.
 #[dispatch]
-fn samples<const LEVEL: u8>(gas: Gas<'_>, lamps: &Lamps, row: usize, out: ArrayViewMut2<'_, f32>) {
+fn samples<const LEVEL: u8>(
+    gas: Gas<'_>,
+    lamps: &Lamps,
+    even: (&[f32], &[f32]),
+    row: usize,
+    out: ArrayViewMut2<'_, f32>,
+) {
     let ((slices, grid, middles), mut out) = (gas, out);
-    let (last, reach) = (grid.0.len() - 1, STEEP[1] * apart(grid));
+    let (last, width) = (grid.0.len() - 1, even.1.len() / (9 * middles.len()));
     for at in (0..=last).step_by(LANES) {
         let columns: [usize; LANES] = std::array::from_fn(|k| (at + k).min(last));
         let mut rays = Rays::new(columns.map(|column| grid.0[column]), grid.1[row]);
         let mut seen = Seen::none();
         for (number, &middle) in middles.iter().enumerate() {
-            let dense = slices.density.slice(s![number, row, ..]);
-            let own = columns.map(|column| dense[column]);
+            let own = columns.map(|column| slices.density[[number, row, column]]);
             rays.at(&slices.edges[number..], &[f32::INFINITY; LANES], own);
-            let mut found = [0, 1, 2].map(|c| columns.map(|column| out[[3 * number + c, column]]));
-            if found[0].iter().any(|light| light.is_nan()) {
-                found = near::<LEVEL>(lamps, &rays, reach);
+            let (mut found, mut exact) = (suns::<LEVEL>(lamps, &rays), 0);
+            for c in 0..3 {
+                let [light, way, spread] = [0, 1, 2].map(|part| {
+                    let from = (9 * number + 3 * c + part) * width + at / APART;
+                    between(&even.1[from..from + LANES / APART + 3])
+                });
+                for k in 0..LANES {
+                    let more = own[k] - even.0[number];
+                    let mean = most(way[k] - 0.5 * more * spread[k], 0.5 * way[k]);
+                    let rough = more * more * spread[k] * seen.through[k] > ROUGH;
+                    exact += u32::from(rough | light[k].is_nan());
+                    found[c][k] += light[k] * left::<f32, LEVEL>(more * mean);
+                }
+            }
+            if exact > 0 {
+                found = near::<LEVEL>(lamps, &rays, STEEP[1] * apart(grid));
             }
             seen.add::<LEVEL>(&rays, &found, middle);
+            for (k, column) in (at..=last).take(LANES).enumerate() {
+                (0..3).for_each(|c| out[[3 * number + c, column]] = found[c][k]);
+            }
         }
-        for (k, column) in columns.into_iter().enumerate() {
+        for (k, column) in (at..=last).take(LANES).enumerate() {
             (0..4).for_each(|part| out[[3 * middles.len() + part, column]] = seen.part(part, k));
         }
     }
+}
+
+/// What lies between values that are [`APART`].
+#[inline(always)]
+fn between(values: &[f32]) -> Lane {
+    std::array::from_fn(|k| {
+        let ([a, b, c, d], at) = (AROUND[k % APART], &values[k / APART..]);
+        a * at[0] + b * at[1] + (c * at[2] + d * at[3])
+    })
 }
 
 #[dispatch]
