@@ -10,8 +10,6 @@
 use crate::base::ball::{mean_opacity, opacity_at};
 use crate::base::error::{Error, collected, pushed, reserve, zeroed};
 
-const MOST_SIZES: usize = 16;
-
 /// What a sheet shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Law {
@@ -46,7 +44,7 @@ impl Law {
         let ((rows, cols), (low, high)) = (self.period, self.ranks);
         let sound = [rows, cols].iter().all(|side| (1..=1 << 20).contains(side))
             && self.shear < cols
-            && (1..=MOST_SIZES).contains(&self.diameters.len())
+            && (1..=16).contains(&self.diameters.len())
             && self.diameters.iter().all(|diameter| (1e-6..=32.0).contains(diameter))
             && self.streak.iter().all(|way| way.abs() <= 256.0)
             && (0.0..=1000.0).contains(&self.count)
@@ -92,29 +90,29 @@ pub fn spread(diameter: f64) -> f64 {
 
 /// Rows of numbers without the zeros at their ends.
 struct Rows {
-    /// Of the first row.
-    top: i64,
+    /// The first row, and where the farthest to the left may begin.
+    start: [i64; 2],
     /// Where each begins, and its numbers.
     spans: Vec<(i64, std::ops::Range<usize>)>,
     values: Vec<f32>,
 }
 
 impl Rows {
-    fn new(top: i64, dense: &[f32], cols: usize) -> Result<Self, Error> {
-        let mut rows = Self { top, spans: Vec::new(), values: Vec::new() };
+    fn new(start: [i64; 2], dense: &[f32], cols: usize) -> Result<Self, Error> {
+        let mut rows = Self { start, spans: Vec::new(), values: Vec::new() };
         for row in dense.chunks(cols) {
             let first = row.iter().position(|&value| value != 0.0).unwrap_or(0);
             let last = row.iter().rposition(|&value| value != 0.0).map_or(first, |last| last + 1);
             let from = rows.values.len();
             reserve(&mut rows.values, last - first)?;
             rows.values.extend_from_slice(&row[first..last]);
-            pushed(&mut rows.spans, (first as i64 + top, from..rows.values.len()))?;
+            pushed(&mut rows.spans, (first as i64 + start[1], from..rows.values.len()))?;
         }
         Ok(rows)
     }
 
     fn row(&self, row: i64) -> (i64, &[f32]) {
-        let span = usize::try_from(row - self.top).ok().and_then(|row| self.spans.get(row));
+        let span = usize::try_from(row - self.start[0]).ok().and_then(|row| self.spans.get(row));
         span.map_or((0, &[]), |(first, span)| (*first, &self.values[span.clone()]))
     }
 }
@@ -130,15 +128,14 @@ fn weights(law: &Law) -> Result<Vec<Rows>, Error> {
     let reach =
         |length: f64| libm::ceil(0.5 * cells * (1.0 + length.abs() + law.circle)) as i64 + 2;
     // Even, so that halves of it hold columns of both kinds.
-    let half = reach(streak[0]).max(reach(streak[1]));
-    let half = half + (half & 1);
-    let side = 2 * half as usize;
-    let mut sharp = zeroed::<f32>(side * side)?;
-    let middle = |index: usize| (index as f64 + 0.5 * (fine - 1) as f64 - half as f64) / cells;
+    let half = streak.map(reach).map(|half| half + (half & 1));
+    let side = 2 * half[0] as usize;
+    let mut sharp = zeroed::<f32>(side * 2 * half[1] as usize)?;
+    let middle = |at: usize, half| (at as f64 + 0.5 * (fine - 1) as f64 - half as f64) / cells;
     for (row, out) in sharp.chunks_mut(side).enumerate() {
-        let y = within(middle(row), streak[1]);
+        let y = within(middle(row, half[1]), streak[1]);
         for (col, out) in out.iter_mut().enumerate().filter(|_| y.1 > y.0) {
-            let x = within(middle(col), streak[0]);
+            let x = within(middle(col, half[0]), streak[0]);
             *out = (x.1.min(y.1) - x.0.max(y.0)).max(0.0) as f32;
         }
     }
@@ -147,10 +144,8 @@ fn weights(law: &Law) -> Result<Vec<Rows>, Error> {
     }
     let apart = |first: usize| {
         let dense: Vec<f32> = sharp.iter().skip(first).step_by(fine as usize).copied().collect();
-        let mut rows = Rows::new(-half, &dense, side / fine as usize)?;
         // Columns count in quarters.
-        rows.spans.iter_mut().for_each(|span| span.0 += half - half / fine);
-        Ok(rows)
+        Rows::new([-half[1], -half[0] / fine], &dense, side / fine as usize)
     };
     (0..fine as usize).map(apart).collect()
 }
@@ -176,7 +171,7 @@ fn defocused(sharp: &[f32], side: usize, radius: f64) -> Result<Vec<f32>, Error>
     };
     let chords: Vec<f64> = (-reach..=reach).map(chord).collect();
     let share = 1.0 / (2.0 * chords.iter().sum::<f64>());
-    let mut out = zeroed::<f32>(side * side)?;
+    let (tall, mut out) = (sharp.len() / side, zeroed::<f32>(sharp.len())?);
     let mut sums = zeroed::<f64>(side + 1)?;
     for (row, line) in sharp.chunks(side).enumerate() {
         for (col, &value) in line.iter().enumerate() {
@@ -191,7 +186,7 @@ fn defocused(sharp: &[f32], side: usize, radius: f64) -> Result<Vec<f32>, Error>
             sums[whole] + rest * (sums[(whole + 1).min(side)] - sums[whole])
         };
         for (&chord, to) in chords.iter().zip(row as i64 - reach..) {
-            if chord == 0.0 || !(0..side as i64).contains(&to) {
+            if chord == 0.0 || !(0..tall as i64).contains(&to) {
                 continue;
             }
             let out = &mut out[to as usize * side..][..side];
@@ -209,11 +204,8 @@ struct Profile([f32; 257], f64);
 
 impl Profile {
     fn new(tau0: f64) -> Self {
-        let at = |i: usize| {
-            let w = i as f64 / 256.0;
-            opacity_at(libm::sqrt(1.0 - w * w), tau0) as f32
-        };
-        Self(std::array::from_fn(at), tau0)
+        let radii = |i: usize| libm::sqrt(1.0 - (i as f64 / 256.0).powi(2));
+        Self(std::array::from_fn(|i| opacity_at(radii(i), tau0) as f32), tau0)
     }
 
     /// Opacity times area in each cell, rows after rows, and half of their number.
@@ -223,10 +215,7 @@ impl Profile {
         let parts = 24_usize.div_ceil(2 * half).max(2);
         let mut quarter = zeroed::<f32>(half * half)?;
         let step = 1.0 / parts as f64;
-        let away = |i: usize| {
-            let at = (i as f64 + 0.5) * step - half as f64;
-            at * at / (radius * radius)
-        };
+        let away = |i: usize| ((i as f64 + 0.5) * step - half as f64).powi(2) / (radius * radius);
         let mut sum = 0.0;
         for row in 0..half * parts {
             let y = away(row);
@@ -257,42 +246,52 @@ impl Profile {
 /// Of a flake of which a part `thin` is seen at a time the depth is that of so thin a flake, over the part: blurred
 /// along a way that shows a pixel this part, it covers what the flake does.
 fn depths(law: &Law, weights: &[Rows], profile: &Profile, diameter: f64) -> Result<Rows, Error> {
-    let (cells, half) = profile.cells(diameter, law.fine())?;
-    let (reach, mut dense) = summed(weights, &cells, half)?;
-    for value in dense.iter_mut().filter(|value| **value != 0.0) {
-        let seen = (law.thin * f64::from(*value)).min(1.0 - 1e-9);
-        *value = (-libm::log1p(-seen) / law.thin) as f32;
-    }
-    Rows::new(-reach, &dense, 2 * reach as usize)
-}
-
-/// The mean opacity of a ball's cells in pixels, on the lattice of quarters, by weights.
-fn summed(weights: &[Rows], cells: &[f32], half: usize) -> Result<(i64, Vec<f32>), Error> {
-    let (cells_half, tall, fine) = (half as i64, -weights[0].top, weights.len() as i64);
-    let reach = (tall + cells_half) / fine + 3;
-    let side = 2 * reach as usize;
-    let mut dense = zeroed::<f32>(side * side)?;
-    for (cy, cells) in (-cells_half..).zip(cells.chunks(2 * half)) {
-        for (n, out) in (-reach..).zip(dense.chunks_mut(side)) {
+    let fine = law.fine();
+    let (cells, half) = profile.cells(diameter, fine)?;
+    let [top, left] = weights[0].start;
+    let [down, across] = [top, fine * left].map(|own| (half as i64 - own) / fine + 3);
+    let wide = 2 * across as usize;
+    let (mut dense, mut line) = (zeroed(wide * 2 * down as usize)?, zeroed(wide)?);
+    // Rows of an upright streak's weights differ by a factor: cells are summed across once.
+    let upright = law.streak[0] == 0.0 && law.circle == 0.0;
+    let whole = weights[0].row(0).1.first().copied().unwrap_or(1.0);
+    let add = |out: &mut [f32], cells: &[f32], row: i64| {
+        for (cx, &cell) in (-(half as i64)..).zip(cells).filter(|(_, cell)| **cell != 0.0) {
+            let odd = cx & (fine - 1);
+            let (first, values) = weights[odd as usize].row(row);
+            let from = first - 1 + (cx + odd) / fine + across;
+            for (out, value) in out[from as usize..].iter_mut().zip(values) {
+                *out += cell * value;
+            }
+        }
+    };
+    for (cy, cells) in (-(half as i64)..).zip(cells.chunks(2 * half)) {
+        line.fill(0.0);
+        add(&mut line, cells, 0);
+        for (n, out) in (-down..).zip(dense.chunks_mut(wide)) {
             // From the middle of cell c to a pixel's middle at n + 3/2 quarters lie fine (n + 3/2) - c - 1/2 cells.
             let row = fine * (n + 1) - cy;
-            if weights.iter().all(|each| each.row(row).1.is_empty()) {
-                continue;
-            }
-            for (cx, &cell) in (-cells_half..).zip(cells) {
-                if cell == 0.0 {
-                    continue;
-                }
-                let odd = cx & (fine - 1);
-                let (first, values) = weights[odd as usize].row(row);
-                let from = first - 1 + (cx + odd) / fine + reach;
-                for (out, value) in out[from as usize..].iter_mut().zip(values) {
-                    *out += cell * value;
-                }
+            let share = weights.iter().find_map(|each| each.row(row).1.first());
+            let Some(share) = share.map(|share| share / whole) else { continue };
+            if upright {
+                out.iter_mut().zip(&line).for_each(|(out, value)| *out += share * value);
+            } else {
+                add(out, cells, row);
             }
         }
     }
-    Ok((reach, dense))
+    // In the middle of a streak rows are alike, and need no logarithms.
+    let mut above = collected((0..wide).map(|_| (0.0, 0.0)))?;
+    for row in dense.chunks_mut(wide) {
+        for (value, (above, depth)) in row.iter_mut().zip(&mut above) {
+            if *value != *above {
+                let seen = (law.thin * f64::from(*value)).min(1.0 - 1e-9);
+                (*above, *depth) = (*value, (-libm::log1p(-seen) / law.thin) as f32);
+            }
+            *value = *depth;
+        }
+    }
+    Rows::new([-down, -across], &dense, wide)
 }
 
 /// Steps in a row, from a row and a column on, counted from the flake's pixel.
@@ -333,10 +332,11 @@ impl Stamps {
                 largest = largest.max(value);
             }
         }
-        let deviation = libm::sqrt(count * square);
         // Room for two of the brightest flakes, of which nothing is seen beyond 6.5, and for what seldom
         // adds up.
-        let room = (2.1 * largest).min(largest.max(6.5)).max(count * total + 8.0 * deviation);
+        let room = (2.1 * largest)
+            .min(largest.max(6.5))
+            .max(count * total + 8.0 * libm::sqrt(count * square));
         let unit = (room / 255.0).max(1e-20) as f32;
         let mut stamps = Vec::new();
         for image in &images {
@@ -368,14 +368,14 @@ impl Stamps {
 /// The stamp of a flake at a place, in quarters, within its pixel.
 fn stamp(image: &Rows, (y, x): (i64, i64), unit: f64) -> Result<Vec<Piece>, Error> {
     let mut pieces: Vec<Piece> = Vec::new();
-    let bottom = image.top + image.spans.len() as i64;
-    for row in (image.top + y).div_euclid(4)..=(bottom + y).div_euclid(4) {
+    let bottom = image.start[0] + image.spans.len() as i64;
+    for row in (image.start[0] + y).div_euclid(4)..=(bottom + y).div_euclid(4) {
         let (first, values) = image.row(4 * row - y);
         let skipped = (-x - first).rem_euclid(4);
         let col = (first + skipped + x) / 4;
         for (col, &value) in (col..).zip(values.iter().skip(skipped as usize).step_by(4)) {
             let (row, col) = (row as i32, col as i32);
-            let steps = libm::floor(f64::from(value) / unit * FINE + 0.5) as u16;
+            let steps = (f64::from(value) / unit * FINE + 0.5) as u16;
             if steps == 0 {
                 continue;
             }
