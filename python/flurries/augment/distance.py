@@ -159,7 +159,7 @@ class Distances:
         ranks = (np.arange(QUANTILES) + 0.5) / QUANTILES * (sample.size - 1)
         first = ranks.astype(int)
         wanted = np.concatenate([first, first + 1])
-        ordered = np.partition(sample, wanted, axis=None)[wanted].astype(np.float64)
+        ordered = np.sort(sample, axis=None)[wanted].astype(np.float64)
         low, high = np.minimum(ordered, _FARTHEST).reshape(2, -1)
         return np.asarray(low + (high - low) * (ranks - first))
 
