@@ -127,6 +127,9 @@ def test_it_goes_on(source: Path, tmp_path: Path):
 def test_bad_folders_are_refused(source: Path, tmp_path: Path):
     with pytest.raises(ValueError, match="out must not be inside"):
         corrupt(source, source / "out", workers=1)
+    with pytest.raises(ValueError, match="severity"):
+        corrupt(source, tmp_path / "never", severity=0)
+    assert not (tmp_path / "never").exists()
     with pytest.raises(NotADirectoryError):
         corrupt(source / "0.png", tmp_path / "out", workers=1)
     (tmp_path / "empty").mkdir()
