@@ -9,9 +9,9 @@ ROOT = Path(__file__).parents[1]
 # The aims are 20,000, 24,500, 17,500 and 2,200: lower a limit whenever the count falls below it.
 LIMITS = {
     ("src/**/*.rs", "crates/**/*.rs"): 19_819,
-    ("python/**/*.py",): 31_181,
-    ("tests/**/*.py",): 21_663,
-    ("benches/**/*.*",): 2_346,
+    ("python/**/*.py",): 30_829,
+    ("tests/**/*.py",): 21_376,
+    ("benches/**/*.*",): 2_282,
 }
 
 

@@ -99,16 +99,16 @@ def read_sheets(
     """Return the opacity of layers that move as they do in all frames, (h, w) float32."""
     # `parts` are shares of the layers, (L,).
     (top, _, left, _), camera = frame.window, frame.camera
-    exposure, size = weather.motion.exposure(frame), frame.size
+    exposure, now = weather.motion.exposure(frame), weather.motion.now(frame.t)
+    size = frame.size
     blur, result = None if frame.lens is None else frame.blur, plane(size)
     shown, focals = amount * float(weather.emission), camera.focals  # type: ignore[arg-type]
-    x, y = camera.principal(frame.shape)
-    swing, cycles = swing_of(weather.sway, weather.motion.now(frame.t), frame.fps)
+    (x, y), (u, v) = camera.principal(frame.shape), camera.center_shift
+    swing, cycles = swing_of(weather.sway, now, frame.fps)
     keys, start, rate, ways, places = _standing(
         weather, film, frame.path, frame.fps, focals, camera.rotation, frame.seed, shown, exposure,
         blur, swing, _core.reproducible(),
     )  # fmt: skip
-    u, v = camera.center_shift
     row, column = math.floor(top - y + v), math.floor(left - x + u)
     angle = math.tau * cycles
     moved = start + frame.t * rate + math.sin(angle) * ways[0] + math.cos(angle) * ways[1]
