@@ -27,7 +27,7 @@ NEAR, FAR = 1.5, scenes.BACKDROP
 
 # The same of the hard profile, for a focal length of so many pixels, whatever a picture's size:
 # a small picture has the same flakes in pixels, and stands for what is nearer.
-_HARD_ENDS, _LENS = {"snow": (2.0, 8.0), "rain": (1.3, 7.0)}, 600.0
+_HARD_ENDS, _LENS = {"snow": (1.6, 7.0), "rain": (1.3, 7.0)}, 600.0
 
 # Smallest and largest flakes and drops of the hard profile, metres: those of the heaviest snow and
 # rain, of which smaller ones would only be a veil. And how much brighter than its opacity a drop
