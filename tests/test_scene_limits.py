@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from flurries.effects.maps import wall_maps
 from flurries.io import linear_to_srgb, srgb_to_linear
 from measure import cover
 
@@ -168,3 +169,22 @@ def test_the_veil_of_rain_does_not_shine():
     rain = fl.Rain(density=0.0, haze=0.5, color=0.6, gain=6.0)
     shown = Scene(np.zeros((6, 8, 3), np.float32), effects=[rain]).render(0)
     assert shown == pytest.approx(0.5 * float(srgb_to_linear(np.array(0.6))), rel=1e-5)
+
+
+@pytest.mark.parametrize("sky", [(0.05, 0.25, 2.0), (0.5, 0.17, 2.0), (0.9, 0.3, 0.5), (0, 5, 1)])
+def test_a_wall_s_map_has_its_share_of_the_mean(sky: tuple[float, float, float]):
+    # By plain sums over a fine grid; the sky's own map where all of the air is there.
+    z = np.linspace(-8.0, 8.0, 200_001)
+    weight = np.exp(-0.5 * z * z) / np.exp(-0.5 * z * z).sum()
+
+    def opacity(mean: float, deviation: float) -> np.ndarray:
+        return np.clip(mean + deviation * z, 0.0, 1.0) ** sky[2]
+
+    shares = (0.01, 0.1, 1 / 3, 0.7, 1.0)
+    maps = wall_maps(sky, 1.0, shares, lambda share: share)
+    means, deviations = maps.at(np.array(shares), None)
+    whole = opacity(*sky[:2]) @ weight
+    for share, mean, part in zip(shares, means, deviations, strict=True):
+        assert opacity(mean, part * sky[1]) @ weight == pytest.approx(share * whole, rel=0.006)
+    assert (means[-1], deviations[-1]) == (sky[0], 1.0)
+    assert maps.at(np.zeros(1), None)[1] == 0.0

@@ -14,6 +14,7 @@ import pytest
 import flurries as fl
 from flurries.effects import ConeRain, ConeSnow, TentRain, TentSnow
 from flurries.effects.checks import LOOKS
+from flurries.effects.maps import map_at, power_share
 from measure import cover, same_flakes
 
 OWN, DROPS = (0.003, 0.007, 0.022), (0.001, 0.002, 0.006)
@@ -219,3 +220,28 @@ def digest(version: str) -> str:
 
 def test_a_look_is_as_it_was():
     assert {version: digest(version) for version in LOOKS} == KEPT
+
+
+def test_the_tuned_size_is_left_alone_and_maps_keep_their_moments():
+    assert power_share((3.0, 24.0), 0.75, 1024) == 1.0
+    assert map_at(0.05, 2.0, 2.0, 1.0) == (0.05, 2.0)
+    z = np.random.default_rng(3).standard_normal((2, 400_000))
+    for share in (0.2, 0.6, 1.1):
+        rho = min(share, 1.0 / share)
+        # Two pictures that share what is seen, and differ in what is not.
+        again = rho * z[0] + math.sqrt(1.0 - rho**2) * z[1]
+        mean, spread = map_at(0.05, 2.0, 2.0, share)
+
+        def mapped(field: np.ndarray, mean: float, spread: float) -> np.ndarray:
+            return np.clip(mean + field / (2.0 * spread), 0.0, 1.0) ** 2
+
+        def seen(mean: float, spread: float, z1: np.ndarray, z2: np.ndarray) -> tuple[float, float]:
+            """Mean and variance of what is left when only a share of the field is seen."""
+            first, second = mapped(z1, mean, spread), mapped(z2, mean, spread)
+            return float(first.mean()), float(np.cov(first, second)[0, 1])
+
+        part, whole = (z[0], again), (z[0], z[0])
+        tuned = seen(0.05, 2.0, *(part if share < 1.0 else whole))
+        fitted = seen(mean, spread, *(whole if share < 1.0 else part))
+        assert fitted[0] == pytest.approx(tuned[0], rel=0.01)
+        assert fitted[1] == pytest.approx(tuned[1], rel=0.03)
