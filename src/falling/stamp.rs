@@ -100,13 +100,15 @@ struct Rows {
 impl Rows {
     fn new(start: [i64; 2], dense: &[f32], cols: usize) -> Result<Self, Error> {
         let mut rows = Self { start, spans: Vec::new(), values: Vec::new() };
+        reserve(&mut rows.spans, dense.len() / cols)?;
+        reserve(&mut rows.values, dense.iter().filter(|&&value| value != 0.0).count())?;
         for row in dense.chunks(cols) {
             let first = row.iter().position(|&value| value != 0.0).unwrap_or(0);
             let last = row.iter().rposition(|&value| value != 0.0).map_or(first, |last| last + 1);
             let from = rows.values.len();
             reserve(&mut rows.values, last - first)?;
             rows.values.extend_from_slice(&row[first..last]);
-            pushed(&mut rows.spans, (first as i64 + start[1], from..rows.values.len()))?;
+            rows.spans.push((first as i64 + start[1], from..rows.values.len()));
         }
         Ok(rows)
     }
@@ -316,13 +318,9 @@ pub struct Stamps {
 
 impl Stamps {
     pub fn new(law: &Law) -> Result<Self, Error> {
-        let count = law.shown();
-        let profile = Profile::new(law.tau0);
-        let weights = weights(law)?;
-        let mut images = Vec::new();
-        for &diameter in &law.diameters {
-            pushed(&mut images, depths(law, &weights, &profile, f64::from(diameter))?)?;
-        }
+        let (count, profile, weights) = (law.shown(), Profile::new(law.tau0), weights(law)?);
+        let image = |&wide: &f32| depths(law, &weights, &profile, f64::from(wide));
+        let images = law.diameters.iter().map(image).collect::<Result<Vec<_>, _>>()?;
         let (sizes, mut total, mut square, mut largest) = (images.len(), 0.0, 0.0, 0.0_f64);
         for (number, image) in images.iter().enumerate() {
             let share = (2 * (sizes - number) - 1) as f64 / (16 * sizes * sizes) as f64;
@@ -338,36 +336,37 @@ impl Stamps {
             .min(largest.max(6.5))
             .max(count * total + 8.0 * libm::sqrt(count * square));
         let unit = (room / 255.0).max(1e-20) as f32;
-        let mut stamps = Vec::new();
-        for image in &images {
-            for place in 0..16 {
-                let place = (place / 4, place % 4);
-                pushed(&mut stamps, stamp(image, place, f64::from(unit))?)?;
-            }
+        // One list: in a process that has forked each piece of memory is copied when it is first written.
+        let (mut steps, mut ends) = (Vec::new(), zeroed(16 * sizes + 1)?);
+        for (number, end) in ends[1..].iter_mut().enumerate() {
+            let place = [number as i64 / 4 % 4, number as i64 % 4];
+            stamp(&images[number / 16], place, f64::from(unit), &mut steps)?;
+            *end = steps.len();
         }
-        let each = stamps.iter().map(Vec::len).max().unwrap_or(0);
+        let stamps = ends.windows(2).map(|ends| &steps[ends[0]..ends[1]]);
+        let each = stamps.clone().map(<[Piece]>::len).max().unwrap_or(0);
         let far = |(rows, cols): (i32, i32), &(row, col, _): &Piece| {
             (rows.max(row.abs()), cols.max(-col).max(col + WIDTH as i32))
         };
         // Zeros that fill up begin at the flake's pixel.
-        let reach = stamps.iter().flatten().fold((0, WIDTH as i32), far);
+        let reach = steps.iter().fold((0, WIDTH as i32), far);
         let reach = (reach.0 as usize, reach.1 as usize);
         // An odd number of cache lines: rows do not share places of the cache.
         let stride = 32 * ((law.period.1 + 2 * reach.1 + 1).div_ceil(32) | 1);
         let mut pieces = Vec::new();
-        for stamp in &stamps {
+        reserve(&mut pieces, 16 * sizes * each)?;
+        for stamp in stamps {
             let filled = stamp.iter().copied().chain(std::iter::repeat((0, 0, [0; WIDTH])));
-            for (row, col, piece) in filled.take(each) {
-                pushed(&mut pieces, (row as isize * stride as isize + col as isize, piece))?;
-            }
+            let placed = |(row, col, piece)| (row as isize * stride as isize + col as isize, piece);
+            pieces.extend(filled.take(each).map(placed));
         }
         Ok(Self { unit, total, reach, pieces, stride, each })
     }
 }
 
-/// The stamp of a flake at a place, in quarters, within its pixel.
-fn stamp(image: &Rows, (y, x): (i64, i64), unit: f64) -> Result<Vec<Piece>, Error> {
-    let mut pieces: Vec<Piece> = Vec::new();
+/// Adds the stamp of a flake at a place, in quarters, within its pixel.
+fn stamp(image: &Rows, at: [i64; 2], unit: f64, pieces: &mut Vec<Piece>) -> Result<(), Error> {
+    let ([y, x], own) = (at, pieces.len());
     let bottom = image.start[0] + image.spans.len() as i64;
     for row in (image.start[0] + y).div_euclid(4)..=(bottom + y).div_euclid(4) {
         let (first, values) = image.row(4 * row - y);
@@ -379,13 +378,14 @@ fn stamp(image: &Rows, (y, x): (i64, i64), unit: f64) -> Result<Vec<Piece>, Erro
             if steps == 0 {
                 continue;
             }
-            if !pieces.last().is_some_and(|&(y, x, _)| y == row && col - x < WIDTH as i32) {
-                pushed(&mut pieces, (row, col, [0; WIDTH]))?;
+            let last = pieces[own..].last();
+            if !last.is_some_and(|&(y, x, _)| y == row && col - x < WIDTH as i32) {
+                pushed(pieces, (row, col, [0; WIDTH]))?;
             }
             if let Some((_, x, piece)) = pieces.last_mut() {
                 piece[(col - *x) as usize] = steps;
             }
         }
     }
-    Ok(pieces)
+    Ok(())
 }
