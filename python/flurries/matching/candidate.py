@@ -103,6 +103,7 @@ def _coded(
     with av.open(store, "w", format="mp4") as out:
         stream = out.add_stream("libx264", rate=max(round(fps), 1), options={"crf": str(level)})
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        stream.codec_context.thread_count = 2  # Else bytes go with the processors.
         for picture in pictures:
             even = np.ascontiguousarray(picture[:height, :width])
             out.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
@@ -130,7 +131,6 @@ def nearer(
     # Changes (3,) of the logarithms of density and size, and of the light, with their covariance;
     # `usual` ones are expected, with the inverse covariance `known`.
     shades = np.quantile(np.append(real.behind, ours.behind), np.arange(1, _SHADES) / _SHADES)
-
     rows = {id(part): np.searchsorted(shades, part.behind) * (len(_HEIGHTS) + 1)
             for part in (real, ours)}  # fmt: skip
 

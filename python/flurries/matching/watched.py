@@ -36,10 +36,10 @@ def smaller(pixels: Array, scale: int) -> Array:
     white = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0
     height, width = (length // scale * scale for length in pixels.shape[:2])
     parts = [pixels[n:height:scale, :width, :3].astype(np.float32) for n in range(scale)]
-    rows = sum(parts[1:], parts[0]).reshape(-1, 3 * scale)
-    # As a product, since loops over three colors are slow.
+    rows = sum(parts[1:], parts[0]).reshape(height // scale, -1, 3 * scale)
+    # Products by rows: loops over colors are slow, threads of a large one keep the reader waiting.
     mean = np.tile(np.eye(3, dtype=np.float32), (scale, 1)) / np.float32(scale**2 * white)
-    return np.asarray(rows @ mean).reshape(height // scale, -1, 3)
+    return np.asarray(rows @ mean)
 
 
 @keep(4)
