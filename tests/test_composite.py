@@ -27,13 +27,6 @@ def opacity(shape: tuple[int, ...], dtype: Any = np.float32, seed: int = 1) -> n
     return values.astype(dtype)
 
 
-def equation_7(background: np.ndarray, alpha: np.ndarray, intensity: Any) -> np.ndarray:
-    """The twin: float64, not rounded, in the background's own values."""
-    back = background.astype(np.float64)
-    cover = alpha.astype(np.float64).reshape(*alpha.shape, *[1] * (back.ndim - 2))
-    return np.asarray(intensity) * full_scale(background.dtype) * cover + (1.0 - cover) * back
-
-
 def slack(dtype: Any) -> float:
     """How far from the twin a result may be: half a step, and the rounding of the arithmetic."""
     kind = np.dtype(dtype)
@@ -52,7 +45,11 @@ def test_equation_7(dtype: str, shape: tuple[int, ...], intensity: Any):
     got = C.snow(background, alpha, intensity=intensity)
     assert got.shape == background.shape
     assert got.dtype == background.dtype
-    wrong = np.abs(got.astype(np.float64) - equation_7(background, alpha, intensity))
+    # The twin: float64, not rounded, in the background's own values.
+    back = background.astype(np.float64)
+    cover = alpha.astype(np.float64).reshape(*alpha.shape, *[1] * (back.ndim - 2))
+    want = np.asarray(intensity) * full_scale(background.dtype) * cover + (1.0 - cover) * back
+    wrong = np.abs(got.astype(np.float64) - want)
     assert wrong.max() <= slack(dtype)
 
 

@@ -36,11 +36,6 @@ def eq2(count, middle, radius, size=65):
     return result
 
 
-def smoothstep(low, high, x):
-    t = min(max((x - low) / (high - low), 0.0), 1.0)
-    return t * t * (3 - 2 * t)
-
-
 def opacity(shape, place, radius, density, focal, center, *, footprint="viewplane_c", edge="taper",
             near=0.1, near_mode="fade", depth=None, occlusion="soft"):  # fmt: skip
     height, width = shape
@@ -57,7 +52,8 @@ def opacity(shape, place, radius, density, focal, center, *, footprint="viewplan
         elif near_mode == "fade" or z - near < radius:
             if z <= near:
                 return np.zeros(shape)
-            density = density * smoothstep(near, near + sigma, z)
+            share = min(max((z - near) / sigma, 0.0), 1.0)
+            density = density * share * share * (3 - 2 * share)
     size = math.inf
     if z > 0:
         size = focal * radius / z

@@ -24,7 +24,11 @@ _MOST_MILLIMETRES = 65535.0
 
 def warn(message: str) -> None:
     """Warn the first caller outside this package."""
-    warnings.warn(message, UserWarning, stacklevel=_outside())
+    frame, level = sys._getframe(0), 1
+    # A script's frames have no package: theirs is None.
+    while frame.f_back and str(frame.f_globals.get("__package__")).startswith("flurries"):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, UserWarning, stacklevel=level)
 
 
 def warn_of_levels(name: str, picture: Array, advice: str) -> None:
@@ -49,17 +53,6 @@ def warn_of_levels(name: str, picture: Array, advice: str) -> None:
             f"{name} is below 0 in {below:.0%} of its values, as pictures that were normalized "
             "for a network are; weather comes before that"
         )
-
-
-def _outside() -> int:
-    """Return the stack level of the first caller outside this package, as a warning counts it."""
-    frame, level = sys._getframe(1), 1
-    # A script's frames have no package: theirs is None.
-    while frame.f_back is not None and str(frame.f_globals.get("__package__")).startswith(
-        "flurries"
-    ):
-        frame, level = frame.f_back, level + 1
-    return level
 
 
 def warn_of_units(name: str, plane: Array) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -59,20 +58,16 @@ def snow(
     planes, given = _background(background, (1, 3))
     cover = check.plane_of("alpha", alpha, planes.shape[:2])
     check.shares("alpha", cover)
-    color = _intensity(intensity, planes.shape[2])
+    levels, channels = check.bounded("intensity", intensity), planes.shape[2]
+    if levels.shape not in ((1,), (channels,)) or levels.min() < 0.0:
+        wanted = f"one number or {channels}, at least 0"
+        raise ValueError(f"intensity must be {wanted}, got {check._came(intensity)}")
+    color = np.broadcast_to(levels, channels).tolist()
     result = check.output(out, given.shape, given.dtype.newbyteorder("="), given, cover)
     shape = planes.shape
     return check.filled(
         result, planes.dtype, lambda view: _core.snow(view.reshape(shape), planes, cover, color)
     )
-
-
-def _intensity(intensity: Any, channels: int) -> list[float]:
-    color = check.bounded("intensity", intensity)
-    if color.shape not in ((1,), (channels,)) or color.min() < 0.0:
-        wanted = f"one number or {channels}, at least 0"
-        raise ValueError(f"intensity must be {wanted}, got {check._came(intensity)}")
-    return list(np.broadcast_to(color, channels).tolist())
 
 
 def over(background: ArrayLike, layer: ArrayLike, *, out: Array | None = None) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -75,7 +75,11 @@ def layers(
         raise ValueError("gains must be one number or 4, none negative")
     each = list(zip(MULTIPLES, OFFSETS, np.broadcast_to(strengths, 4).tolist(), strict=True))
     shared = check.flag("conserve", conserve)
-    start, stop = _rows_of(rows, size[0])
+    rows = (0, size[0]) if rows is None else rows
+    if not check.is_pair(rows):
+        raise TypeError(f"rows must be (start, stop), got {check._came(rows)}")
+    start = check.integer("rows[0]", rows[0], low=0, high=size[0] - 1)
+    stop = check.integer("rows[1]", rows[1], low=start + 1, high=size[0])
     # Blocks lie where they lie in the whole picture.
     top = start - start % BLOCK
     apart = depth is not None or size[0] * size[1] > LARGEST_CHART
@@ -190,14 +194,6 @@ def _footprints(given: Pose, course: Course, shape: tuple[int, ...]) -> Array:
     steps = np.empty((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK), 2), np.float32)
     _core.cone_footprints(steps, given, course)
     return steps
-
-
-def _rows_of(rows: Any, height: int) -> tuple[int, int]:
-    rows = (0, height) if rows is None else rows
-    if not check.is_pair(rows):
-        raise TypeError(f"rows must be (start, stop), got {check._came(rows)}")
-    start = check.integer("rows[0]", rows[0], low=0, high=height - 1)
-    return start, check.integer("rows[1]", rows[1], low=start + 1, high=height)
 
 
 def _word(tiles: float) -> int:

@@ -176,7 +176,11 @@ def _maps(
     guess = np.stack([np.full(len(roots), mean), np.log(deviation * roots)])
     for number in range(len(nodes) - 2, -1, -1):
         wanted = nodes[number] * whole
-        shown = np.minimum(contrast[:, number], _MOST * _largest(wanted))
+        # No more than opacities that are all or nothing have.
+        some = np.clip(wanted, 1e-12, 1.0 - 1e-12)
+        common = np.array([_NORMAL.pdf(_NORMAL.inv_cdf(share)) for share in some])
+        most = _contrast(common, some * (1.0 - some))
+        shown = np.minimum(contrast[:, number], _MOST * most)
         even = shown <= 1e-6 * wanted
         shown = np.where(even, 1e-6 * wanted, shown)
         guess = _solve(guess, power, np.log(np.stack([wanted, shown])))
@@ -196,13 +200,6 @@ def _maps(
 def _contrast(common: Float64, spread: Float64) -> Float64:
     """Return the contrast of opacities by their means with waves and their variances."""
     return np.asarray(np.maximum(common, 0.0) ** 0.7 * np.maximum(spread, 0.0) ** 0.15)
-
-
-def _largest(mean: Float64) -> Float64:
-    """Return the contrast of opacities (n,) of that mean that are all or nothing."""
-    some = np.clip(mean, 1e-12, 1.0 - 1e-12)
-    common = np.array([_NORMAL.pdf(_NORMAL.inv_cdf(share)) for share in some])
-    return _contrast(common, some * (1.0 - some))
 
 
 def _solve(guess: Float64, power: float, wanted: Float64) -> Float64:

@@ -119,7 +119,13 @@ def slabs_of(
             images, weight = focal * diameters / depth, share
             count *= area / (area := float(weight @ images**2))
         coverage = count * population.opacity * 0.25 * math.pi * area
-        found.append(Slab(near, end, depth, count, _even_shares(images, weight), coverage))
+        # Of each even share of images the diameter that covers what the share does.
+        order = np.argsort(images, kind="stable")
+        weight, images = (np.append(0.0, part[order]) for part in (weight, images))
+        below, squares = np.cumsum([weight, weight * images**2], axis=1)
+        upto = np.diff(np.interp(EVENLY, below / below[-1], squares))
+        covered = np.asarray(np.sqrt(upto * _SHARES / below[-1]))
+        found.append(Slab(near, end, depth, count, covered, coverage))
     return found
 
 
@@ -132,12 +138,3 @@ def variance_at(each: SizeClass, focal: float, way: float, depths: Float64) -> F
     across = square / 16.0 + 0.15
     along = across + (focal * way / depths[:, None]) ** 2 / 12.0
     return np.asarray(depths**2 * ((square**2 / np.sqrt(across * along)) @ share))
-
-
-def _even_shares(images: Float64, weight: Float64) -> Float64:
-    """Return the diameter of each even share of images, which covers what the share does."""
-    order = np.argsort(images, kind="stable")
-    weight, images = (np.append(0.0, part[order]) for part in (weight, images))
-    below, squares = np.cumsum([weight, weight * images**2], axis=1)
-    upto = np.interp(EVENLY, below / below[-1], squares)
-    return np.asarray(np.sqrt(np.diff(upto) * _SHARES / below[-1]))

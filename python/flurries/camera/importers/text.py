@@ -124,7 +124,10 @@ def read_chan(
     frames = rows[:, 0]
     if not (np.diff(frames) > 0.0).all():
         raise ValueError(f"{file}: frames must increase")
-    matrices = np.array([FLIP @ _euler(angles) @ FLIP for angles in rows[:, 4:7]])
+    axes = [np.diag(angles) for angles in np.radians(rows[:, 4:7])]
+    # Degrees about x, y and z, as Nuke's: about z first and y last.
+    turns = [[rotation_matrix(axis) for axis in each] for each in axes]
+    matrices = np.array([FLIP @ (y @ x @ z) @ FLIP for x, y, z in turns])
     lens = Camera(1.2 * width) if camera is None else expect_camera(camera, stretched=True)
     focal = None
     if rows.shape[1] == 8:
@@ -132,12 +135,6 @@ def read_chan(
             raise ValueError(f"{file}: vfov must be between 0 and 180 degrees")
         focal = 0.5 * height / np.tan(np.radians(rows[:, 7]) / 2.0) / lens.aspect
     return path_of(frames, rows[:, 1:4] @ FLIP, matrices, lens, focal, scale)
-
-
-def _euler(degrees: Float64) -> Float64:
-    """Return the rotation by degrees about x, y and z: as Nuke's, about z first and y last."""
-    x, y, z = (rotation_matrix(axis) for axis in np.diag(np.radians(degrees)))
-    return np.asarray(y @ x @ z)
 
 
 def read_kitti(path: PathLike, camera: Camera, *, scale: float = 1.0) -> CameraPath:
