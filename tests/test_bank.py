@@ -101,6 +101,19 @@ def test_it_moves_with_the_wind_at_its_depth():
     assert abs(moved[1] - 3.0 * 6.0 / 30.0 * FOCAL / 18.0) < 3.0
 
 
+@pytest.mark.parametrize("t", [0.0, 900.0])
+def test_both_eyes_of_a_camera_that_flies_see_one_mist(t):
+    mist = fl.Mist(visibility=60.0, structure=0.6, depths=(16.0, 20.0), color=1.0)
+    path = fl.CameraPath(fl.Camera(FOCAL), velocity=(0.0, 0.0, 3.0))
+    film = fl.Scene(np.zeros((128, 256, 3), np.float32), camera=path, effects=[mist], seed=3)
+    left, right = np.diff(film.stereo(t, distance=0.2, convergence=12.0), axis=2)[..., 0]
+    across = np.fft.ifft2(np.fft.fft2(right) * np.conj(np.fft.fft2(left))).real
+    # Their slice stands at 17 m; its short waves, which it shares with those beyond, at 31 m.
+    least, most = (FOCAL * 0.2 * (1.0 / 12.0 - 1.0 / depth) for depth in (17.0, 32.0))
+    assert least < np.unravel_index(across.argmax(), across.shape)[1] <= most
+    assert across.max() > 0.9 * np.linalg.norm(left) * np.linalg.norm(right)
+
+
 def test_the_side_to_the_sun_is_bright_by_the_gas_before_it():
     """Of a cloud in a slice of its own: all of its light against the way to the sun, summed."""
     # Of its six slices the fourth has its middle at 60 m.

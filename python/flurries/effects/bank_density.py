@@ -16,7 +16,7 @@ from flurries._kept import kept
 from flurries.camera.tiles import tile_drift, tile_shift
 from flurries.effects.motion import comes_nearer
 from flurries.frame.view import Frame
-from flurries.motion.keys import Vector, value_at
+from flurries.motion.keys import value_at
 from flurries.spectral.frame import request
 from flurries.spectral.texture import Texture
 
@@ -55,11 +55,10 @@ class Density:
             seen = [number for number in numbers.tolist() if shown[number + 1] > shown[number]]
             if not seen:
                 continue
-            dense = np.empty((len(seen), *coarse_shape(self.frame)), np.float32)
+            dense = np.empty((len(seen), *coarse_shape(self.frame.shape)), np.float32)
             for slot, number in enumerate(seen):
-                dense[slot] = mean * self.profile(self.rays, places[number])
-                if waves is not None:
-                    dense[slot] *= long[number]
+                share = mean * self.profile(self.rays, places[number])
+                np.multiply(share, long[number] if waves else np.float32(1.0), out=dense[slot])
             middle = float(np.mean([places[number] for number in numbers]))
             yield Slices(
                 shown[seen[0] : seen[-1] + 2].tolist(), [places[number] for number in seen], dense,
@@ -77,7 +76,7 @@ class Density:
             return None
         # The outer scale: no waves are longer than a bank, or than one sees.
         outer = mist.farthest if mist.center is None else min(mist.box)
-        return Waves(self.frame, mist.wind, mist.structure, outer)
+        return Waves(self.frame, mist, outer, self._cut()[1][0])
 
     def _cut(self) -> tuple[Float64, list[float]]:
         """Return the edges of all slices, planar depth, and the depths that stand for them."""
@@ -87,8 +86,9 @@ class Density:
             middle = float(frame.to_camera(away)[2])
             reach = 0.75 * float(np.linalg.norm(mist.box)) / math.sqrt(3.0) * 1.2
             edges = np.linspace(max(middle - reach, 0.0), max(middle + reach, 0.0), SLICES + 1)
-            return edges, (0.5 * (edges[:-1] + edges[1:])).tolist()
-        far, count = float(mist.box[2]), 1 if self._waves is None and mist.top is None else SLICES
+            # No depth is that of the eye, where all of the bank lies behind it.
+            return edges, np.maximum(0.5 * (edges[:-1] + edges[1:]), 1e-3).tolist()
+        far, count = float(mist.box[2]), 1 if mist.structure == 0.0 and mist.top is None else SLICES
         share = np.arange(2 * count) / (2 * count) * -np.expm1(-self.reference * far)
         at = -np.log1p(-share) / self.reference
         return np.append(at[::2], far), at[1::2].tolist()
@@ -206,84 +206,119 @@ _FINE_RINGS = np.append([SHORTEST, 4.0, 8.0], _HANDOVER)
 _STRIDE, _SHORT = 7919, 1_000_003
 
 
-def coarse_shape(frame: Frame) -> tuple[int, ...]:
-    return tuple(-(-side // COARSE) + 2 * MARGIN for side in frame.shape)
+# How far aside an eye sees what eyes share, at most, over the focal length.
+ASIDE = 0.125
+
+
+def coarse_shape(shape: tuple[int, int]) -> Any:
+    return tuple(-(-side // COARSE) + 2 * MARGIN for side in shape)
 
 
 @dataclass(frozen=True, eq=False)
 class Waves:
     frame: Frame
-    wind: Vector
-    spread: float  # Root mean square of the logarithm of the density.
+    mist: Any
     scale: float  # The longest waves' length, metres.
+    nearest: float  # The depth of the first slice, metres.
 
     @cached_property
     def _flows(self) -> bool:
         """Whether the view does not move as one."""
         path, axis = self.frame.path, self.frame.camera.matrix()[:, 2]
-        return path.turns or path.zooms or comes_nearer(path, axis, 0.0, self.wind)
+        return path.turns or path.zooms or comes_nearer(path, axis, 0.0, self.mist.wind)
+
+    def _aside(self, depth: float) -> tuple[float, float]:
+        """Return px by which an eye beside the camera sees a depth aside, and what is left out."""
+        camera, x = self.frame.camera, self.frame.camera.offset[0]
+        aside, most = camera.center_shift[0] - camera.focals[0] * x / depth, ASIDE * camera.focal
+        part = min(max(aside, -most), most) if x else 0.0
+        return part, aside - part
+
+    @cached_property
+    def _wide(self) -> tuple[int, int]:
+        """The picture with room on either side for what an eye beside the camera sees."""
+        most = max(abs(self._aside(depth)[0]) for depth in (self.nearest, math.inf))
+        room = COARSE * math.ceil(most / COARSE + 2.0) if most else 0
+        return self.frame.shape[0], self.frame.shape[1] + 2 * room
 
     @cached_property
     def _tiles(self) -> tuple[tuple[int, int], int]:
         """The tile of the coarse grid and what tiles share, its px."""
-        rows, columns = coarse_shape(self.frame)
+        rows, columns = coarse_shape(self._wide)
         if max(rows, columns) <= (APART[0] if self._flows else TILE):
             return (_quick(ROOM * rows), _quick(ROOM * columns)), 0
         return (APART[0], APART[0]), APART[1]
 
     def long(self, depth: float, number: int) -> Array:
         """Return the density of a slice over its mean in its long waves, coarse, float32."""
-        field, tile = np.empty(coarse_shape(self.frame), np.float32), self._tiles[0]
-        edges, outer = _rings(tile), self.frame.camera.focal * self.scale / depth
+        edges, outer = _rings(self._tiles[0]), self.frame.camera.focal * self.scale / depth
         gains = _gains(edges, outer)[0] / _spline(edges)
-        self._fill(field, depth, self._tiles, edges / COARSE, gains, _STRIDE * number)
-        variance = self.spread * self.spread * _variances(tile, outer)[0]
-        field *= np.float32(math.sqrt(variance))
-        field -= np.float32(0.5 * variance)
-        return np.asarray(np.exp(field, out=field))
+        field, at = self._field(COARSE, depth, self._tiles, edges, gains, _STRIDE * number)
+        variance = self.mist.structure**2 * _variances(self._tiles[0], outer)[0]
+        found: Any = np.float32(-0.5 * variance)
+        columns, taps, part = coarse_shape(self.frame.shape)[1], [1.0], at % 1.0
+        if at:
+            # Between samples by Catmull and Rom.
+            near, far = 0.5 * part * part * (1.0 - part), 0.5 * part * (1.0 - part) ** 2
+            taps = [-far, 1.0 - part + 2.0 * far - near, part + 2.0 * near - far, -near]
+        for to, part in enumerate(taps, max(int(at) - 1, 0)):
+            found = found + np.float32(math.sqrt(variance) * part) * field[:, to : to + columns]
+        return np.asarray(np.exp(found, out=found))
 
     def short(self, depth: float, half: int) -> tuple[Array, float]:
         """Return short waves of slices about a depth, (H, W) of variance 1, and their size."""
-        out, frame = np.empty(self.frame.shape, np.float32), self.frame
-        outer = frame.camera.focal * self.scale / depth
+        outer = self.frame.camera.focal * self.scale / depth
         gains, tiles = _gains(_FINE_RINGS, outer)[1], FINE_APART if self._flows else FINE
-        self._fill(out, depth, tiles, _FINE_RINGS, gains, _STRIDE * half + _SHORT)
-        return out, self.spread * math.sqrt(_variances(self._tiles[0], outer)[1])
+        field, at = self._field(1, depth, tiles, _FINE_RINGS, gains, _STRIDE * half + _SHORT)
+        # The slices that they stand for lie farther apart than what whole pixels leave out.
+        field = field[:, round(at) : round(at) + self.frame.shape[1]]
+        return field, self.mist.structure * math.sqrt(_variances(self._tiles[0], outer)[1])
 
-    def _fill(
-        self, out: Array, depth: float, tiles: tuple[tuple[int, int], int],
+    def _field(
+        self, step: int, depth: float, tiles: tuple[tuple[int, int], int],
         edges: Float64, gains: Float64, stream: int,
-    ) -> None:  # fmt: skip
-        """Fill a grid with a field of variance 1 that moves as the air does at a depth."""
-        frame = self.frame
+    ) -> tuple[Array, float]:  # fmt: skip
+        """Return a field of variance 1 that moves as air at a depth, and the eye's first column."""
+        # Eyes side by side look at one field: tiles of their own would move by their own middles,
+        # and what both see would part as the camera flies.
+        eye, (aside, rest) = self.frame.camera, self._aside(depth)
+        room, margin = (self._wide[1] - self.frame.shape[1]) // 2, MARGIN if step > 1 else 0
         sizes: dict[str, Any] = {"tile": tiles[0], "overlap": tiles[1]}
-        scale, margin = (1.0, 0) if out.shape == frame.shape else (1.0 / COARSE, MARGIN)
+        if room:
+            center = eye.center and (eye.center[0] + room, eye.center[1])
+            offset, shifted = (0.0, *eye.offset[1:]), (rest, eye.center_shift[1])
+            eye = eye.derive(offset=offset, center_shift=shifted, center=center)
+        frame = self.frame.derive(camera=eye, shape=self._wide)
+        shape = coarse_shape(self._wide) if margin else self._wide
 
         def shift(then: Frame) -> Float64:
-            eye = camera = then.camera
-            if margin:
-                # The eye before the coarse grid.
-                (x, y), (u, v) = eye.principal(then.shape), eye.center_shift
-                center = scale * (x - u) + margin, scale * (y - v) + margin
-                aside = scale * u, scale * v
-                camera = eye.derive(focal=scale * eye.focal, center=center, center_shift=aside)
-            travel = then.travel(wind=self.wind)
-            moved = tile_drift(out.shape, travel, camera, near_depth=depth, **sizes)
+            # The eye before the grid.
+            eye, (x, y) = then.camera, then.camera.principal(then.shape)
+            u, v = eye.center_shift
+            center, aside = ((x - u) / step + margin, (y - v) / step + margin), (u / step, v / step)
+            camera = eye.derive(focal=eye.focal / step, center=center, center_shift=aside)
+            travel = then.travel(wind=self.mist.wind)
+            moved = tile_drift(shape, travel, camera, near_depth=depth, **sizes)
             if then.path.turns:
-                moved = moved + tile_shift(out.shape, then.rotation(), camera, **sizes)
-            return np.asarray(moved + scale * np.array(eye.center_shift))
+                moved = moved + tile_shift(shape, then.rotation(), camera, **sizes)
+            return np.asarray(moved + aside)
 
-        texture = Texture(
-            wavelengths=(float(edges[0]), float(edges[-1])), exponent=EXPONENT, ring_edges=edges,
-            ring_gains=gains, **sizes,
-        )  # fmt: skip
-        seed = (frame.seed + stream) % 2**62
-        asked = request(out.shape, texture, shift=shift(frame), seed=seed)
-        if frame.lap is not None:
-            begin, end = (shift(frame.later(t - frame.t)) for t in (frame.lap.first, frame.lap.end))
-            whole = np.ascontiguousarray((end - begin)[:, :, None])
-            asked = asked._replace(lap=(np.zeros_like(whole), whole, frame.lap.part(frame.t)))
-        _core.field(out, asked, None, False)
+        def make() -> Array:
+            ends, seed = edges / step, (frame.seed + stream) % 2**62
+            texture = Texture(
+                wavelengths=(float(ends[0]), float(ends[-1])), exponent=EXPONENT, ring_edges=ends,
+                ring_gains=gains, **sizes,
+            )  # fmt: skip
+            asked = request(shape, texture, shift=shift(frame), seed=seed)
+            if lap := frame.lap:
+                begin, end = (shift(frame.later(t - frame.t)) for t in (lap.first, lap.end))
+                whole = np.ascontiguousarray((end - begin)[:, :, None])
+                asked = asked._replace(lap=(np.zeros_like(whole), whole, lap.part(frame.t)))
+            out = np.empty(shape, np.float32)
+            _core.field(out, asked, None, False)
+            return out
+
+        return frame.once(self.mist, (stream, eye, room), make), (room - aside) / step
 
 
 def _rings(tile: tuple[int, int]) -> Float64:
