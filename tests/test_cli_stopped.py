@@ -25,6 +25,7 @@ def mistakes() -> dict[str, tuple[list[str], str]]:
         ("--seed", "seed", [str(2**63), "1.5", "x"]), ("--fps", "fps", ["0", "nan", "-24"]),
         ("--threads", "", ["0", "257", "two"]), ("--foreground", "no.png", ["no.png"]),
         ("--flakes", "--flakes", ["3"]), ("--quality", "quality", ["best"]),
+        ("--hide", "wants whole numbers like 3,12", ["1.7", "nan", "3,"]),
     ]  # fmt: skip
     patterns = ["plate.png/%d.png", "plate.png/a/%d.png", "%d/%d.png", "%s.png", "a%d%d.png", "a",
                 "a/", "", "%d.xyz", "a\n%d.png", "plate.png", "%d.toml", "."]  # fmt: skip

@@ -82,17 +82,18 @@ def command(*examples: str) -> Callable[[Callable[..., Any]], Command]:
     return click.command(cls=Command, examples=examples, context_settings=settings)
 
 
-def numbers(length: int) -> Callable[[str], tuple[float, ...]]:
-    """Return a reader of several numbers with commas: "1,0,0"."""
+def numbers(length: int, kind: type = float) -> Callable[[str], tuple[Any, ...]]:
+    """Return a reader of so many numbers with commas, "1,0,0"; of any number of them with 0."""
 
-    def read(text: str) -> tuple[float, ...]:
+    def read(text: str) -> tuple[Any, ...]:
         try:
-            found = tuple(map(float, text.split(",")))
+            found = tuple(map(kind, text.split(",")))
         except ValueError:
             found = ()
-        if len(found) != length:
-            wanted = ",".join("100"[:length])
-            raise click.BadParameter(f"wants {length} numbers like {wanted}, got {text!r}")
+        if not found or len(found) != (length or len(found)):
+            like = f"{length} numbers like {','.join('10000'[:length])}"
+            wanted = like if length else f"{'whole ' * (kind is int)}numbers like 3,12"
+            raise click.BadParameter(f"wants {wanted}, got {text!r}")
         return found
 
     return read

@@ -59,14 +59,6 @@ def _shutter(text: str) -> float:
         raise click.BadParameter(f"wants frames or an angle like 180deg, got {text!r}") from None
 
 
-def _depths(text: str) -> tuple[float, ...]:
-    return numbers(text.count(",") + 1)(text)
-
-
-def _ids(text: str) -> tuple[int, ...]:
-    return tuple(map(int, _depths(text)))
-
-
 def _body(text: str) -> Body:
     *place, size = numbers(4)(text)
     return Body(tuple(place), size)
@@ -100,9 +92,10 @@ scene_options: Callable[[Any], Any] = join(
            "a picture of where there are flakes and drops: white all, black none"),
     option("--holdout", FILE, "FILE", "roto.png", "none",
            "a mask of what stands before snow and rain alone: white hides them"),
-    option("--split", _depths, "METRES", "3,12", "one layer",
+    option("--split", numbers(0), "METRES", "3,12", "one layer",
            "depths that part snow and rain into layers: near, mid and far"),
-    option("--hide", _ids, "IDS", "4711,4712", "none", "flakes that are not shown, by their ids"),
+    option("--hide", numbers(0, int), "IDS", "4711,4712", "none",
+           "flakes that are not shown, by their ids"),
     option("--place", 5, "FRAME,X,Y,Z,SIZE", "8,0.2,-0.1,1.5,0.02", "none",
            "a flake of your own: where it is in a frame, and its diameter, metres; may be repeated",
            multiple=True),
