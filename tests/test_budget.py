@@ -9,8 +9,8 @@ ROOT = Path(__file__).parents[1]
 # The aims are 20,000, 24,500, 17,500 and 2,200: lower a limit whenever the count falls below it.
 LIMITS = {
     ("src/**/*.rs", "crates/**/*.rs"): 19_819,
-    ("python/**/*.py",): 30_829,
-    ("tests/**/*.py",): 21_422,
+    ("python/**/*.py",): 30_823,
+    ("tests/**/*.py",): 21_420,
     ("benches/**/*.*",): 2_282,
 }
 
