@@ -12,8 +12,7 @@ FOCAL = 600.0
 def depth_of(effect, shape=(256, 256), t=0.0, *, seed=0, **about):
     about = {"camera": fl.Camera(FOCAL), **about}
     shown = fl.Scene(np.zeros((*shape, 3), np.float32), effects=[effect], seed=seed, **about)
-    alpha = cover(shown, t).astype(np.float64)
-    return -np.log1p(-alpha)
+    return -np.log1p(-cover(shown, t).astype(np.float64))
 
 
 def spectrum_of(planes):
@@ -34,8 +33,7 @@ def spectrum_of(planes):
 def test_the_optical_depth_has_one_spectrum_down_to_the_pixel(wall):
     def of(**how):
         mist = fl.Mist(**how)
-        planes = [depth_of(mist, (256, 320), seed=seed, depth=wall) for seed in range(24)]
-        return spectrum_of(planes)
+        return spectrum_of([depth_of(mist, (256, 320), seed=s, depth=wall) for s in range(24)])
 
     waves, power = of(visibility=60.0, structure=0.6)
     slope = np.polyfit(np.log(waves), np.log(power), 1)[0]
@@ -70,6 +68,8 @@ def test_a_bank_in_the_world_ends_softly_and_holds_what_its_box_did():
     # The integral over the picture is the extinction times the volume, seen at 60 m.
     area = depth.sum() * (60.0 / FOCAL) ** 2
     assert abs(area / (mist.extinction() * 12.0 * 8.0 * 10.0) - 1.0) < 0.03
+    gone = fl.Mist(visibility=20.0, structure=0.5, box=(12.0, 8.0, 10.0), center=(0, 0, -60.0))
+    assert not depth_of(gone, (256, 384)).any(), "a bank behind the camera shows"
 
 
 def test_ground_mist_thins_above_its_top():

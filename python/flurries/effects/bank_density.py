@@ -205,19 +205,19 @@ _FINE_RINGS = np.append([SHORTEST, 4.0, 8.0], _HANDOVER)
 # Seeds of the slices lie this far apart; those of short waves begin beyond them.
 _STRIDE, _SHORT = 7919, 1_000_003
 
-
-# How far aside an eye sees what eyes share, at most, over the focal length.
+# By so many focal lengths at most an eye sees aside what both eyes share; phases hold the rest.
 ASIDE = 0.125
 
 
-def coarse_shape(shape: tuple[int, int]) -> Any:
-    return tuple(-(-side // COARSE) + 2 * MARGIN for side in shape)
+def coarse_shape(shape: tuple[int, int]) -> tuple[int, int]:
+    rows, columns = (-(-side // COARSE) + 2 * MARGIN for side in shape)
+    return rows, columns
 
 
 @dataclass(frozen=True, eq=False)
 class Waves:
     frame: Frame
-    mist: Any
+    mist: Any  # A `Mist`, settled.
     scale: float  # The longest waves' length, metres.
     nearest: float  # The depth of the first slice, metres.
 
@@ -228,7 +228,7 @@ class Waves:
         return path.turns or path.zooms or comes_nearer(path, axis, 0.0, self.mist.wind)
 
     def _aside(self, depth: float) -> tuple[float, float]:
-        """Return px by which an eye beside the camera sees a depth aside, and what is left out."""
+        """Return px to the right at which an eye sees what both share of a depth, and the rest."""
         camera, x = self.frame.camera, self.frame.camera.offset[0]
         aside, most = camera.center_shift[0] - camera.focals[0] * x / depth, ASIDE * camera.focal
         part = min(max(aside, -most), most) if x else 0.0
@@ -258,11 +258,11 @@ class Waves:
         found: Any = np.float32(-0.5 * variance)
         columns, taps, part = coarse_shape(self.frame.shape)[1], [1.0], at % 1.0
         if at:
-            # Between samples by Catmull and Rom.
-            near, far = 0.5 * part * part * (1.0 - part), 0.5 * part * (1.0 - part) ** 2
-            taps = [-far, 1.0 - part + 2.0 * far - near, part + 2.0 * near - far, -near]
-        for to, part in enumerate(taps, max(int(at) - 1, 0)):
-            found = found + np.float32(math.sqrt(variance) * part) * field[:, to : to + columns]
+            # Between samples by Catmull and Rom: the first and the last of four are taken off.
+            first, last = 0.5 * part * (1.0 - part) ** 2, 0.5 * part * part * (1.0 - part)
+            taps = [-first, 1.0 - part + 2.0 * first - last, part + 2.0 * last - first, -last]
+        for left, tap in enumerate(taps, max(int(at) - 1, 0)):
+            found = found + np.float32(math.sqrt(variance) * tap) * field[:, left : left + columns]
         return np.asarray(np.exp(found, out=found))
 
     def short(self, depth: float, half: int) -> tuple[Array, float]:
