@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[1]
 
 # The aims are 20,000, 24,500, 17,500 and 2,200: lower a limit whenever the count falls below it.
 LIMITS = {
-    ("src/**/*.rs", "crates/**/*.rs"): 19_819,
+    ("src/**/*.rs", "crates/**/*.rs"): 19_818,
     ("python/**/*.py",): 30_823,
     ("tests/**/*.py",): 21_420,
     ("benches/**/*.*",): 2_282,

@@ -5,6 +5,7 @@ pub mod bent;
 pub mod blur;
 pub mod cells;
 pub mod draw;
+mod factor;
 pub mod law;
 pub mod layers;
 pub mod list;

@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 
 use super::layers::LANES;
 use super::stamp::{Law, Stamps, WIDTH};
-use crate::base::error::{Cancel, Error, collected, pushed, reserve, zeroed};
+use crate::base::error::{Cancel, Error, pushed, reserve, zeroed};
 use crate::base::pool;
 use crate::base::random::{Hash, mix64};
 use crate::base::simd::dispatch;
@@ -100,7 +100,7 @@ pub struct Sheet {
     /// Row by row of places.
     places: [OnceLock<Vec<u8>>; 16],
     /// Of the pixels of the first place by their bytes, up to the last there is.
-    shares: OnceLock<Vec<f64>>,
+    pub shares: OnceLock<Vec<f64>>,
 }
 
 impl Sheet {
@@ -121,46 +121,6 @@ impl Sheet {
         self.law.shown() * self.stamps.total
     }
 
-    /// The factor with which the sheet takes a mean optical depth, where `even` goes with it and flakes are `spread` times
-    /// stronger; 0 of one without flakes.
-    pub fn factor(
-        &self,
-        wanted: f64,
-        [spread, even]: [f64; 2],
-        cancel: &Cancel,
-    ) -> Result<f64, Error> {
-        let place = self.place(0, cancel)?;
-        let shares = pool::kept(&self.shares, || shares(&place[..place.len() - LANES]))?;
-        let unit = spread * f64::from(self.stamps.unit);
-        // Polynomials of what a step leaves, in four parts: a sum would wait for each of its steps.
-        let taken = |factor: f64| {
-            let (step, mut parts) = (libm::exp(-factor * unit), [[0.0; 2]; 4]);
-            let four = (step * step) * (step * step);
-            for (byte, share) in shares.iter().enumerate().rev() {
-                let [sum, slope] = parts[byte % 4];
-                parts[byte % 4] = [sum * four + share, slope * four + share * byte as f64];
-            }
-            let sum = |one: usize| parts.iter().rev().fold(0.0, |sum, part| sum * step + part[one]);
-            let (left, slope) = (sum(0), sum(1));
-            (factor * even - libm::log(left), even + unit * slope / left)
-        };
-        let rise = taken(0.0).1;
-        if rise == 0.0 {
-            return Ok(0.0);
-        }
-        // It rises ever less, so that Newton's steps come from below; three are usual.
-        let (mut factor, most) = (wanted / rise, 8.0 * wanted / rise);
-        for _ in 0..30 {
-            let (sum, slope) = taken(factor);
-            let step = (wanted - sum) / slope;
-            factor = (factor + step).min(most);
-            if step.abs() <= 1e-4 * factor {
-                break;
-            }
-        }
-        Ok(factor)
-    }
-
     /// The bytes of place `4 i + j`, where flakes lie i/4 px lower and j/4 px further right, and some more.
     pub fn place(&self, number: usize, cancel: &Cancel) -> Result<&[u8], Error> {
         pool::kept(&self.places[number], || self.made(number, cancel)).map(Vec::as_slice)
@@ -169,8 +129,7 @@ impl Sheet {
     fn made(&self, number: usize, cancel: &Cancel) -> Result<Vec<u8>, Error> {
         let ((rows, cols), stamps) = (self.law.period, &self.stamps);
         let (stride, each, (above, left)) = (stamps.stride, stamps.each, stamps.reach);
-        let (down, right) = (number / 4, number % 4);
-        let mut parts = Vec::new();
+        let (down, right, mut parts) = (number / 4, number % 4, Vec::new());
         for cells in pool::split(self.cells.rows, pool::threads()) {
             let pixel = |cells: usize| ((cells as u64 * self.cells.steps[0]) >> 34) as usize;
             let top = pixel(cells.start) as i64 - above as i64;
@@ -225,18 +184,6 @@ impl Sheet {
     }
 }
 
-/// The shares of bytes, up to the last that is there.
-fn shares(bytes: &[u8]) -> Result<Vec<f64>, Error> {
-    // In turns: a count that follows the same one would wait for it.
-    let mut counts = [[0_u32; 256]; 4];
-    for four in bytes.chunks(4) {
-        four.iter().zip(&mut counts).for_each(|(&byte, own)| own[usize::from(byte)] += 1);
-    }
-    let share = |byte: usize| counts.iter().map(|own| own[byte]).sum::<u32>();
-    let many = (0..256).rposition(|byte| share(byte) > 0).map_or(1, |last| last + 1);
-    collected((0..many).map(|byte| f64::from(share(byte)) / bytes.len() as f64))
-}
-
 #[dispatch]
 fn add<const LEVEL: u8>(line: &mut [u16], from: &[u16]) {
     for (sum, &from) in line.iter_mut().zip(from) {
@@ -257,8 +204,7 @@ pub mod tests {
 
     /// A law of sharp flakes of all ranks, that leave below and come in above.
     pub fn law(count: f64, diameters: &[f32], streak: [f64; 2], period: (usize, usize)) -> Law {
-        let (diameters, ranks) = (diameters.to_vec(), (0.0, 1.0));
-        let (shear, circle, thin) = (0, 0.0, 1.0);
+        let (shear, diameters, circle, thin, ranks) = (0, diameters.to_vec(), 0.0, 1.0, (0.0, 1.0));
         Law { seed: 7, period, shear, count, diameters, streak, circle, tau0: 4.3, thin, ranks }
     }
 
@@ -312,8 +258,7 @@ pub mod tests {
     fn direct(sheet: &Sheet, moved: (usize, usize)) -> Array2<f64> {
         let (rows, cols) = sheet.law.period;
         let mut stamps = Vec::new();
-        for &diameter in &sheet.law.diameters {
-            let diameter = f64::from(diameter);
+        for diameter in sheet.law.diameters.iter().copied().map(f64::from) {
             for place in 0..16 {
                 let at = [place % 4, place / 4].map(|quarter| (f64::from(quarter) + 0.5) / 4.0);
                 stamps.push(drawn(&sheet.law, diameter, spread(diameter), at));
@@ -377,9 +322,8 @@ pub mod tests {
             for streak in [[0.0, 0.0], [0.0, 1.0], [2.0, 2.0]] {
                 let sheet = Sheet::new(law(0.05, &[diameter], streak, (64, 64))).unwrap();
                 let unit = f64::from(sheet.stamps.unit);
-                let square = |&steps: &u16| (-f64::from(steps) / 256.0 * unit).exp_m1().powi(2);
-                let got = sheet.stamps.pieces.iter().flat_map(|piece| &piece.1).map(square);
-                let got = got.sum::<f64>() / 16.0;
+                let square = |&one: &u16| (-f64::from(one) / 256.0 * unit).exp_m1().powi(2) / 16.0;
+                let got: f64 = sheet.stamps.pieces.iter().flat_map(|one| &one.1).map(square).sum();
                 let wide = f64::from(diameter);
                 let want = (0..576).flat_map(|place| {
                     let at = [place % 24, place / 24].map(|part| (f64::from(part) + 0.5) / 24.0);
@@ -436,21 +380,19 @@ pub mod tests {
     #[test]
     fn flakes_are_poisson_and_split_by_rank() {
         let whole = Sheet::new(law(0.4, &[0.5, 1.0, 1.5], [0.0; 2], (1000, 1000))).unwrap();
-        let list = flakes(&whole);
+        let mut list = flakes(&whole);
         let mut counts = Array2::<f64>::zeros((100, 100));
         list.iter().for_each(|&(y, x, _)| counts[(y / 40, x / 40)] += 1.0);
         assert!((counts.mean().unwrap() / 40.0 - 1.0).abs() < 5.0 / 400_000_f64.sqrt());
         assert!((counts.var(0.0) / 40.0 - 1.0).abs() < 5.0 * (2.0 / 10_000_f64).sqrt());
         for size in 0..3 {
             let share = list.iter().filter(|flake| flake.2 == size).count() as f64 / 400_000.0;
-            let wanted = (5 - 2 * size) as f64 / 9.0;
-            assert!((share - wanted).abs() < 5e-3, "{size} {share}");
+            assert!((share - (5 - 2 * size) as f64 / 9.0).abs() < 5e-3, "{size} {share}");
         }
         let part = |ranks| Sheet::new(Law { ranks, ..whole.law.clone() }).unwrap();
         let parts = [part((0.0, 0.5)), part((0.5, 1.0))];
         let mut both = [flakes(&parts[0]), flakes(&parts[1])].concat();
         assert!((flakes(&parts[0]).len() as f64 / 200_000.0 - 1.0).abs() < 0.02);
-        let mut list = list;
         list.sort_unstable();
         both.sort_unstable();
         assert_eq!(list, both);
