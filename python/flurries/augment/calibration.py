@@ -27,12 +27,12 @@ NEAR, FAR = 1.5, scenes.BACKDROP
 
 # The same of the hard profile, for a focal length of so many pixels, whatever a picture's size:
 # a small picture has the same flakes in pixels, and stands for what is nearer.
-_HARD_ENDS, _LENS = {"snow": (1.6, 7.0), "rain": (1.3, 7.0)}, 600.0
+_HARD_ENDS, _LENS = {"snow": (2.0, 4.5), "rain": (1.3, 7.0)}, 600.0
 
-# Smallest and largest flakes and drops of the hard profile, metres: those of the heaviest snow and
-# rain, of which smaller ones would only be a veil. And how much brighter than its opacity a drop
-# is, which gathers the light of half the sky.
-_ENDS = {"snow": (0.003, 0.02), "rain": (0.002, 0.006)}
+# Smallest and largest flakes and drops of the hard profile, metres, by the heaviest snow and rain:
+# smaller ones would be a veil, larger flakes blobs, of 4 px and more. And how much brighter than
+# its opacity a drop is, which gathers the light of half the sky.
+_ENDS = {"snow": (0.003, 0.013), "rain": (0.002, 0.006)}
 GAINS = {"snow": 1.0, "rain": 14.0}
 
 # What bright drops cover over the sum of what each would: .77 to .9, by the exposure.
