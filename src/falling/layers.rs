@@ -363,19 +363,12 @@ pub fn left<const LEVEL: u8>(depth: f32) -> f32 {
 /// Of a run of depths; NaN hides nothing, as what is infinitely far.
 #[inline(always)]
 fn nearest_and_farthest(depth: &[f32]) -> (f32, f32) {
-    let (mut near, mut far) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
-    let take = |near: &mut f32, far: &mut f32, depth: f32| {
-        let depth = if depth.is_nan() { f32::INFINITY } else { depth };
-        (*near, *far) = (least(*near, depth), most(*far, depth));
-    };
-    let (whole, rest) = depth.as_chunks::<LANES>();
-    for depth in whole {
-        for lane in 0..LANES {
-            take(&mut near[lane], &mut far[lane], depth[lane]);
-        }
-    }
-    rest.iter().for_each(|&depth| take(&mut near[0], &mut far[0], depth));
-    (near.into_iter().fold(f32::INFINITY, least), far.into_iter().fold(f32::NEG_INFINITY, most))
+    // Whole numbers of the same bits are in the same order, and are compared many at once.
+    let number =
+        |&depth: &f32| if depth.is_nan() { f32::INFINITY } else { depth }.to_bits().cast_signed();
+    let ends = |(near, far): (i32, i32), depth: i32| (near.min(depth), far.max(depth));
+    let (near, far) = depth.iter().map(number).fold((i32::MAX, i32::MIN), ends);
+    (f32::from_bits(near.cast_unsigned()), f32::from_bits(far.cast_unsigned()))
 }
 
 /// Adds a layer by its share before a wall. Shares are exactly 0 and 1 outside the slab, so that it does

@@ -157,6 +157,6 @@ def extinction(loss: float, way: Float64, density: Float64) -> float:
             return math.inf
         step = math.log(rest / wanted) * rest / slope
         found += step
-        if step <= 1e-9 * found:
+        if step <= 1e-5 * found:  # Whose square is left.
             break
     return found

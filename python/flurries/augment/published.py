@@ -143,5 +143,4 @@ def _texts(folder: Path) -> dict[str, str]:
         "| --- | --- | --- | --- | --- | --- |",
         *table,
     ]  # fmt: skip
-    texts = ((_CARD, lines), (_TABLE, rows))
-    return {name: "\n".join(text) + "\n" for name, text in texts}
+    return {name: "\n".join([*text, ""]) for name, text in ((_CARD, lines), (_TABLE, rows))}

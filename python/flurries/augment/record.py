@@ -69,13 +69,9 @@ class Recorded:
             if any(level != int(level) for level in levels):
                 raise TypeError(f"severity must be an integer or two, got {self.severity!r}")
             own["severity"] = tuple(map(int, levels))
-        for name in [name for name in DRAWN if name in own]:
-            own[name] = range_of(name, own[name], DRAWN[name])
-        for name in [name for name in _FIXED if name in own]:
-            own[name] = real(name, own[name], low=_FIXED[name][0], high=_FIXED[name][1])
-        for name in ("seed", "weather_seed"):
-            if own[name] is not None:
-                own[name] = int64(name, own[name])
+        own |= {n: range_of(n, own[n], ends) for n, ends in DRAWN.items() if n in own}
+        own |= {n: real(n, own[n], low=a, high=b) for n, (a, b) in _FIXED.items() if n in own}
+        own |= {n: int64(n, own[n]) for n in ("seed", "weather_seed") if own[n] is not None}
 
     def strength(self) -> tuple[Strength, Strength]:
         """Return how strong the weakest and the strongest weather are that are drawn.
