@@ -13,14 +13,14 @@ from flurries.effects import ConeRain, ConeSnow, TentRain, TentSnow
 from flurries.frame import bands
 from flurries.frame.needs import Needs, Step
 
-H, W = 300, 260
+H, W = 220, 110
 RANDOM = np.random.default_rng(1)
 BYTES = RANDOM.integers(0, 255, (H, W, 3), dtype=np.uint8)
 LIGHT = (2.0 * RANDOM.random((H, W, 3))).astype(np.float32)
 ROUGH = np.where(RANDOM.random((H, W)) < 0.2, np.inf, 2.0 + 30.0 * RANDOM.random((H, W)))
 SLOPE = np.add.outer(np.linspace(3.0, 40.0, H), np.linspace(0.0, 9.0, W))
 MASK = np.zeros((H, W))
-MASK[:70], MASK[100:220, 50:], MASK[220:260] = 1.0, 1.0, 0.5
+MASK[:70], MASK[100:160, 25:], MASK[160:190] = 1.0, 1.0, 0.5
 FRONT = np.dstack([BYTES, RANDOM.integers(0, 255, (H, W), dtype=np.uint8)])
 STILL: dict[str, Any] = {"fall": 0.0, "wind": (0.0, 0.0, 0.0), "sway": (0.0, 0.0)}
 
@@ -37,11 +37,11 @@ EFFECTS: dict[str, Any] = {
     "field": TentSnow(flakes=100, wind=fl.Wind(field=RANDOM.normal(size=(2, 3, 3, 3, 3)))),
 }  # fmt: skip
 FORWARD = fl.CameraPath(
-    fl.Camera(300.0),
+    fl.Camera(150.0),
     velocity=fl.Keys([(0, (0.5, 0.0, 0.0)), (6, (0.5, 0.0, 2.0)), (40, (0, -3, -4))]),
 )
 TURNING = fl.CameraPath(
-    fl.Camera(300.0), orientation=fl.Keys([(0, (0.0, 0.0, 0.0)), (40, (0.0, 0.5, 0.2))])
+    fl.Camera(150.0), orientation=fl.Keys([(0, (0.0, 0.0, 0.0)), (40, (0.0, 0.5, 0.2))])
 )
 SUN = fl.scene.Sun((0.2, 1.0, 0.3))
 SCENES: dict[str, dict[str, Any]] = {
@@ -65,7 +65,7 @@ SCENES: dict[str, dict[str, Any]] = {
 @pytest.fixture
 def low(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     def lower() -> None:
-        monkeypatch.setattr(bands, "WHOLE", 100 * W)
+        monkeypatch.setattr(bands, "WHOLE", 50 * W)
         monkeypatch.setattr(bands, "BAND", 64 * W)
 
     return lower
@@ -81,7 +81,7 @@ PAIRS = [(a, b) for i, a in enumerate(EFFECTS) for j, b in enumerate(SCENES) if 
 
 def frames(scene: fl.Scene, several: fl.Scene, step: int) -> list[Any]:
     """Return what two scenes show, asked for forwards or backwards."""
-    part = np.s_[13:290, 20:250]
+    part = np.s_[13:210, 10:105]
     asked = [
         # The second time what stands still is known.
         lambda: [scene.render(7.5)], lambda: [scene.render(7.5)], lambda: [several.render(3.0)],

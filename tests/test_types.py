@@ -179,10 +179,8 @@ def test_the_citation_is_of_this_version_and_names_the_four_papers():
 
 
 def test_16_15_a_free_threaded_python_is_refused_with_a_sentence():
-    code = (
-        "import sys; sys.abiflags = 't'\ntry:\n    import flurries\nexcept ImportError as error:\n"
-    )
-    code += "    print(error)"
+    code = "import sys; sys.abiflags = 't'\ntry:\n    import flurries\n"
+    code += "except ImportError as error:\n    print(error)"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.startswith("flurries does not run on a free-threaded Python: ")
     assert len(ran.stdout.splitlines()) == 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, fields
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -111,6 +111,7 @@ def table(kind: type[Any], names: tuple[str, ...], limits: Mapping[str, str]) ->
     return "\n".join(rows) + "\n"
 
 
+@cache
 def described(kind: type[Any]) -> dict[str, tuple[str, str]]:
     """Return type and text of every parameter of a class, by its docstring."""
     found: dict[str, tuple[str, str]] = {}
