@@ -15,7 +15,7 @@ from typing import Any
 
 from flurries._contract import choice, flag, integer, mapping, rate_of, real, seed_of
 from flurries.augment.calibration import Profile
-from flurries.augment.layouts import LAYOUTS, Layout, files_of, layout_of, members_of
+from flurries.augment.layouts import LAYOUTS, Layout, Member, files_of, layout_of, members_of
 from flurries.augment.published import Shards, write_card
 from flurries.augment.sets import ALWAYS, COPY, NEEDS, TRUTH, WEATHERS, Part, Pictures, weather_of
 from flurries.io import frame_range
@@ -154,12 +154,7 @@ def corrupt(
     if not pictures:
         raise ValueError(f"{source}: no pictures")
     if planes or many:
-        # Pictures that differ by their endings alone: their planes would have one name.
-        names: dict[Path, str] = {}
-        for one in pictures:
-            if (other := names.setdefault(Path(one.name).with_suffix(""), one.name)) != one.name:
-                words = f"truth and shards must have names: {other} and {one.name} share one"
-                raise ValueError(words)
+        _require_own_names(pictures)
     found = Counter([*(one.words for one in pictures), *(f"{o}: copied" for o in others.values())])
     made = Corrupted(dict(sorted(skipped.items())), told, dict(found), target / NAME, strengths)
     if dry:
@@ -180,12 +175,7 @@ def corrupt(
         if (source / copy.name).stat().st_size:
             parts.append(copy)
         else:
-            path = target / copy.path
-            path.parent.mkdir(parents=True, exist_ok=True)
-            if path.exists() and path.stat().st_size:
-                why = "Is there already and not empty, as it is in the set"
-                raise FileExistsError(17, why, str(path))
-            path.touch()
+            _make_empty(target / copy.path)
     job = Pictures(
         folder=target.absolute(), source=source.absolute(),
         known={one.name: one for one in pictures}, parts=parts, seed=start, profile=profile,
@@ -234,6 +224,13 @@ def _levels(severity: int | str | Sequence[int]) -> tuple[int, ...]:
     return levels
 
 
+def _make_empty(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.exists() and path.stat().st_size:
+        raise FileExistsError(17, "Is there already and not empty, as it is in the set", str(path))
+    path.touch()
+
+
 def _several(value: str | Sequence[str]) -> tuple[str, ...]:
     return (value,) if isinstance(value, str) else tuple(value)
 
@@ -257,6 +254,14 @@ def _swaps(
     if missing := [kind for kind in wanted if kind not in known]:
         raise ValueError(f"truth needs {missing[0]}, which this layout has not: say where it is")
     return {kind: known[kind] for kind in dict.fromkeys([*wanted, *set(told) & {*ALWAYS}])}
+
+
+def _require_own_names(pictures: Iterable[Member]) -> None:
+    """Refuse pictures that differ by their endings alone, whose planes would have one name."""
+    known: dict[Path, str] = {}
+    for one in pictures:
+        if (other := known.setdefault(Path(one.name).with_suffix(""), one.name)) != one.name:
+            raise ValueError(f"truth and shards must have names: {other} and {one.name} share one")
 
 
 def _make_folders(paths: Iterable[Path]) -> None:

@@ -57,14 +57,7 @@ def make(
     if crew.remote:
         here = set(fates.of("written", "held", "kept"))
         made = [index for index in indices if not here.isdisjoint(job.frames(index))]
-        last = time.monotonic() + _LATE
-        while missing := job.store.missing([job.path_of(index) for index in made]):
-            if time.monotonic() > last:
-                raise OSError(
-                    f"{job.store.name_of(missing[0])}: a worker has written it, but here it is "
-                    "not: the folder must be one that all machines see"
-                )
-            time.sleep(0.05)
+        _require_here(job, made)
 
 
 def _make(job: Job, plain: bool, group: list[int], run: str, known: list[Line]) -> Fates:
@@ -72,6 +65,17 @@ def _make(job: Job, plain: bool, group: list[int], run: str, known: list[Line]) 
     with on_one_core(plain):
         sequence.make(job, group, journal, lambda frames: frames, fates)
     return fates
+
+
+def _require_here(job: Job, indices: list[int]) -> None:
+    last = time.monotonic() + _LATE
+    while missing := job.store.missing([job.path_of(index) for index in indices]):
+        if time.monotonic() > last:
+            raise OSError(
+                f"{job.store.name_of(missing[0])}: a worker has written it, but here it is not: "
+                "the folder must be one that all machines see"
+            )
+        time.sleep(0.05)
 
 
 def _ended(
