@@ -15,8 +15,7 @@ from flurries.effects import TentRain, TentSnow
 from flurries.effects.kinds import OURS
 from flurries.io import write_picture
 from flurries.viewer.charts import chart
-from flurries.viewer.controls import applied, controls_of
-from flurries.viewer.inert import inert
+from flurries.viewer.controls import applied, controls_of, inert
 from flurries.viewer.session import Preview, Session, jpeg
 
 SNOW = TentSnow(flakes=300, wind=(0.9, 0.0, 0.0), fall=1.2)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -19,6 +21,7 @@ from flurries.camera.optics import USUAL, Lens
 from flurries.camera.path import CameraPath, as_path
 from flurries.effects.drawn import FLAKE, drawn_of
 from flurries.frame.needs import Effect
+from flurries.frame.show import figure, listing
 from flurries.io import open_background
 from flurries.io.sequences import EXTEND
 from flurries.io.sequences import MOST_FRAMES as LAST
@@ -32,7 +35,6 @@ from flurries.scene.files import Extend
 from flurries.scene.foreground import Foreground, frozen, mattes_of
 from flurries.scene.output import Output
 from flurries.scene.rendering import Rendering, Space
-from flurries.scene.words import line_of, page_of
 
 Background: TypeAlias = str | Path | Sequence[float] | Array | Source
 Depth: TypeAlias = float | Array | str | Path | DepthMap
@@ -193,8 +195,26 @@ class Scene(Rendering):
             _distance=planes and Distance.of_planes(planes, inverse=inverse),
         )  # fmt: skip
 
-    __repr__ = line_of
-    _repr_html_ = page_of
+    def __repr__(self) -> str:
+        width, height = self.size
+        rate = "a still" if self._still else f"{self.fps:g} fps"
+        names = ", ".join(type(effect).__name__ for effect in self.effects) or "none"
+        return (
+            f"Scene({width} x {height} px, {rate}, background={_value(self.background)}, "
+            f"camera={_camera(self.camera)}, effects={names})"
+        )
+
+    def _repr_html_(self) -> str:
+        width, height = self.size
+        rows = [
+            ("size", f"{width} x {height} px, {self.fps:g} frames a second"),
+            ("background", _value(self.background)),
+            ("camera", _camera(self.camera)),
+        ]
+        rows += [(type(effect).__name__, _own_values(effect)) for effect in self.effects]
+        first, last = self._range or (0, math.inf)
+        frame = self.render(int(min(first + round(self.fps), last)))
+        return f"<div>{figure(frame)}{listing(rows)}</div>"
 
     @property
     def _arguments(self) -> dict[str, Any]:
@@ -298,3 +318,33 @@ def expect_scene(scene: object) -> Scene:
     if not isinstance(scene, Scene):
         raise TypeError(f"scene must be a flurries.Scene, got {type(scene).__name__}")
     return scene
+
+
+def _camera(path: CameraPath) -> str:
+    moves = path.position is not None or path.velocity is not None
+    does = {"moving": moves, "turning": path.turns, "zooming": path.zooms}
+    words = " and ".join(word for word, yes in does.items() if yes)
+    return f"{words or 'still'}, focal {path.camera.focal:g} px"
+
+
+def _own_values(effect: object) -> str:
+    """Return the fields of an effect that are not as they are without being given."""
+    if not is_dataclass(effect):
+        return ""
+    changed = []
+    for field in fields(effect):
+        value = getattr(effect, field.name)
+        usual = None if field.default is MISSING else field.default
+        if not field.name.startswith("_") and repr(value) != repr(usual):
+            changed.append(f"{field.name} {_value(value)}")
+    return ", ".join(changed) or "as it is by default"
+
+
+def _value(value: object) -> str:
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} array {value.shape}"
+    if isinstance(value, (str, os.PathLike)):
+        return os.fspath(value)
+    if isinstance(value, tuple):
+        return "(" + ", ".join(map(_value, value)) + ")"
+    return f"{value:.4g}" if isinstance(value, float) else repr(value)

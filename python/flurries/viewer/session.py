@@ -22,9 +22,9 @@ from flurries.motion.wind import Wind
 from flurries.scene.depth import DepthMap
 from flurries.scene.foreground import Foreground
 from flurries.scene.scene import Scene, expect_scene
+from flurries.viewer import controls
 from flurries.viewer.charts import chart, field_of
-from flurries.viewer.controls import EYES, applied, controls_of, fall_of, moves, names, settings
-from flurries.viewer.inert import inert
+from flurries.viewer.controls import EYES, fall_of, moves, settings
 from flurries.viewer.keep import film, python_of, save
 
 # Of an effect, what is counted in pixels of the picture, with the least that makes sense.
@@ -121,9 +121,9 @@ class Session:
         return {
             "width": width, "height": height, "full": list(self.scene.size or ()),
             "fps": self.scene.fps, "frames": self.scene._backdrop.count,
-            "effects": names(self.scene),
+            "effects": controls.names(self.scene),
             "textured": [field_of(effect) is not None for effect in self.scene.effects],
-            "controls": [asdict(row) for row in controls_of(self.scene, values)],
+            "controls": [asdict(row) for row in controls.controls_of(self.scene, values)],
             "save": str(self.save_path),
         }  # fmt: skip
 
@@ -157,7 +157,7 @@ class Session:
 
     @property
     def tuned(self) -> Scene:
-        return applied(self.scene, {k: v for k, v in self.values.items() if k != EYES})
+        return controls.applied(self.scene, {k: v for k, v in self.values.items() if k != EYES})
 
     def _frame(
         self, ask: Mapping[str, Any], values: Mapping[str, Any]
@@ -193,7 +193,7 @@ class Session:
                 head["chart"] = {**vars(found), "side": len(found.rate)}
                 buffers += [head["chart"].pop(plane).tobytes() for plane in ("rate", "power")]
         strong = [e.strength(now) for e in scene.effects if hasattr(e, "strength")]
-        head["inert"] = inert(scene, values)
+        head["inert"] = controls.inert(scene, values)
         head["strength"] = " · ".join(map(str, strong))
         head["ms"] = round(1e3 * (time.perf_counter() - began), 2)
         return head, buffers
