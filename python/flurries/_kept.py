@@ -1,8 +1,4 @@
-"""What is made once and kept by its key alone: arguments, and the mode of the kernels.
-
-There is no lock, which a fork in another thread would leave closed: two threads may make the same
-thing twice, with the same bits. `ALL` lists what modules keep.
-"""
+"""What is made once and kept by its key: without a lock, which a fork could leave closed."""
 
 from collections import OrderedDict
 from collections.abc import Callable

@@ -1,7 +1,4 @@
-"""A camera that turns and zooms: integrals in its axes, weighed by its focal length.
-
-R(t) = R_i exp([w] (t - t_i)) between keys, w in its own axes: docs/internals/architecture.md.
-"""
+"""A camera that turns and zooms: integrals in its axes, weighed by its focal length."""
 
 import bisect
 import math

@@ -1,8 +1,4 @@
-"""Far flakes whose places move in their own ways: a camera that goes ahead, turns or zooms, gusts.
-
-Planes in the air, one behind the other, each a sheet: one is seen while it is in its layer and the
-camera near its pose, whatever the time is. A lattice of nodes says what a pixel sees of each.
-"""
+"""Far flakes that move in their own ways, as sheets on planes in the air, seen through nodes."""
 
 import itertools
 import math

@@ -1,8 +1,4 @@
-"""The far flakes of a population: a sheet for each layer of depth and class of size.
-
-A sheet is a torus with a period of its own, from the focal length, that hangs from the principal
-point: a crop or a larger picture shows the same flakes.
-"""
+"""The far flakes of a population: a torus of them for each layer of depth and class of size."""
 
 import math
 from typing import Any

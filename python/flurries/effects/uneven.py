@@ -1,7 +1,4 @@
-"""What differs from place to place: the wind beyond its mean, and the density of snow and rain.
-
-Displacements are metres since frame 0, velocities metres per frame, in the eye's axes.
-"""
+"""The wind beyond its mean and the density by places: metres since frame 0, metres per frame."""
 
 import math
 from collections.abc import Iterator, Sequence

@@ -42,10 +42,7 @@ def _errors() -> tuple[ctypes.c_void_p, int | None, int] | None:
 
 @contextmanager
 def libraries_silent() -> Iterator[None]:
-    """Keep libpng from the terminal: what it writes there is said by an error of ours.
-
-    File descriptor 2 stays, and so do Python's words and those of other processes.
-    """
+    """Keep libpng, and nobody else, from the terminal: what it writes is said by our errors."""
     found, token = _errors(), (os.getpid(), object())
     if found is None:
         yield

@@ -1,8 +1,4 @@
-"""The journal of a folder: what each file is, on the disk before the file has its name.
-
-A process writes lines to a file of its own, and joins them to ``flurries.jsonl`` when its run ends.
-All are read together, so nobody waits for a lock. A file without a line is not ours.
-"""
+"""The journal of a folder: what each file is, on the disk before the file has its name."""
 
 from __future__ import annotations
 
@@ -27,7 +23,7 @@ __all__ = ["check"]
 
 NAME = "flurries.jsonl"
 
-# A process's own: who owns it, and which of its runs.
+# A process's own, joined when its run ends, so that none waits: who owns it, and which run.
 PART = re.compile(r"flurries\.([0-9a-f]{16})([0-9a-f]{8})(\.[0-9a-f]{8})?\.jsonl")
 
 MOST_BYTES = 1 << 28

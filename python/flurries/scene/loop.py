@@ -1,7 +1,4 @@
-"""A scene that begins again after N frames: two rounds at a time, at t and at t - N.
-
-What is no crowd of flakes looks at the frame's `lap`: waves turn by whole cycles.
-"""
+"""A scene that begins again after N frames: flakes in two rounds, at t and at t - N."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Cryptomatte: mattes of things by the names that a renderer has given them, in its EXR files.
-
-``CryptoObject00.R`` is a name's hash, 32 bits kept as a float, ``.G`` its share of the pixel.
-"""
+"""Cryptomatte: mattes of things by the names that a renderer has given them, in its EXR files."""
 
 import json
 import os
