@@ -25,8 +25,7 @@ class Trace:
 
     def __init__(self, *, memory: bool = False) -> None:
         self.spans: dict[tuple[int, str], Span] = {}
-        # The most that was allocated at a time, where memory is traced.
-        self.bytes = 0
+        self.bytes = 0  # The most that was allocated at a time, where memory is traced.
         self.outside = Span()
         self._memory, self._effect = memory, -1
         self._open: list[tuple[Span, int]] = []

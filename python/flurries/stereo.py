@@ -32,8 +32,7 @@ MATRICES = {
     ),
 }  # fmt: skip
 
-# Rows of a picture that are worked on together: they stay in the cache.
-_ROWS = 64
+_ROWS = 64  # Rows of a picture that are worked on together: they stay in the cache.
 
 
 def eyes(

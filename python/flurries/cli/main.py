@@ -39,8 +39,7 @@ COMMANDS = {
 FILES = {"plan": "look", "light": "look", "view": "look", "benchmark": "corrupt",
          "completion": "main", "check": "render", "texture": "render"}  # fmt: skip
 
-# Where a shell leaves the line that it wants completed.
-COMPLETE = "_FLURRIES_COMPLETE"
+COMPLETE = "_FLURRIES_COMPLETE"  # Where a shell leaves the line that it wants completed.
 
 
 class Commands(click.Group):

@@ -33,8 +33,7 @@ from flurries.spectral import export_loop
 
 SKIPPED = 3
 
-# How many numbers of frames a sentence names.
-NAMED = 10
+NAMED = 10  # How many numbers of frames a sentence names.
 
 
 @command(

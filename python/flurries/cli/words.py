@@ -11,8 +11,7 @@ from typing import Any, cast
 
 from flurries._trace import Trace
 
-# A log gets a line of progress this often, in seconds.
-EVERY = 10.0
+EVERY = 10.0  # A log gets a line of progress this often, in seconds.
 
 
 def say(text: object) -> None:

@@ -13,11 +13,8 @@ from flurries import _contract as check
 from flurries._contract import LARGEST, SMALLEST, ArrayLike, Float64
 from flurries.cone.sheet import MOST_REPEATS, wrapped
 
-# Below this speed, m/s, there is no direction: the axis stays as it was.
-STILL = 1e-3
-
-# Before anything has moved the cone points down.
-DOWN = np.array([0.0, 1.0, 0.0])
+STILL = 1e-3  # Below this speed, m/s, there is no direction: the axis stays as it was.
+DOWN = np.array([0.0, 1.0, 0.0])  # Before anything has moved the cone points down.
 
 # Gauss-Legendre nodes and weights on [-1, 1]: right to 1e-16 where the speed's branch points are
 # farther from the middle than twice the half width.

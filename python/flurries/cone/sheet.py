@@ -238,11 +238,8 @@ def _drawn(size: int, rows: Float64, dtype: npt.DTypeLike, out: Array | None) ->
     return result
 
 
-# Words of four neighbours: see src/cone/table.rs.
-Table: TypeAlias = npt.NDArray[np.uint32]
-
-# Memory of filtered tables that a texture keeps, in words.
-MOST_WORDS = 1 << 26
+Table: TypeAlias = npt.NDArray[np.uint32]  # Words of four neighbours: see src/cone/table.rs.
+MOST_WORDS = 1 << 26  # Memory of filtered tables that a texture keeps, in words.
 
 
 class Texture:

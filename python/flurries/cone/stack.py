@@ -30,8 +30,7 @@ OFFSETS = ((0.0, 0.0), (0.37, 0.61), (0.71, 0.23), (0.13, 0.83))
 # Azimuth, height, fade, what the blocks are, footprints: see src/cone/chart.rs.
 Chart: TypeAlias = tuple[Array, Array, Array, Array, Array]
 
-# Tiles around, stretch, the first row.
-Course: TypeAlias = tuple[int, float, int]
+Course: TypeAlias = tuple[int, float, int]  # Tiles around, stretch, the first row.
 
 # Multiple, offsets as words, gain, log2 of the texels in a tile.
 Sheet: TypeAlias = tuple[int, int, int, float, float]

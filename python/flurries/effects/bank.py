@@ -25,8 +25,7 @@ from flurries.motion.keys import value_at
 # mean depth (H, W) of what shows.
 Drawn: TypeAlias = tuple[Array, Array | None, Array | None]
 
-# Pixels of the cells in which light is found.
-CELL = 8
+CELL = 8  # Pixels of the cells in which light is found.
 
 # The sine of the lowest sun: light that comes in flatter takes no longer way through mist.
 LOWEST = 0.1

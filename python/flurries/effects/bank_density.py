@@ -175,14 +175,12 @@ class Rays:
         return sideways + (down * self.y if down else 0.0) + ahead
 
 
-# Amplitudes fall as k^(-11/6), their squares as k^(-11/3).
-EXPONENT = 11.0 / 6.0
+EXPONENT = 11.0 / 6.0  # Amplitudes fall as k^(-11/6), their squares as k^(-11/3).
 
 # The shortest wave, and those between which the finer grid hands over to the coarser one, px.
 SHORTEST, LOWER, UPPER = 2.0, 16.0, 32.0
 
-# Pixels to a coarse sample.
-COARSE = 4
+COARSE = 4  # Pixels to a coarse sample.
 
 # Tiles and what they share, px of their grid: the largest of the coarse one, and where the air
 # comes nearer and flows apart; those of the short waves, and the same.
@@ -192,8 +190,7 @@ FINE, FINE_APART = ((256, 256), 32), ((64, 64), 10)
 # One tile is so much larger than the frame: waves are longer, and the wind brings it back later.
 ROOM = 1.12
 
-# Coarse samples beyond the frame on each side, as the kernel reads them.
-MARGIN = 1
+MARGIN = 1  # Coarse samples beyond the frame on each side, as the kernel reads them.
 
 # Rings of waves that have one gain: in an octave of the hand-over, and beyond it.
 HANDED, RINGS = 8, 24

@@ -26,8 +26,7 @@ LADDER = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0)
 # Flakes and pixels of a sheet at most: all its places are made at once.
 _FLAKES, _PIXELS = 500_000.0, 700_000.0
 
-# Rays that run along a plane are taken to meet it so far aside.
-_SLANT = 0.1
+_SLANT = 0.1  # Rays that run along a plane are taken to meet it so far aside.
 
 # Pixels that a streak is long at most, along an axis, and the least part of a flake that is seen.
 LONGEST, _FAINTEST = 114.0, 0.0014

@@ -14,11 +14,8 @@ from flurries.spectral.tiles import BLEND
 
 _Kind = TypeVar("_Kind")
 
-# Versions of the looks of tents, cones and mist.
-LOOKS = ("v1",)
-
-# From a field's name and value to the value as it is kept.
-Check = Callable[[str, Any], Any]
+LOOKS = ("v1",)  # Versions of the looks of tents, cones and mist.
+Check = Callable[[str, Any], Any]  # From a field's name and value to the value as it is kept.
 
 DepthMode: TypeAlias = Literal["tile", "pixel"]
 

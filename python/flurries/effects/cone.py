@@ -30,8 +30,7 @@ from flurries.motion.wind import Wind
 # would be seen to.
 STILL = 0.1
 
-# The cones of the four layers, against the first one's.
-FARTHEST = 8
+FARTHEST = 8  # The cones of the four layers, against the first one's.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -25,8 +25,7 @@ from flurries.motion.keys import Keys, Number, value_at
 from flurries.particles.population import FADE, SizeClass
 from flurries.particles.sizes import Sizes
 
-# Frames over which a velocity is a difference of places, which are float64.
-STEP = 1.0 / 1024.0
+STEP = 1.0 / 1024.0  # Frames over which a velocity is a difference of places, which are float64.
 
 # What is known of a drawn flake; see :func:`flurries.flakes`.
 FLAKE = np.dtype([
@@ -39,8 +38,7 @@ FLAKE = np.dtype([
 # `STEPS` frames from this one, (n, 4), NaN behind the eye.
 Rows = tuple[npt.NDArray[np.uint64], Float64, Float64]
 
-# The most opaque ball there is: its middle lets through a ten-millionth.
-_MOST_OPAQUE = 0.99
+_MOST_OPAQUE = 0.99  # The most opaque ball there is: its middle lets through a ten-millionth.
 
 # Sizes of `Flakes` are six deviations of a Gaussian wide; a ball that covers as much is smaller.
 _BALL = math.sqrt(8.0) / 6.0

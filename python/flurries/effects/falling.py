@@ -35,8 +35,7 @@ from flurries.particles.sizes import RAIN, SNOW, Matter, Sizes
 Method: TypeAlias = Literal["flakes", "simulated", "tent", "cone"]
 Shape: TypeAlias = Literal["natural", "round"]
 
-# Metres: flakes and drops of a larger mean are sizes in another unit.
-_LARGEST_MEAN = 0.2
+_LARGEST_MEAN = 0.2  # Metres: flakes and drops of a larger mean are sizes in another unit.
 
 # Sparse rain shines so much more than the shot, and less by an optical depth over metres: by eye.
 THIN, DIMS = 3.0, 390.0

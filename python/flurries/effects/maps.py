@@ -19,8 +19,7 @@ import numpy as np
 from flurries._contract import Float64
 from flurries._kept import kept
 
-# The width that looks are tuned for.
-TUNED = 1024
+TUNED = 1024  # The width that looks are tuned for.
 
 # Hermite polynomials in which maps are expanded, and steps of Newton's.
 _TERMS = 24

@@ -22,11 +22,8 @@ from flurries.motion.keys import Number, Vector, as_number, as_vector, largest
 
 Method: TypeAlias = Literal["slices", "particles"]
 
-# The paper's fog: a radius of .45 in a box of 5.
-RADIUS = 0.09
-
-# The visibility of mist of which nothing is said, metres.
-VISIBILITY = 200.0
+RADIUS = 0.09  # The paper's fog: a radius of .45 in a box of 5.
+VISIBILITY = 200.0  # The visibility of mist of which nothing is said, metres.
 
 # What only particles have: the paper's fog, in a box of 5, where nothing is said.
 PARTICLES = {"count": 1200, "radius": None, "density": 0.4}

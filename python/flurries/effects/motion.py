@@ -16,17 +16,10 @@ from flurries.frame.view import Frame
 from flurries.motion.keys import Course, Keys, Number, Vector, air_courses, sum_of, value_at
 from flurries.motion.wind import Wind
 
-# From a frame to the next one and to the one before.
-STEPS = (1.0, -1.0)
-
-# Metres before the eye that no depth is below.
-NEAREST = 1e-3
-
-# Rows of a picture that are worked on together.
-_ROWS = 32
-
-# Straight pieces between two keys that stand for the product of two keyed numbers.
-_PIECES = 8
+STEPS = (1.0, -1.0)  # From a frame to the next one and to the one before.
+NEAREST = 1e-3  # Metres before the eye that no depth is below.
+_ROWS = 32  # Rows of a picture that are worked on together.
+_PIECES = 8  # Straight pieces between two keys that stand for the product of two keyed numbers.
 
 # Seconds that a photograph of falling snow is exposed by day, and frames that a film is.
 STILL, HALF_OPEN = 1.0 / 250.0, 0.5

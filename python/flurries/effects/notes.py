@@ -25,8 +25,7 @@ from flurries.motion.keys import Keys, Vector, as_number, as_vector, value_at
 if TYPE_CHECKING:
     from flurries.effects.weather import Film
 
-# By so much of a depth, on either side, flakes go over from one law to the other.
-_SOFT = 0.07
+_SOFT = 0.07  # By so much of a depth, on either side, flakes go over from one law to the other.
 
 
 @suggesting

@@ -20,17 +20,11 @@ RATES = {"snow": (0.5, 1.0, 2.5, 5.0, 10.0), "rain": (2.5, 10.0, 25.0, 50.0, 100
 VISIBILITIES = (1000.0, 500.0, 200.0, 100.0, 50.0)
 SEVERITIES = len(VISIBILITIES)
 
-# Rates that are taken, mm/h.
-LOWEST, HIGHEST = 0.001, {"snow": 50.0, "rain": 500.0}
-
+LOWEST, HIGHEST = 0.001, {"snow": 50.0, "rain": 500.0}  # Rates that are taken, mm/h.
 OPACITY, OPAQUE = 0.9, 0.99  # Mean over a flake's disc where nothing is said, and at most.
-
 BACKDROP = 60.0  # The wall where no depth is known, for weather of a visibility, metres.
-
 _SAME = 0.01  # The share by which numbers that say the same may differ: users round.
-
-# What is solved for falls at most so many times faster or slower than was measured.
-_FASTER = 5.0
+_FASTER = 5.0  # What is solved for falls at most so many times faster or slower than was measured.
 
 # Straight pieces between two keyed visibilities, which stand for a number that goes with 1/V.
 _PIECES = 16

@@ -89,11 +89,8 @@ class Texture:
         )
 
 
-# Pixels whose maps are made together, in float64.
-_HELD = 1 << 14
-
-# So few depths of tiles have entries of their own in the table of maps.
-_FEW = 32
+_HELD = 1 << 14  # Pixels whose maps are made together, in float64.
+_FEW = 32  # So few depths of tiles have entries of their own in the table of maps.
 
 
 def before_scene(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool, mode: str) -> Array:

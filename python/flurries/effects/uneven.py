@@ -19,8 +19,7 @@ from flurries.motion.waves import Waves, carry, paced
 from flurries.motion.wind import Wind
 from flurries.particles.population import Slab
 
-# Frames that the integral of a profile takes together.
-_TOGETHER = 4096
+_TOGETHER = 4096  # Frames that the integral of a profile takes together.
 
 _way_of = kept(32)(integral_of)
 

@@ -20,18 +20,14 @@ from flurries.motion.keys import Vector, value_at
 Law: TypeAlias = Literal["even", "rayleigh", "henyey"]
 SCATTER = get_args(Law)
 
-# How many times as bright as white lamps may make it.
-LAMPS = 100.0
-
-# The outer share of the box, on each side, in which particles fade.
-RIM = 0.075
+LAMPS = 100.0  # How many times as bright as white lamps may make it.
+RIM = 0.075  # The outer share of the box, on each side, in which particles fade.
 
 # Where a film begins again: the stream of the order in which particles give way, and over which
 # share of them the one that does fades.
 RANKS, FADE = 211, 0.25
 
-# The most particles in a box.
-MOST = 2_000_000
+MOST = 2_000_000  # The most particles in a box.
 
 
 def optics_of(mist: Any) -> Optics:

@@ -28,8 +28,7 @@ from flurries.particles.sizes import Sizes
 # nearest cost planes more. Of fewer flakes than the last up to the far end all are drawn.
 DRAWN, FEW = (0.002, 0.005), 0.004
 
-# Diameter in px of the largest flake of a sheet.
-LARGEST = 14.0
+LARGEST = 14.0  # Diameter in px of the largest flake of a sheet.
 
 # Flakes for each pixel of a sheet at most: of a plane, and where all places move alike.
 _MOST_FLAKES = (6.0, 2.0)
@@ -42,8 +41,7 @@ CLASSES, LAYERS = 4, (4, 7, 10, 15)
 # drops, whose speeds are so far apart that they streak in many ways, the logarithm of a depth.
 BENT_CLASSES, BENT_LAYERS, _APART, _THICK = 2, 6, 1.3, 0.283
 
-# Where a flake shows that somebody put there.
-_ANYWHERE = (0.0, 0.0, 1e6, 1e6)
+_ANYWHERE = (0.0, 0.0, 1e6, 1e6)  # Where a flake shows that somebody put there.
 
 # By so much of the far end, on either side, the last flakes fade, so that none pops.
 FAR_FADE = 0.07

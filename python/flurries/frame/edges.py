@@ -10,17 +10,13 @@ import numpy as np
 from flurries._contract import Array, sealed
 from flurries.frame.matte import NOTHING, Deep
 
-# Sides whose depths are as alike look alike.
-_ALIKE = 1.1
+_ALIKE = 1.1  # Sides whose depths are as alike look alike.
 
 # Pixels around one in which both sides of a step are whole: filters are up to 2 px wide.
 _REACH = 2
 
-# Slopes change by so many steps of a pixel over them, and by rounding.
-_SLOPE = 2.5
-
-# Rows that are looked at together, in the cache.
-_ROWS = 64
+_SLOPE = 2.5  # Slopes change by so many steps of a pixel over them, and by rounding.
+_ROWS = 64  # Rows that are looked at together, in the cache.
 
 
 class Edges(NamedTuple):

@@ -16,8 +16,7 @@ from flurries.frame.bands import Visible, Window, crop
 from flurries.frame.layer import Layer
 from flurries.io.color import linear_to_srgb, srgb_to_linear, unmultiply
 
-# Metres: before what stands so near there is no weather.
-NOTHING = np.float32(1e-3)
+NOTHING = np.float32(1e-3)  # Metres: before what stands so near there is no weather.
 
 
 @dataclass(frozen=True, eq=False)

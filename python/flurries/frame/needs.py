@@ -34,8 +34,7 @@ class Composed(Protocol):
         ...
 
 
-# One of flurries' effects, or one of your own.
-Effect: TypeAlias = Renders | Composed
+Effect: TypeAlias = Renders | Composed  # One of flurries' effects, or one of your own.
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,7 @@ from flurries.motion.keys import Keys
 LOOKED_AT = 9
 MOST_KEYED = 32
 
-# Frames that are rendered.
-PROBED = 5
+PROBED = 5  # Frames that are rendered.
 
 # An effect, -1 for the scene's own, and a step: as in a trace.
 _Key = tuple[int, str]

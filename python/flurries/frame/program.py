@@ -25,11 +25,8 @@ from flurries.io.color import linear_to_srgb, to_unit
 from flurries.light.plate import PlateLight, cell_sums, plate_light
 from flurries.light.shot import Light, light_of
 
-# Frames of a background in which the light of its shot is found.
-_FRAMES = 9
-
-# Half a step of an integer picture, less what rounding in float32 can take.
-HALF_STEP = 0.5 - 1e-3
+_FRAMES = 9  # Frames of a background in which the light of its shot is found.
+HALF_STEP = 0.5 - 1e-3  # Half a step of an integer picture, less what rounding in float32 can take.
 
 # The steepest place of the sRGB encoding, at black: display values per linear light.
 STEEPEST = 12.92

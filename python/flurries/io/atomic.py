@@ -18,8 +18,7 @@ from flurries.io.files import path_text
 
 PREFIX = ".flurries-"
 
-# Of a token: the machine and the process.
-_OWNER = 16
+_OWNER = 16  # Of a token: the machine and the process.
 
 # A hidden file of another machine that has not changed for so many seconds was left behind.
 HOUR = 3600.0

@@ -8,11 +8,8 @@ import numpy as np
 from flurries._contract import Array
 from flurries.io.atomic import replacing
 
-# From the house's axes to a stage's, y up.
-_UP = np.array([1.0, -1.0, -1.0])
-
-# Width of the film in tenths of a unit, which is a metre: 36 mm.
-_FILM = 0.36
+_UP = np.array([1.0, -1.0, -1.0])  # From the house's axes to a stage's, y up.
+_FILM = 0.36  # Width of the film in tenths of a unit, which is a metre: 36 mm.
 
 
 def require_usd() -> tuple[Any, Any, Any, Any, Any]:

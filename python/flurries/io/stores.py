@@ -21,8 +21,7 @@ from flurries.io.files import hash_of, read_bytes
 # it is sent under a hidden name and renamed.
 _WHOLE = {"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az"}
 
-# What S3 takes in parts, without a hash of the whole, bytes.
-_LARGE = 1 << 26
+_LARGE = 1 << 26  # What S3 takes in parts, without a hash of the whole, bytes.
 
 # What is known of a file: its "bytes", their "sha256", and more.
 Line: TypeAlias = "dict[str, Any]"

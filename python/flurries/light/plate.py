@@ -15,8 +15,7 @@ from flurries.io.color import decoding_table, to_linear, to_unit
 from flurries.light.lamp import within
 from flurries.light.shot import cells_of
 
-# Cells along the longer side of a picture: light is sampled no finer.
-CELLS = 96
+CELLS = 96  # Cells along the longer side of a picture: light is sampled no finer.
 
 # Light within the first angle (radians) comes from behind a flake, within the second from around.
 _NARROW, _WIDE = math.radians(6.0), math.radians(25.0)

@@ -17,8 +17,7 @@ from flurries._contract import Float64
 from flurries._kept import kept
 from flurries.motion.keys import Course, Integral, Keys, Number, course_of, integral_of, sum_of
 
-# Waves of the gusts and of the swirls, each.
-WAVES = 24
+WAVES = 24  # Waves of the gusts and of the swirls, each.
 
 # Points of Gauss and Legendre in a frame, where the speed of the wind changes.
 _NODES, _WEIGHTS = (0.5 * part for part in np.polynomial.legendre.leggauss(8))

@@ -46,8 +46,7 @@ _PICKLE = "distributed.protocol.pickle"
 # a task, below 2 % of it.
 PIXELS_OF_A_TASK = 1 << 23
 
-# Frames that a task may give back as arrays, in bytes.
-_MOST_BYTES = 1 << 28
+_MOST_BYTES = 1 << 28  # Frames that a task may give back as arrays, in bytes.
 
 Terms = tuple[tuple[str, str], ...]
 

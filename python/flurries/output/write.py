@@ -186,8 +186,7 @@ def _token_for(text: str, token: str = "%d") -> str:
 
 USD_EXTENSIONS = (".usd", ".usda", ".usdc")
 
-# Points of all frames together: some 4 GB in the file.
-MOST_POINTS = 100_000_000
+MOST_POINTS = 100_000_000  # Points of all frames together: some 4 GB in the file.
 
 
 class Points(Job):

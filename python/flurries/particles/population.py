@@ -9,8 +9,7 @@ from flurries import _core
 from flurries._contract import Float64
 from flurries.particles.sizes import Law, Sizes
 
-# Over this part of its depth the hand-over goes from all drawn to all synthesized.
-FADE = 0.08
+FADE = 0.08  # Over this part of its depth the hand-over goes from all drawn to all synthesized.
 
 # Depths by which a slab's images are counted, and the even shares of images: many, since the few
 # largest flakes make most of the contrast.

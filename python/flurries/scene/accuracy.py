@@ -16,11 +16,8 @@ from flurries.frame.view import Frame
 from flurries.scene.rendering import Rendering
 from flurries.scene.scene import Scene, expect_scene
 
-# Runs of which the fastest counts, after one that makes what all of them share.
-RUNS = 3
-
-# The percentile above which a pixel has much weather.
-LEVEL = 99.0
+RUNS = 3  # Runs of which the fastest counts, after one that makes what all of them share.
+LEVEL = 99.0  # The percentile above which a pixel has much weather.
 
 NO_SAY = (
     "in a film that begins again, and where flakes are so few that all are drawn, `handover` has "

@@ -13,11 +13,8 @@ from flurries.light.lamp import Lamp
 
 _One = TypeVar("_One")
 
-# A file of a few kilobytes could ask for more than anybody would wait for.
-MOST_EFFECTS = 1000
-
-# Every lamp shines on every flake.
-MOST_LIGHTS = 64
+MOST_EFFECTS = 1000  # A file of a few kilobytes could ask for more than anybody would wait for.
+MOST_LIGHTS = 64  # Every lamp shines on every flake.
 
 
 def parse_size(size: object) -> tuple[int, int]:

@@ -163,8 +163,7 @@ SLICES, FIRST, LAST = 31, 0.15, 256.0
 # What is fainter waits for the next slice; the last one takes what is left down to the second.
 _FAINT, _FAINTEST = 1.0 / 512.0, 1e-4
 
-# Samples of a frame: each is handed to the writer number by number.
-MOST_SAMPLES = 1 << 24
+MOST_SAMPLES = 1 << 24  # Samples of a frame: each is handed to the writer number by number.
 
 
 def deep_of(scene: Scene, number: float) -> Deep:

@@ -35,8 +35,7 @@ Frames: TypeAlias = str | int | Iterable[int] | None
 
 Extend: TypeAlias = Literal["stop", "hold", "loop"]
 
-# "raw.1001.exr".
-NUMBERED = r".+\.(-?[0-9]{2,9})\.[^.]+"
+NUMBERED = r".+\.(-?[0-9]{2,9})\.[^.]+"  # "raw.1001.exr".
 
 # Three seconds of film, where neither the caller nor the background says how long.
 DEFAULT_SECONDS = 3.0

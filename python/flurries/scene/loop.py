@@ -29,8 +29,7 @@ if TYPE_CHECKING:
 
 Axes = tuple[bool, bool, bool]
 
-# Metres and radians that are no difference.
-_NOTHING = 1e-9
+_NOTHING = 1e-9  # Metres and radians that are no difference.
 
 
 def looped_scene(scene: Rendering, lap: Lap) -> tuple[Rendering, tuple[str, ...]]:
@@ -166,11 +165,8 @@ def looped_path(
     return replace(made, extend="on"), bent
 
 
-# Values that differ by less than this, of the larger one, are one.
-_SAME = 1e-9
-
-# A number that does not end where it began goes back over this share of the film.
-_BACK = 0.25
+_SAME = 1e-9  # Values that differ by less than this, of the larger one, are one.
+_BACK = 0.25  # A number that does not end where it began goes back over this share of the film.
 
 # Of effects that have both: the fields without which nothing is drawn one by one, and those without
 # which nothing else is left.

@@ -19,8 +19,7 @@ from flurries.io.sources import VideoSource
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-# (left, top, width, height), px.
-Display = tuple[int, int, int, int]
+Display = tuple[int, int, int, int]  # (left, top, width, height), px.
 
 
 @dataclass(frozen=True, eq=False)

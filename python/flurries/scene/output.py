@@ -27,8 +27,7 @@ _Method = TypeVar("_Method", bound=Callable[..., Any])
 BITS = (8, 10, 16, "half", "float")
 DAMAGED = ("stop", "skip", "hold")
 
-# What a file may hold in place of the composite.
-KINDS = ("alone", "layers", "deep")
+KINDS = ("alone", "layers", "deep")  # What a file may hold in place of the composite.
 
 
 class OutputFields(TypedDict, total=False):

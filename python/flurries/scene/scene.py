@@ -43,11 +43,8 @@ Front: TypeAlias = Matte | Sequence[Matte] | None
 
 SPACES = ("auto", "display", "linear")
 
-# Frames per second, where neither the caller nor a film says it.
-DEFAULT_FPS = 30.0
-
-# A focal length in picture widths, where none is given: 45 degrees across.
-DEFAULT_FOCAL = 1.2
+DEFAULT_FPS = 30.0  # Frames per second, where neither the caller nor a film says it.
+DEFAULT_FOCAL = 1.2  # A focal length in picture widths, where none is given: 45 degrees across.
 
 # Widths of a picture: a lens as long as 10 m is no usual one, nor is one of a tenth of that.
 LONGEST_FOCAL = 28.0

@@ -15,14 +15,9 @@ from flurries.spectral.tiles import starts
 # Larger flakes are drawn one by one: in a texture they would cost a second each.
 _LARGEST_FLAKE = 1000.0
 
-# A torus that is sheared by a whole tile is the straight one.
-_MOST_SHEAR = 1.0
-
-# Products of gains and patterns stay finite in float32.
-_MOST_GAIN = 1e30
-
-# Some gigabytes of what tiles choose.
-_MOST_TERMS = 2**26
+_MOST_SHEAR = 1.0  # A torus that is sheared by a whole tile is the straight one.
+_MOST_GAIN = 1e30  # Products of gains and patterns stay finite in float32.
+_MOST_TERMS = 2**26  # Some gigabytes of what tiles choose.
 
 
 class Request(NamedTuple):
@@ -30,8 +25,7 @@ class Request(NamedTuple):
 
     overlap: int
     shear: float
-    # (rows, cols, L): pattern p of layer l is number l P + p.
-    pattern: npt.NDArray[np.int32]
+    pattern: npt.NDArray[np.int32]  # (rows, cols, L): pattern p of layer l is number l P + p.
     # (rows, cols, L, 2) px: of torus and displacement together, and while the shutter is open.
     shift: Float64
     streak: Float64 | None

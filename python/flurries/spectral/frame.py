@@ -18,8 +18,7 @@ from flurries.spectral.tiles import blend_tiles, opacity_map, starts
 # Mean, spread, power and amount of the map from field to opacity.
 Map = tuple[float, float, float, float]
 
-# The paper's.
-PLAIN = Texture()
+PLAIN = Texture()  # The paper's.
 
 # The default of displacements that are not given.
 NOWHERE = (0.0, 0.0)

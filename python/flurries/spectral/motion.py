@@ -10,8 +10,7 @@ from flurries.spectral.frame import Request
 from flurries.spectral.tables import band_amplitude, temporal_gain
 from flurries.spectral.tiles import tile_starts
 
-# Tiles whose waves are looked at together.
-_TILES = 64
+_TILES = 64  # Tiles whose waves are looked at together.
 
 
 def tile_motions(now: Request, others: Sequence[Request]) -> tuple[list[Float64], Float64]:

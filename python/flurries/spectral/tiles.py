@@ -14,8 +14,7 @@ from flurries._contract import OVERLAP, TILE, Array, ArrayLike, Float64
 Blend: TypeAlias = Literal["power", "linear"]
 BLEND = get_args(Blend)
 
-# Of one axis; more would be a list longer than the picture is wide.
-_MOST_TILES = 2**22
+_MOST_TILES = 2**22  # Of one axis; more would be a list longer than the picture is wide.
 
 
 def inverse_transform(

@@ -23,8 +23,7 @@ from flurries.spectral.tiles import opacity, opacity_map
 Cells: TypeAlias = Literal["one", "overlap"]
 CELLS = get_args(Cells)
 
-# More of a loop standing still than this deserves a word.
-STILL = 0.25
+STILL = 0.25  # More of a loop standing still than this deserves a word.
 
 
 class Film(NamedTuple):
@@ -172,8 +171,7 @@ def loop(
     return result
 
 
-# Frames made at once: enough for all threads, little in memory.
-TOGETHER = 16
+TOGETHER = 16  # Frames made at once: enough for all threads, little in memory.
 
 # What the description says of the waves.
 _LAW = ("wavelengths", "exponent", "seed", "alias", "soft_from", "shutter", "jitter")

@@ -24,8 +24,7 @@ PRESET, COLOR = "preset", "color"
 OFF, ON = "off", "on"
 LAMP, DEPTH, OPENING = "lamp", "scene.depth", "lens"
 
-# The look that a scene came with.
-GIVEN = "as given"
+GIVEN = "as given"  # The look that a scene came with.
 
 # Effects whose colors may differ from place to place; and those whose flakes and drops a lamp
 # lights, and whose images a lens blurs.

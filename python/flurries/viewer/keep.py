@@ -13,8 +13,7 @@ from flurries.io import write_layers, write_picture
 from flurries.io.sources import Source
 from flurries.scene.scene import Scene
 
-# Seconds of the film.
-LENGTH = 3.0
+LENGTH = 3.0  # Seconds of the film.
 
 # Fields that may name a file, and how many numbers of an array stand in the text itself.
 _FILES, _FEW = ("background", "foreground", "depth", "source"), 64

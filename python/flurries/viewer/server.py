@@ -22,8 +22,7 @@ from flurries.viewer.web import PAGES, text_of
 _KINDS = {"html": "text/html", "js": "text/javascript", "css": "text/css"}
 _POLICY = "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'"
 
-# A question is a few sliders.
-MOST_BYTES = 1 << 16
+MOST_BYTES = 1 << 16  # A question is a few sliders.
 
 # A page opens six; a line that says nothing keeps its place until the handler's timeout.
 MOST_LINES = 32

@@ -92,8 +92,7 @@ def _small(value: Any, size: tuple[int, int]) -> Any:
 # Where two eyes meet, if nothing else says so: in front of the far flakes, behind the nearest.
 CONVERGENCE = 6.0
 
-# Pages whose air is remembered; an older one begins again from the closed form.
-MOST_PAGES = 16
+MOST_PAGES = 16  # Pages whose air is remembered; an older one begins again from the closed form.
 
 # A time, and camera minus air of each effect then; None for one that does not move.
 _Air: TypeAlias = tuple[float, list[Any]]
@@ -112,8 +111,7 @@ class Session:
         self._preview = Preview(scene.replace(extend="hold") if scene._spans else scene, size)
         # Where it was in each page's last picture: all else comes with every question.
         self._air: dict[str, _Air] = {}
-        # Sources of files decode one frame at a time.
-        self._lock = threading.Lock()
+        self._lock = threading.Lock()  # Sources of files decode one frame at a time.
 
     def describe(self, values: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the page's parts, as JSON has them, with the looks that were chosen."""

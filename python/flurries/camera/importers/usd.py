@@ -24,8 +24,7 @@ SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 # From a stage's axes to the house's, by the axis that is up.
 AXES = {"Y": FLIP, "Z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])}
 
-# Ratios of apertures that are floats differ by their last bits.
-_SAME = 1e-5
+_SAME = 1e-5  # Ratios of apertures that are floats differ by their last bits.
 
 # Where apertures are of another shape than the picture by more, they are no edges of it.
 _FITS = 0.005

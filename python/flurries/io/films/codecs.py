@@ -7,8 +7,7 @@ import numpy as np
 
 from flurries._contract import choice
 
-# Below a coding block in both sides x265 writes past its own memory.
-_X265_LEAST = 64
+_X265_LEAST = 64  # Below a coding block in both sides x265 writes past its own memory.
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from multiprocessing.spawn import get_executable
 from pathlib import Path
 from typing import Any, ClassVar
 
-# Processes that wait for another film, at most: to start one takes .3 s.
-_SPARE = 2
+_SPARE = 2  # Processes that wait for another film, at most: to start one takes .3 s.
 
 _SERVE = "import sys; sys.path[:] = sys.argv[1:]; import flurries.io.films.process as p; p.serve()"
 

@@ -24,8 +24,7 @@ from flurries.io.films.sound import Sound, SoundTrack
 from flurries.io.pictures.fitting import checked_size
 from flurries.io.sequences import VIDEO_EXTENSIONS
 
-# Frames of a group, which builds on no other: what a stopped film loses at most.
-GROUP = 48
+GROUP = 48  # Frames of a group, which builds on no other: what a stopped film loses at most.
 
 # Threads of an encoder, at least and at most. x264's result depends on their number a little:
 # machines with no more cores than the least make the same bytes; in the reproducible mode all do.
@@ -36,8 +35,7 @@ _GLOBAL_HEADER = 1 << 22
 # Matrices of ITU-T H.273 that pictures are turned by, as the video library counts them.
 _MATRICES = {1: 1, 4: 4, 5: 5, 6: 5, 7: 7, 9: 9, 10: 9}
 
-# BT.2020 has BT.709's curve, and ProRes knows one name of it.
-_CURVES = {14: 1, 15: 1}
+_CURVES = {14: 1, 15: 1}  # BT.2020 has BT.709's curve, and ProRes knows one name of it.
 
 # How an array is called, by the bytes of a number and the channels.
 _ARRAYS = {(1, 3): "rgb24", (2, 3): "rgb48le", (1, 4): "rgba", (2, 4): "rgba64le"}

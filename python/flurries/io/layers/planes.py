@@ -37,11 +37,8 @@ _LOWER, _UPPER = ".lo", ".hi"
 
 VIEWS = ("left", "right")
 
-# Of a deep picture.
-CHANNELS = ("R", "G", "B", "A", "Z", "ZBack")
-
-# Rows that are handed over together.
-_DEEP_ROWS = 16
+CHANNELS = ("R", "G", "B", "A", "Z", "ZBack")  # Of a deep picture.
+_DEEP_ROWS = 16  # Rows that are handed over together.
 
 
 def write_layers(

@@ -17,8 +17,7 @@ from flurries.io.color import Encoding
 from flurries.io.files import Budget, given, plain_file
 from flurries.io.oiio import last_error, let_open, libraries_silent, openimageio
 
-# Left, top, width and height, px.
-Window: TypeAlias = tuple[int, int, int, int]
+Window: TypeAlias = tuple[int, int, int, int]  # Left, top, width and height, px.
 
 # Pixels that are decoded at a time, in whole blocks of compression of so many rows.
 _CHUNK, _ROWS = 1 << 20, 256

@@ -20,8 +20,7 @@ from flurries.io.files import Budget
 from flurries.io.oiio import last_error, openimageio
 from flurries.io.pictures.header import opened_picture
 
-# Flakes are noise: higher levels take up to three times as long for 1 to 4 bytes in 100.
-LEVEL = 1
+LEVEL = 1  # Flakes are noise: higher levels take up to three times as long for 1 to 4 bytes in 100.
 
 # An entry of a TIFF's table, in the machine's order of bytes, and tags of heights and of strips.
 _ENTRY = np.dtype([("tag", "u2"), ("kind", "u2"), ("count", "u4"), ("value", "u4")])
@@ -29,8 +28,7 @@ _HEIGHT, _PLACES, _STRIP, _LENGTHS = 257, 273, 278, 279
 
 _NOTHING = np.empty(0, np.uint8)
 
-# Some rows as a file has them: packed, and before that.
-Rows: TypeAlias = tuple[bytes, Array]
+Rows: TypeAlias = tuple[bytes, Array]  # Some rows as a file has them: packed, and before that.
 
 # Parts of the file, their first rows, and rows.
 Pieces: TypeAlias = Iterable[tuple[int, int, Rows]]
@@ -172,8 +170,7 @@ WAYS = {
 }
 
 
-# A whole number of the strips and blocks in which EXR and TIFF compress.
-_ROWS = 64
+_ROWS = 64  # A whole number of the strips and blocks in which EXR and TIFF compress.
 
 
 class Part(NamedTuple):

@@ -15,14 +15,12 @@ from flurries.io.color import Encoding, to_unit
 from flurries.io.files import Budget
 from flurries.io.pictures.header import FLOATS, Opened, Window, opened_picture
 
-# What luminance is made of, Rec. 709.
-_GREEN, _BLUE = np.float32(0.7152), np.float32(0.0722)
+_GREEN, _BLUE = np.float32(0.7152), np.float32(0.0722)  # What luminance is made of, Rec. 709.
 
 # What programs call depth, alone or at the end of a layer's name.
 _DEPTHS = ("Z", "z", "depth", "Depth", "DEPTH")
 
-# Shares of a pixel that are none.
-_NONE = 1e-4
+_NONE = 1e-4  # Shares of a pixel that are none.
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,8 +35,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-# The number that files say, raised where an older file would mean something else.
-FORMAT = 3
+FORMAT = 3  # The number that files say, raised where an older file would mean something else.
 
 SCENE = tuple(inspect.signature(Scene).parameters)
 # Tables that are objects, by their keys.
