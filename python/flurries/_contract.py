@@ -214,9 +214,7 @@ def _numeric(name: str, value: object) -> Array:
 
 def table(name: str, value: object, *, ndim: int | None = 2, finite: bool = True) -> Float64:
     """Return a float64, C-contiguous, aligned, finite array: spectral tables and geometry."""
-    array = np.ascontiguousarray(_numeric(name, value), dtype=np.float64)
-    if not array.flags.aligned:
-        array = array.copy()
+    array = aligned(_numeric(name, value), np.float64)
     if ndim is not None and array.ndim != ndim:
         raise ValueError(f"{name} must have {ndim} dimensions, got {_came(value)}")
     if finite and not _within(array, math.inf):

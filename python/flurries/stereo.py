@@ -53,7 +53,6 @@ def eyes(
     convergence : float, optional
         Depth in world units that both eyes see at one place of the picture; nearer things come out
         of it. If not given the eyes look straight ahead and infinity is there.
-
     """
     middle = expect_camera(camera, stretched=True)
     half = 0.5 * real("distance", distance, low=0.0, high=LARGEST)

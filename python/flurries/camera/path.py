@@ -13,20 +13,8 @@ from flurries._contract import Float64, choice, sealed, suggesting, table
 from flurries._kept import kept
 from flurries.camera.lens import Camera, quaternions_of, rotation_vector
 from flurries.camera.turning import Turning, lengths_of, turning_of, weigh
-from flurries.motion.keys import (
-    Course,
-    Integral,
-    Keys,
-    Number,
-    Vector,
-    air_courses,
-    as_vector,
-    course_of,
-    integral_of,
-    integral_to,
-    sum_of,
-    value_at,
-)
+from flurries.motion import keys
+from flurries.motion.keys import Course, Integral, Keys, Number, Vector
 
 
 @suggesting
@@ -85,9 +73,9 @@ class CameraPath:
         choice("extend", self.extend, ("on", "stop"))
         own: dict[str, Any] = {"_places": self.position}
         if self.velocity is not None:
-            own["velocity"] = as_vector("velocity", self.velocity, 3)
+            own["velocity"] = keys.as_vector("velocity", self.velocity, 3)
         if isinstance(self.position, Keys):
-            as_vector("position", self.position, 3)
+            keys.as_vector("position", self.position, 3)
         elif self.position is not None:
             places = table("position", self.position)
             if places.shape[1] != 3 or len(places) == 0:
@@ -220,11 +208,11 @@ class CameraPath:
             rows = quaternions_of(turned) if turned.ndim == 3 else turned
             turned = Keys(list(enumerate(rows.tolist())))
 
-        def padded(keys: Keys | None) -> Keys | None:
-            if keys is None or len(keys.keys) < 2:
-                return keys
-            (first, start), (last, end) = keys.keys[0], keys.keys[-1]
-            return Keys([(first - 1.0, start), *keys.keys, (last + 1.0, end)])
+        def padded(given: Keys | None) -> Keys | None:
+            if given is None or len(given.keys) < 2:
+                return given
+            (first, start), (last, end) = given.keys[0], given.keys[-1]
+            return Keys([(first - 1.0, start), *given.keys, (last + 1.0, end)])
 
         places = padded(self._places)
         return replace(self, position=places, orientation=padded(turned), extend="on")
@@ -233,7 +221,7 @@ class CameraPath:
     def course(self, fps: float) -> Course:
         """Return the velocity over time, house axes, world units per frame."""
         if self.velocity is not None:
-            return course_of(self.velocity, 1.0 / fps)
+            return keys.course_of(self.velocity, 1.0 / fps)
         if self._places is None or len(self._places.keys) == 1:
             return Course(np.empty(0), np.zeros((1, 3)))
         frames, places = self._places.columns
@@ -252,13 +240,13 @@ class CameraPath:
     def place(self, t: float, *, fps: float) -> Float64:
         """Return the place at frame `t`, (3,) world units."""
         if self.velocity is not None:
-            return np.asarray(integral_to(self.velocity, t) / fps, dtype=np.float64)
+            return np.asarray(keys.integral_to(self.velocity, t) / fps, dtype=np.float64)
         return np.zeros(3) if self._places is None else np.array(self._places.value(t, extend=True))
 
     def rate(self, t: float, *, fps: float) -> Float64:
         """Return the change of place per frame at `t`, (3,) world units."""
         if self.velocity is not None:
-            return np.asarray(value_at(self.velocity, t)) / fps
+            return np.asarray(keys.value_at(self.velocity, t)) / fps
         return np.zeros(3) if self._places is None else np.array(self._places.slope(t, extend=True))
 
     def relative(
@@ -266,22 +254,22 @@ class CameraPath:
     ) -> tuple[Float64, Float64]:
         """Return camera minus what falls in the wind: since frame 0 and per frame, house axes."""
         gone = air_moved(t, fps=fps, fall=fall, wind=wind)
-        air = np.array(value_at(wind, t))
-        air[1] += value_at(fall, t)
+        air = np.array(keys.value_at(wind, t))
+        air[1] += keys.value_at(fall, t)
         return self.place(t, fps=fps) - gone, self.rate(t, fps=fps) - air / fps
 
 
 def air_moved(t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:
     """Return the way of flakes in the wind since frame 0, house axes, (3,)."""
-    moved = integral_to(wind, t) / fps
-    moved[1] += float(integral_to(fall, t)) / fps
+    moved = keys.integral_to(wind, t) / fps
+    moved[1] += float(keys.integral_to(fall, t)) / fps
     return np.asarray(moved)
 
 
 @kept(96)
 def _way(path: CameraPath, fps: float, fall: Number, wind: Vector, *, zoomed: bool) -> Integral:
     """Return the integral of R^T v in the rig's axes, or of f R^T v."""
-    course = sum_of([path.course(fps), *air_courses(wind, fall, -1.0 / fps)])
+    course = keys.sum_of([path.course(fps), *keys.air_courses(wind, fall, -1.0 / fps)])
     if zoomed:
         course = weigh(path._lengths, course)
     if path._turning is not None and path.turns:
@@ -289,7 +277,7 @@ def _way(path: CameraPath, fps: float, fall: Number, wind: Vector, *, zoomed: bo
     # The rig stands still: house axes, turned back into its own.
     rig = path.rig(0.0)
     slopes = None if course.slopes is None else course.slopes @ rig
-    return integral_of(Course(course.knots, course.values @ rig, slopes, course.times))
+    return keys.integral_of(Course(course.knots, course.values @ rig, slopes, course.times))
 
 
 @kept(96)
@@ -297,7 +285,7 @@ def _turned(path: CameraPath) -> Integral:
     """Return the integral of f w, in the rig's axes."""
     assert path._turning is not None
     turning = path._turning
-    return integral_of(weigh(path._lengths, Course(turning.frames[1:-1], turning.rates)))
+    return keys.integral_of(weigh(path._lengths, Course(turning.frames[1:-1], turning.rates)))
 
 
 def as_path(camera: object, default_focal: float) -> CameraPath:

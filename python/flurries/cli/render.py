@@ -31,7 +31,7 @@ from flurries.scene.arguments import parse_size
 from flurries.scene.output import BITS, DAMAGED, MOTION, OutputFields
 from flurries.spectral import export_loop
 
-SKIPPED = 3
+SKIPPED = DIFFERENT = 3
 
 NAMED = 10  # How many numbers of frames a sentence names.
 
@@ -147,9 +147,6 @@ def describe(summary: Summary) -> str:
     if made and summary.seconds > 0.0:
         parts.append(f"in {summary.seconds:.1f} s, {made / summary.seconds:.1f} a second")
     return ", ".join(parts)
-
-
-DIFFERENT = 3
 
 
 @command("flurries check frames")

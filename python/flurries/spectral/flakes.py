@@ -88,12 +88,11 @@ def _spectra(value: object) -> Array:
     if array.dtype.kind not in "iufc" or array.dtype.itemsize > 16:
         raise TypeError(f"patterns must be an array of complex numbers, got {array.dtype}")
     wide = np.complex64 if array.dtype in (np.complex64, np.float32, np.float16) else np.complex128
-    found = np.ascontiguousarray(array, dtype=wide)
-    shape = found.shape
+    shape = array.shape
     fits = len(shape) == 4 and 0 not in shape and shape[3] == shape[2] // 2 + 1
     if not fits or shape[2] > 2**15:
         raise ValueError(f"patterns must be (L, P, M, M // 2 + 1), got {shape}")
-    return found if found.flags.aligned else found.copy()
+    return check.aligned(array, wide)
 
 
 def _vectors(name: str, value: object, layers: int, tiles: tuple[int, int]) -> Float64:
