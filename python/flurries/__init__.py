@@ -47,7 +47,6 @@ __all__ = [
     "set_threads", "settings", "spectral", "stereo", "view",
 ]  # fmt: skip
 
-
 # Where the names come from that are imported when somebody asks for them: kernels alone need no
 # scenes, and `import flurries` takes little more than NumPy.
 _MODULES = {
@@ -61,7 +60,6 @@ _MOVED = {
     "effects": "ConeRain ConeSnow Frame Layer TentRain TentSnow register", "camera": "Lens",
     "scene": "DepthMap Foreground Lamp Output Rendered Sun",
 }  # fmt: skip
-
 
 # For who checks types only the names above are there.
 if not TYPE_CHECKING:

@@ -159,7 +159,6 @@ LENS = "camera.lens"
 _SIZES = {"flake_size": "Flake size", "drop_size": "Drop size"}
 _LAST_SEED = 99
 
-
 # field: label, unit, low, high, step
 _FIELDS: dict[str, tuple[str, str, float, float, float]] = {
     "amount": ("Amount", "", 0.0, 1.0, 0.01),

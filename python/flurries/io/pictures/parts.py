@@ -169,7 +169,6 @@ WAYS = {
     **dict.fromkeys((".tif", ".tiff"), (32, True, _tiff_rows, _write_tiff)),
 }
 
-
 _ROWS = 64  # A whole number of the strips and blocks in which EXR and TIFF compress.
 
 
