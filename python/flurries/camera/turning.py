@@ -22,7 +22,7 @@ _MOST_CUTS = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class Turning:
-    """An orientation for every time."""
+    """An orientation for every time: R_i exp([w] (t - t_i)) between keys, w in its own axes."""
 
     frames: Float64  # (n,) increasing times of the keys.
     matrices: Float64  # (n, 3, 3) rig to house axes at the keys.

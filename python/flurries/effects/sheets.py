@@ -92,7 +92,7 @@ def areas_of(film: Film, focals: tuple[float, float]) -> list[tuple[int, int]]:
 def read_sheets(
     weather: Weather, frame: Frame, film: Film, amount: float, parts: Float64 | None = None
 ) -> Array:
-    """Return the opacity of layers that move as they do in all frames, (h, w) float32."""
+    """Return the opacity of rigid layers, (h, w) float32; a crop shows the flakes of the whole."""
     # `parts` are shares of the layers, (L,).
     (top, _, left, _), camera = frame.window, frame.camera
     exposure, now = weather.motion.exposure(frame), weather.motion.now(frame.t)
