@@ -22,8 +22,7 @@ TEXTURE = {**BOTH, "flakes": 0, "texture": 1.0, "mean": 0.5, "spread": 3.0, "pow
            "wavelengths": (4.0, LONGEST)}  # fmt: skip
 # One tile: the picture is a torus, whose Fourier bins are the waves themselves.
 TORUS = {"tile": SIZE, "overlap": 0}
-# Waves that stand for 16, 32 and 64 m.
-WAVES = (24.0, 12.0, 6.0)
+WAVES = (24.0, 12.0, 6.0)  # Waves that stand for 16, 32 and 64 m.
 
 # Frames apart, to tell a jump from a motion: each half of the one before.
 STEPS = (0.04, 0.02, 0.01)

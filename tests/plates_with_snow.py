@@ -29,8 +29,7 @@ NOISE, CRF = 2.0, 18
 MOST = {
     "direction": 3.0, "speed": 0.1, "density": 0.3, "size": 0.2, "exposure": 0.15, "light": 0.05,
 }  # fmt: skip
-# Flakes at a time, which the processor keeps at hand.
-_FEW = 30_000
+_FEW = 30_000  # Flakes at a time, which the processor keeps at hand.
 
 # Points of a flake of some pixels: fewer than the twin's own, which is for errors of .01.
 FEWER = {"POINTS": 8.0, "LEAST_POINTS": 16, "POINT": 0.4, "LARGE": 6.0, "SAMPLES": 2}

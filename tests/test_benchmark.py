@@ -16,8 +16,7 @@ from flurries.io import write_picture
 
 NAMES = ("cat/a.png", "cat/b.png", "dog/c.png", "dog/d.png")
 PARTS = 2 * 3 * 5
-# How far each picture's content moves until the next: x and y.
-MOTION = (3.0, -4.0)
+MOTION = (3.0, -4.0)  # How far each picture's content moves until the next: x and y.
 
 
 def table(classes: Iterable[str]) -> str:

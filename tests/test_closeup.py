@@ -177,8 +177,7 @@ CROWD = {"texture": 0.0, "haze": 0.0, "color": 1.0, "flakes": 2000, "flake_size"
          "near_depth": 4.0}  # fmt: skip
 SOMETIMES = np.random.default_rng(2).uniform(0.0, 500.0, 25)
 
-# In shorter ones those of the kernel's tables show, of .08.
-SHORT = (0.08, 0.04, 0.02)
+SHORT = (0.08, 0.04, 0.02)  # In shorter ones those of the kernel's tables show, of .08.
 
 
 def changes(options: dict, times: np.ndarray = SOMETIMES, **about) -> np.ndarray:

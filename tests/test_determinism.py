@@ -32,8 +32,7 @@ from same_bits import KERNELS, SCENES, WEATHERS, digest, of_kernels, of_scenes
 HERE = Path(__file__).parent
 TIMES = [0, 7.25, 3, 1000]
 ORDERS = {"forward": [0, 1, 2, 3], "reverse": [3, 2, 1, 0], "shuffled": [2, 0, 3, 1]}
-# Four of them: gusts are snow.
-NAMES = ["snow", "rain", "mist", "cone"]
+NAMES = ["snow", "rain", "mist", "cone"]  # Four of them: gusts are snow.
 
 
 def hashes(threads: int) -> list[str]:

@@ -238,11 +238,9 @@ FAR = 20.0
 # of four seeds the difference of two whole pictures has a deviation of at most `LIMIT` / 4.
 SEEDS = 4
 
-# Whole pictures of drawn flakes and of ours lean alike within this.
-LIMIT = 0.03
+LIMIT = 0.03  # Whole pictures of drawn flakes and of ours lean alike within this.
 
-# Blocks of the drawn that lean by so much must lean to the same side.
-SLANTED = 0.1
+SLANTED = 0.1  # Blocks of the drawn that lean by so much must lean to the same side.
 
 PATHS: dict[str, dict[str, Any]] = {
     "still": {},

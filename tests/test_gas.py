@@ -14,8 +14,7 @@ from every import every
 FOCAL = 130.0
 SHAPE = (90, 120)
 MODELS = ("viewplane", "viewplane_c", "viewpoint", "volume", "table")
-# What float32 and float64 promise of T.
-LIMITS = {"float32": 5e-6, "float64": 1e-12}
+LIMITS = {"float32": 5e-6, "float64": 1e-12}  # What float32 and float64 promise of T.
 
 
 def cloud(count=220, seed=3, *, inside=False):

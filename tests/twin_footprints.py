@@ -25,8 +25,7 @@ POINT, LARGE = 0.2, 2.0
 # Points for each square pixel that a flake sweeps, at least so many; and samples along a pixel.
 POINTS, LEAST_POINTS, SAMPLES = 64.0, 128, 4
 
-# Elements of the arrays that are made at a time.
-_BATCH = 4_000_000
+_BATCH = 4_000_000  # Elements of the arrays that are made at a time.
 
 # A Kronecker sequence in three dimensions: powers of the root of x^4 = x + 1.
 _STEPS = 1.2207440846057596 ** -np.arange(1.0, 4.0)

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 import twin
 from twin import Floats, Shape
 
-# The word between a wave's and a cell's number, so that their phases differ.
-CELL = 3
+CELL = 3  # The word between a wave's and a cell's number, so that their phases differ.
 
 
 def nearest(rate: Floats, frames: int) -> NDArray[np.int64]:
