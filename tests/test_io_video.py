@@ -154,6 +154,9 @@ def test_random_access_gives_the_frames_of_sequential_access(tmp_path, name):
     source = open_background(path)
     for number in np.random.default_rng(5).integers(0, 45, 60):
         np.testing.assert_array_equal(source.frame(int(number)).pixels, frames[number])
+    halves = [one.reshape(32, 2, 48, 2, 3).mean(axis=(1, 3)) for one in frames[11:13]]
+    off = [np.abs(source.smaller(11, 2) - one).mean() for one in halves]
+    assert off[0] < 0.5 and off[1] > 3.0 * off[0], off
 
 
 @pytest.mark.parametrize("quarters", [0, 1, 2, 3])

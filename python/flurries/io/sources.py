@@ -212,6 +212,12 @@ class VideoSource(Source):
             self._decoder = Remote(path, "read", Decoder, path, self.budget)
         return self._decoder.call(method, *arguments)
 
+    def smaller(self, number: int, scale: int) -> Array:
+        """Return a frame's means over squares of scale x scale pixels, rounded."""
+        with self._lock:
+            pixels: Array = self._ask("frame", number, scale)
+            return pixels
+
     def _read(self, number: int) -> Picture:
         return Picture(self._ask("frame", number), None, "display", self.spec)
 

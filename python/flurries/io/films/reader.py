@@ -14,6 +14,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from flurries._ahead import ahead
 from flurries._contract import Array
 from flurries.io.files import Budget, given
 from flurries.io.timecode import TimeCode
@@ -190,7 +191,7 @@ class Decoder:
         self.path, self._budget = path, budget
         self._index = index = _Index(path, budget)
         self._container, self._stream = open_video(path, budget)
-        self._frames = self._decode()
+        self._frames = ahead(self._decode())
         # The frame that the decoder will yield next, and those that it yielded ahead of need.
         self._next = 0
         self._ready: dict[int, Any] = {}
@@ -207,8 +208,8 @@ class Decoder:
         sound = has_sound(self._container)
         return float(rate) if rate else None, len(self._index.times), self._size, self._tags, sound
 
-    def frame(self, number: int) -> Array:
-        """Return frame `number`, from 0, as (H, W, 3) uint8 or uint16, turned upright."""
+    def frame(self, number: int, scale: int = 1) -> Array:
+        """Return frame `number`, from 0, (H, W, 3) uint8 or uint16, upright, scale times less."""
         key = self._index.key_of(number)
         if number not in self._ready and not key <= self._next <= number:
             self._go_to(key)
@@ -226,14 +227,17 @@ class Decoder:
             raise OSError(f"{self.path}: frame {number} of the video is damaged")
         if self._size is None:
             self._tags = Tags.of(self._container, self._stream, found)
-        pixels = _to_rgb(found)
-        if self._size is not None and self._size != (pixels.shape[1], pixels.shape[0]):
+        pixels = _to_rgb(found, scale)
+        if self._size is not None and any(
+            pixels.shape[1 - axis] != side // scale for axis, side in enumerate(self._size)
+        ):
             raise OSError(f"{self.path}: frame {number} of the video has another size")
         return pixels
 
     def _go_to(self, key: int) -> None:
         """Make `key` or an earlier frame the next one to be decoded."""
         self._ready.clear()
+        self._frames.close()
         if self._seeks and key:
             self._container.seek(self._index.times[key], stream=self._stream)
             self._next = key
@@ -241,16 +245,23 @@ class Decoder:
             self._container.close()
             self._container, self._stream = open_video(self.path, self._budget)
             self._next = 0
-        self._frames = self._decode()
+        self._frames = ahead(self._decode())
 
     def _read_to(self, last: int, key: int) -> bool:
         """Decode up to frame `last`; return whether the decoder began after the frame `key`."""
+        import av
+
         fresh = self._next == key
         while self._next <= last:
             frame = next(self._frames, None)
             if frame is None:
                 self._next = len(self._index.times)
                 return False
+            if isinstance(frame, av.Packet):
+                # Without a time, the frame that comes next is as near as can be told.
+                at = self._index.numbers.get(frame.pts, self._next)
+                self._broken.add(min(at, len(self._index.times) - 1))
+                continue
             place = self._next if self._index.counted else self._index.numbers.get(frame.pts)
             if place is None:
                 continue
@@ -264,7 +275,7 @@ class Decoder:
         return False
 
     def _decode(self) -> Iterator[Any]:
-        """Yield decoded frames from where the file stands; note what cannot be decoded."""
+        """Yield decoded frames from where the file stands, and packets that cannot be decoded."""
         import av
 
         with suppress(av.FFmpegError):
@@ -272,16 +283,17 @@ class Decoder:
                 try:
                     yield from packet.decode()
                 except av.FFmpegError:
-                    place = self._index.numbers.get(packet.pts)
-                    # Without a time, the frame that comes next is as near as can be told.
-                    last = len(self._index.times) - 1
-                    self._broken.add(min(self._next, last) if place is None else place)
+                    yield packet
 
 
-def _to_rgb(frame: Any) -> Array:
+def _to_rgb(frame: Any, scale: int) -> Array:
     from av.video.reformatter import Colorspace
 
     wishes = dict(SCALING)
+    if scale > 1:
+        # Means over squares (32).
+        wishes |= {"width": frame.width // scale, "height": frame.height // scale}
+        wishes["interpolation"] += 32 - 4
     if frame.colorspace == UNSPECIFIED and not frame.format.is_rgb:
         # Unmarked video follows the convention of its size.
         wishes["src_colorspace"] = Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601
