@@ -14,6 +14,7 @@ import flurries as fl
 from films import snowfall, write
 from flurries.matching.candidate import Peaks, nearer
 from flurries.matching.match import Match, Unmatched
+from flurries.matching.streaks import Way, found_again
 from plates_with_snow import MOST, Case, case, clip, errors_of, noisy, plate
 from test_cli import Run, here, run
 
@@ -25,7 +26,7 @@ def tint(found: Match, one: Case) -> float:
 
 
 def test_the_numbers_of_a_clip_of_the_twin_are_found(tmp_path: Path):
-    one = case(14)  # It takes little to draw.
+    one = case(12)  # It takes little to draw.
     found = fl.match(clip(one, tmp_path), camera=fl.Camera(one.view.focal))
     off = errors_of(found, one)
     assert found.fps == one.view.fps and all(abs(off[name]) <= MOST[name] for name in MOST), off
@@ -86,10 +87,26 @@ def test_the_scene_of_a_clip_is_the_clip_again_also_by_the_command(run: Run, her
 def test_what_shows_the_same_snow_asks_on_average_for_no_change():
     chance = np.random.default_rng(3)
     many = chance.poisson(900.0, 60).tolist()
-    shown = [Peaks(0.016 + 0.016 * chance.pareto(1.5, n), chance.random(n), 10**6) for n in many]
+    shown = [
+        Peaks(10**6, 1, 0.016 + 0.016 * chance.pareto(1.5, n), *chance.random((1, n)),
+              chance.integers(0, 3, n), chance.random(9))
+        for n in many
+    ]  # fmt: skip
     pairs = [*pairwise(shown), *pairwise(shown[::-1])]
     changes = [nearer(*pair, 1.2, np.zeros(3), 1e-3 * np.eye(3))[0] for pair in pairs]
     assert np.abs(np.mean(changes, axis=0)).max() < 0.03
+
+
+def test_a_streak_is_as_long_as_the_part_of_its_way_that_it_covers():
+    def streak(x: float, y: float) -> np.ndarray:
+        rows, columns = np.mgrid[:90, :90]
+        return np.exp(-0.02 * ((columns - x) ** 2 + (rows - y) ** 2))
+
+    frames, place = (streak(30.0, 30.0), streak(42.0, 46.0)), np.array([[30, 30]])
+    far, long = found_again(*frames, place, Way(0.6, 0.8, 0.0))
+    assert far == [20.0] and long == pytest.approx(5.0 * math.sqrt(2.0 * math.pi) / 20.0, rel=0.03)
+    far, long = found_again(*frames[::-1], np.array([[46, 42]]), Way(0.6, 0.8, 0.0).back())
+    assert far == [20.0] and found_again(*frames, place, Way(0.8, 0.6, 0.0))[0] == [0.0]
 
 
 def test_the_command_leaves_the_camera_of_a_wide_plate_as_it_is(run: Run, here: Path):

@@ -15,20 +15,30 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flurries._ahead import ahead
 from flurries._contract import Array, Float64
 from flurries.camera import Camera
 from flurries.effects import Snow
-from flurries.matching.watched import LUMA, ahead, soft
+from flurries.matching.streaks import Way, found_again
+from flurries.matching.watched import LUMA, soft
 from flurries.scene import Scene
 
 # Frames of a candidate; how bright a camera's noise is; the level (crf) of h264 that is tried
 # first, and shares of the clip's bytes between which it stays.
-COUNT, _NOISE, LEVEL, ALIKE = 16, np.float32(2.0 / 255.0), 18.0, (0.4, 1.6)
+COUNT, LEVEL, ALIKE = 16, 18.0, (0.4, 1.6)
+# It keeps of flakes what the usual one does, in half its time; a faster one keeps less.
+_PRESET = "faster"
+# A camera's noise of two levels in each color; and black and white in films.
+_NOISE = np.float32(2.0 / 255.0 * math.hypot(*LUMA.tolist()))
+_BLACK, _WHITE = np.float32(16.0), np.float32(219.0)
 # Shades of the plate; heights, of white, that peaks are counted between, up to so many for each
 # pixel, as those near each other are one; the least that may grow; and what no ball covers more.
 _SHADES, _STEP, _RARE = 8, 1.25, 1.0 / 600.0
 _HEIGHTS = (6.0 / 255.0 * _STEP ** np.arange(17.0)).tolist()
 _KEPT, _WHOLE = 4.0 / 255.0, 0.99
+# Heights from which peaks are looked for in the frame beside, and streaks told; from how many steps
+# on peaks are counted by how far they went, which is their depth, and px that part these.
+_SOUGHT, _SHARP, _APART, _WENT = 11.0 / 255.0, 14.0 / 255.0, 6, (1.0, 12.0)
 # By how many times numbers of peaks spread more than those of chance, as flakes are seen in some
 # frames and at some heights; and what their logarithms are right by at best.
 _SEEN, _SURE = 6.0, 0.09
@@ -39,58 +49,73 @@ _TRIED, _FAR = np.array([0.05, 0.04, 0.02]), np.array([0.5, 0.2, 0.1])
 class Peaks(NamedTuple):
     """Pixels that differ from the mean by more than those around them."""
 
+    pixels: int  # That were looked at.
+    together: int  # Frames that have one mean.
     height: Array  # (n,) of white.
     behind: Array  # (n,) the mean there.
-    pixels: int  # That were looked at.
-    together: int = 1  # Frames that have one mean.
+    went: Array  # (n,) the number of ways of `_WENT` that they go until the frame beside.
+    streaks: Array  # (m,) exposures in frames, of those that are seen to move.
 
 
-def peaks(frames: Array, mean: Array, count: int) -> Peaks:
+def peaks(frames: Array, mean: Array, count: int, way: Way) -> Peaks:
     """Return the peaks of frames (n, h, w) less their mean (h, w), by `count` that have one."""
 
-    def found(frame: Array, behind: Array) -> tuple[Array, Array]:
-        height = np.abs(soft(frame))
+    def found(n: int) -> tuple[Array, ...]:
+        # The last of those that have one mean goes back.
+        last = (n + 1) % count == 0
+        now, other = (soft(rest[at]) for at in (n, n - 1 if last else n + 1))
+        height = np.abs(now)
         middle = height[1:-1, 1:-1]
         top = middle > _KEPT
         for row, col in product(range(3), range(3)):
             beside = height[row:, col:][: middle.shape[0], : middle.shape[1]]
             top &= (middle >= beside) if (row, col) <= (1, 1) else (middle > beside)
-        return middle[top], behind[2:-2, 2:-2][top]
+        places = np.argwhere(top)
+        own, far = middle[top], np.zeros(len(places))
+        bright = own > _SOUGHT
+        ray = way.back() if last else way
+        far[bright], long = found_again(now, other, places[bright] + 1, ray)
+        sharp = (own[bright] > _SHARP) & ~np.isnan(long)
+        return own, behind[n][2:-2, 2:-2][top], np.searchsorted(_WENT, far, "right"), long[sharp]
 
     parts = frames[: len(frames) // count * count].reshape(-1, count, *mean.shape)
     means = parts.mean(axis=1, keepdims=True)
     rest, behind = (parts - means).reshape(-1, *mean.shape), np.repeat(mean + means[:, 0], count, 0)
     with ThreadPoolExecutor(2) as both:
-        heights, places = zip(*both.map(found, rest, behind), strict=True)
-    return Peaks(np.concatenate(heights), np.concatenate(places), rest.size, count)
+        seen = zip(*both.map(found, range(len(rest))), strict=True)
+        return Peaks(rest.size, count, *map(np.concatenate, seen))
 
 
 def shown(
-    snow: Snow, camera: Camera, fps: float, plate: Array, colors: Float64, level: float | None,
-    seed: int, count: int,
+    snow: Snow, camera: Camera, fps: float, plate: Array, light: float, level: float | None,
+    seed: int, count: int, way: Way,
 ) -> tuple[Peaks, float]:  # fmt: skip
-    """Return the peaks of a candidate before a plate, and bytes as of `leaning`."""
+    """Return the peaks of a candidate before a plate (h, w), and bytes as of `leaning`."""
     flakes = replace(snow, color=1.0, shape="round", seed=seed)  # Balls, as those of the waves.
-    scene = Scene(np.zeros_like(plate), camera=camera, effects=[flakes], fps=fps, lens=None)
+    dark = np.zeros((*plate.shape, 3), np.float32)
+    scene = Scene(dark, camera=camera, effects=[flakes], fps=fps, lens=None)
     chance, size, used = np.random.default_rng(seed), plate.size, 0.0
     # Of one run of noise each frame takes another part, whose places are far apart.
     noise = chance.standard_normal(2 * size, np.float32) * _NOISE
-    change = colors.astype(np.float32) - plate
+    change = np.float32(light) - plate
 
     def picture(t: int) -> Array:
         first = int(chance.integers(size))
-        made = scene.render(t)[..., :1] * change
+        made = scene.render(t)[..., 0] * change
         made += plate
         made += noise[first : first + size].reshape(plate.shape)
-        made *= np.float32(255.0)
-        return np.asarray(np.clip(np.rint(made, made), 0.0, 255.0, made).astype(np.uint8))
+        made *= _WHITE
+        made += _BLACK
+        np.clip(np.rint(made, made), _BLACK, _BLACK + _WHITE, made)
+        return np.asarray(made.astype(np.uint8))
 
     pictures = ahead(map(picture, range(count)))
     if level is None:
-        frames = np.array([one @ (LUMA / np.float32(255.0)) for one in pictures])
+        frames = np.array(list(pictures), np.float32)
     else:
         frames, used = _coded(pictures, plate.shape, level, fps)
-    return peaks(frames[1:], np.zeros_like(frames[0]), count - 1), used
+    frames = (frames - _BLACK) / _WHITE
+    return peaks(frames[1:], np.zeros_like(frames[0]), count - 1, way), used
 
 
 def _coded(
@@ -99,20 +124,20 @@ def _coded(
     """Return the brightness of pictures after h264 at a level, and bytes as of `leaning`."""
     import av
 
-    store, (height, width) = io.BytesIO(), (side // 2 * 2 for side in shape[:2])
+    store, (height, width) = io.BytesIO(), (side // 2 * 2 for side in shape)
+    grey = np.full((height // 2, width), 128, np.uint8)
     with av.open(store, "w", format="mp4") as out:
-        stream = out.add_stream("libx264", rate=max(round(fps), 1), options={"crf": str(level)})
+        rate, options = max(round(fps), 1), {"crf": str(level), "preset": _PRESET}
+        stream = out.add_stream("libx264", rate=rate, options=options)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.codec_context.thread_count = 2  # Else bytes go with the processors.
         for picture in pictures:
-            even = np.ascontiguousarray(picture[:height, :width])
-            out.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
+            planes = np.concatenate([picture[:height, :width], grey])
+            out.mux(stream.encode(av.VideoFrame.from_ndarray(planes, format="yuv420p")))
         out.mux(stream.encode())
     with av.open(io.BytesIO(store.getvalue())) as film:
         found = [frame.to_ndarray()[:height] for frame in film.decode(video=0)]
-    # Black is 16 in films, and white 235.
-    frames = (np.array(found, np.float32) - 16.0) / np.float32(219.0)
-    return frames, leaning(io.BytesIO(store.getvalue()))
+    return np.array(found, np.float32), leaning(io.BytesIO(store.getvalue()))
 
 
 def leaning(film: Any) -> float:
@@ -131,25 +156,27 @@ def nearer(
     # Changes (3,) of the logarithms of density and size, and of the light, with their covariance;
     # `usual` ones are expected, with the inverse covariance `known`.
     shades = np.quantile(np.append(real.behind, ours.behind), np.arange(1, _SHADES) / _SHADES)
-    rows = {id(part): np.searchsorted(shades, part.behind) * (len(_HEIGHTS) + 1)
-            for part in (real, ours)}  # fmt: skip
+    kinds, wide = len(_WENT) + 1, len(_HEIGHTS) + 1
+    rows = {id(part): np.searchsorted(shades, part.behind) * kinds for part in (real, ours)}
 
     def roots(part: Peaks, by: Float64) -> Float64:
-        """Return roots of numbers of changed peaks by shade and height: all spread alike."""
+        """Return roots of numbers of changed peaks by shade, way and height: all spread alike."""
         contrast = np.abs(light - part.behind)
         cover = 1.0 - np.minimum(part.height / np.maximum(contrast, 0.03), _WHOLE)
         height = 1.0 - cover ** math.exp(2.0 * by[1])
         height *= np.abs(float(light + by[2]) - part.behind) / _HEIGHTS[0]
         step = np.log(np.maximum(height, 0.1)) * (1.0 / math.log(_STEP)) + 1.0
-        cell = rows[id(part)] + np.clip(np.floor(step), 0, len(_HEIGHTS)).astype(int)
-        counts = np.bincount(cell, minlength=_SHADES * (len(_HEIGHTS) + 1)).reshape(_SHADES, -1)
+        step = np.clip(np.floor(step), 0, wide - 1).astype(int)
+        cell = (rows[id(part)] + np.where(step < _APART, 0, part.went)) * wide + step
+        counts = np.bincount(cell, minlength=_SHADES * kinds * wide).reshape(-1, wide)
         return np.asarray(np.sqrt(counts[:, 1:] * (math.exp(by[0]) * real.pixels / part.pixels)))
 
     by, many, few = np.zeros(3), roots(real, np.zeros(3)), roots(ours, np.zeros(3))
     both = many**2 + few**2
     sure = np.sqrt(0.25 * _SEEN * (1.0 + real.pixels / ours.pixels) + 0.125 * _SURE**2 * both)
     # Where peaks are near each other, twice as many flakes have not twice as many.
-    above = np.cumsum(both[:, ::-1], axis=1)[:, ::-1]
+    above = np.cumsum(both.reshape(_SHADES, kinds, -1).sum(axis=1)[:, ::-1], axis=1)[:, ::-1]
+    above = np.repeat(above, kinds, axis=0)
     used = (above < 2.0 * _RARE * real.pixels / _SHADES) & (both > 0.0)
     # The clip's slopes count as much as the candidate's: by these alone chance makes flakes fewer.
     steps, parts = np.diag(_TRIED), (real, ours)

@@ -5,7 +5,8 @@ import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,11 +17,13 @@ from flurries.camera.path import CameraPath
 from flurries.effects import Snow
 from flurries.io import linear_to_srgb, open_background, srgb_to_linear
 from flurries.io.files import path_text
+from flurries.io.sources import VideoSource
 from flurries.light.shot import Light
-from flurries.matching.candidate import ALIKE, COUNT, LEVEL, Peaks, leaning, nearer, peaks, shown
+from flurries.matching.candidate import ALIKE, COUNT, LEVEL, leaning, nearer, peaks, shown
 from flurries.matching.direction import WINDOW, direction, spectra
 from flurries.matching.fit import FAR, NEAR, OPACITY, Lens, fit, sizes_of
-from flurries.matching.watched import LONG, LUMA, Watched, light_of, tinted, watch
+from flurries.matching.streaks import Way
+from flurries.matching.watched import LONG, LUMA, WIDE, Watched, light_of, smaller, tinted, watch
 from flurries.particles.sizes import SNOW
 from flurries.scene import Scene
 from flurries.scene.scene import DEFAULT_FOCAL
@@ -35,8 +38,9 @@ _DOUBT, _FEW = 0.12, 0.5
 # loop's frames.
 _STILL, _STILL_LIGHT = 1.5, 0.08
 # What waves tell, before peaks do, of number, of size, and of size where number goes with its cube;
-# where they fit as well as the last says. What exposure is right by at best.
-_BEFORE, _CUBES, _FITS, _EXPOSED = (0.2, 0.03), 0.1, 0.5, 0.06
+# where they fit as well as the last says. What exposure is right by at best, and so many streaks
+# tell it.
+_BEFORE, _CUBES, _FITS, _EXPOSED, _STREAKS = (0.5, 0.12), 0.4, 0.5, 0.06, 20
 # What number, size and light are right by besides: clips 100 to 129 of `docs/make_match.py`.
 _SURE = 0.15, 0.07, 0.025
 # In metres: a mean size below which it is as fast for its size as drops are, and the depth that
@@ -135,9 +139,15 @@ def match(
     >>> scene = fl.Scene("#304050", size=(256, 144), effects=[fl.Snow()], fps=30)
     >>> found = fl.match([scene.render(t) for t in range(16)])  # doctest: +SKIP
     """
-    read, count, rate, used = _opened("frames", frames)
-    fps = real("fps", fps if fps is not None else (rate or 30.0), above=0.0)
-    plate = None if clean is None else _opened("clean", clean)[0](0)
+    clip = _opened("frames", frames)
+    count = clip.number
+    fps = real("fps", fps if fps is not None else (clip.fps or 30.0), above=0.0)
+    plate = None
+    if clean is not None:
+        whole = _opened("clean", clean)
+        if whole.size != clip.size:
+            raise ValueError(f"clean must be {clip.size} as frames are, got {whole.size}")
+        plate = whole.read(0)
     if isinstance(camera, CameraPath):
         camera = camera.camera
     elif camera is not None:
@@ -147,28 +157,49 @@ def match(
         f"frames has {count}: a film needs {LEAST}, and one picture needs clean, its plate",
     )
     numbers = range(min(count, LONG))
-    seen = watch(map(read, progress(numbers) if progress else numbers), plate)
+    with ThreadPoolExecutor(1) as aside:
+        used = aside.submit(leaning, clip.film) if clip.film else None
+        seen = watch(map(clip.read, progress(numbers) if progress else numbers), plate)
     height, width = seen.mean.shape[:2]
     _refuse(
         min(height, width) < WINDOW,
         f"frames are too small: {WINDOW} px are needed, got {width} x {height}",
     )
-    lens = Camera(DEFAULT_FOCAL * width) if camera is None else camera.magnified(1.0 / seen.scale)
-    return _matched(seen, lens, fps, used / seen.scale**2)
+    lens = Camera(DEFAULT_FOCAL * width) if camera is None else camera.magnified(1.0 / clip.scale)
+    return _matched(seen, lens, fps, used.result() / clip.scale**2 if used else 0.0)
 
 
-def _opened(name: str, given: Any) -> tuple[Callable[[int], Array], int, float | None, float]:
-    """Return what reads a frame, their number, and a film's rate and the bytes of a frame."""
+class _Given(NamedTuple):
+    """What is looked at: pictures made smaller until they are at most `WIDE`."""
+
+    read: Callable[[int], Array]  # Of a number from 0: (h, w, 3) float32, of white.
+    number: int
+    fps: float | None  # A film's rate.
+    film: str | None  # Its path.
+    size: tuple[int, ...]  # (height, width) before.
+    scale: int
+
+
+def _opened(name: str, given: Any) -> _Given:
     if isinstance(given, (str, os.PathLike)):
         path = path_text(name, given)
         source = open_background(path)
-        used = leaning(path) if source.fps else 0.0
-        return lambda n: source.frame(n).pixels, source.count or 1, source.fps, used
+        scale = -(-source.size[0] // WIDE)
+        size, count = source.size[::-1], source.count or 1
+        if isinstance(source, VideoSource):
+            read = partial(source.smaller, scale=scale)
+            return _Given(lambda n: smaller(read(n), 1), count, source.fps, path, size, scale)
+        pixels = source.frame
+        return _Given(
+            lambda n: smaller(pixels(n).pixels, scale), count, source.fps, None, size, scale
+        )
     pictures = [given] if getattr(given, "ndim", 0) == 3 else [np.asarray(one) for one in given]
     came = {one.shape for one in pictures}
     if len(came) != 1 or len(pictures[0].shape) != 3 or pictures[0].shape[2] < 3:
         raise ValueError(f"{name} must have pictures (H, W, 3) of one size, got {came or 'none'}")
-    return pictures.__getitem__, len(pictures), None, 0.0
+    size = pictures[0].shape[:2]
+    scale = -(-size[1] // WIDE)
+    return _Given(lambda n: smaller(pictures[n], scale), len(pictures), None, None, size, scale)
 
 
 def _refuse(when: bool, why: str) -> None:
@@ -214,7 +245,8 @@ def _matched(seen: Watched, camera: Camera, fps: float, used: float) -> Match:
     known, wider = np.array([*got.errors[:2], doubt]), 1.0 if film else _STILL
     if film:
         first = snow, light, doubt, got.misfit
-        snow, light, known, unlike = _closer(seen, luma, *first, used, camera, fps)
+        ray = Way(math.cos(way.angle), math.sin(way.angle), way.approach / camera.focal)
+        snow, light, known, unlike = _closer(seen, luma, *first, used, camera, fps, ray)
         few = "compression has eaten faint flakes, the background moves, or the camera travels"
         odd = unlike > _UNLIKE or got.misfit > _MISFIT
         _refuse(odd, f"what changes is not like falling snow: {few}")
@@ -245,7 +277,7 @@ def _snow(like: Snow, number: float, size: float) -> Snow:
     return replace(like, density=math.exp(number), flake_size=wide)
 
 
-def _plate(seen: Watched, snow: Any, colors: Float64) -> Array:
+def _plate(seen: Watched, snow: Any, colors: Float64 | float) -> Array:
     """Return the plate, which if not given is the mean without a veil, (h, w, 3) float32."""
     if seen.clean is not None:
         return np.clip(seen.clean, 0.0, 1.0)
@@ -256,10 +288,10 @@ def _plate(seen: Watched, snow: Any, colors: Float64) -> Array:
 
 def _closer(
     seen: Watched, luma: Array, snow: Any, light: float, doubt: float, misfit: float, used: float,
-    camera: Camera, fps: float,
+    camera: Camera, fps: float, way: Way,
 ) -> tuple[Snow, float, Float64, float]:  # fmt: skip
     """Return snow and light that show the clip's peaks, (3,) errors, and how unlike they are."""
-    mean, colors = seen.mean @ LUMA, tinted(seen.frames, seen.mean, light)
+    mean = seen.mean @ LUMA
     count, level = min(COUNT, len(luma)), LEVEL if used else None
     unsure = max(1.0, misfit / _FITS) ** 2
     spread = np.diag(np.square([*_BEFORE, doubt / unsure]))
@@ -267,23 +299,30 @@ def _closer(
     known = np.asarray(np.linalg.inv(unsure**2 * spread), float)
     start = at = np.array([math.log(snow.density), math.log(snow.flake_size[1]), light])
 
-    def tried(seed: int, real: Peaks) -> tuple[Float64, Float64, float, float]:
-        """Return where a candidate leads, its covariance, how unlike it stays, and its bytes."""
-        air, shade = _snow(snow, *at[:2]), colors + at[2] - light
-        plate = _plate(seen, air, shade)
-        ours, took = shown(air, camera, fps, plate, shade, level, seed, real.together + 1)
-        by, error, unlike = nearer(real, ours, float(at[2]), start - at, known)
-        return np.minimum(at + by, (np.inf, np.inf, 1.0)), error, unlike, took
+    # What a codec takes its first frame from is not before it, and it keeps more.
+    those = peaks(luma[1:], mean, count - 1, way)
 
-    # What a codec takes its first frame from is not before it, and it keeps more. Half as many
-    # frames tell where to go on.
-    first, real = (peaks(luma[1:], mean, n - 1) for n in (max(count // 2, 3), count))
-    at, *_, took = tried(0, first)
+    def tried(seed: int) -> tuple[Float64, Float64, float, float, float]:
+        """Return where a candidate leads, its covariance, how unlike, its bytes, and exposure."""
+        air = _snow(snow, *at[:2])
+        plate = _plate(seen, air, at[2]) @ LUMA
+        ours, took = shown(air, camera, fps, plate, at[2], level, seed, those.together + 1, way)
+        by, error, unlike = nearer(those, ours, float(at[2]), start - at, known)
+        told = min(len(those.streaks), len(ours.streaks)) > _STREAKS
+        longer = those.streaks.mean() / ours.streaks.mean() if told else 1.0
+        shutter = float(np.clip(snow.shutter * longer, 0.01, 1.0))
+        return np.minimum(at + by, (np.inf, np.inf, 1.0)), error, unlike, took, shutter
+
+    at, *_, took, shutter = tried(0)
+    snow = replace(snow, shutter=shutter)
     if level is not None and not ALIKE[0] < took / used < ALIKE[1]:
         # A step of 6 is half the bytes.
         level = min(max(level + 6.0 * math.log2(max(took / used, 0.01)), 0.0), 45.0)
     # What two more lead to, drawn at once, is less by chance.
     with ThreadPoolExecutor(2) as both:
-        found = zip(*both.map(tried, (1, 2), (real, real)), strict=True)
-    at, error, unlike, _ = (np.mean(part, axis=0) for part in found)
+        found = zip(*both.map(tried, (1, 2)), strict=True)
+    at, error, unlike, _, shutter = (np.mean(part, axis=0) for part in found)
+    # A number is judged by the share that it is off by: so this one's mean square is least.
+    at[0] -= 1.5 * (error[0, 0] + _SURE[0] ** 2)
+    snow = replace(snow, shutter=float(shutter))
     return _snow(snow, *at[:2]), float(at[2]), np.sqrt(np.diag(error)), float(unlike)

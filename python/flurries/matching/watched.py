@@ -6,16 +6,18 @@ that of the flakes' optical density alone, and the plate need not be known.
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from flurries._ahead import ahead
 from flurries._contract import Array, Float64
 from flurries._kept import kept as keep
 
-# Pictures are made smaller until they are at most so wide, and no more frames are looked at.
+# Pictures are made smaller until they are at most so wide, and of more frames the first are looked
+# at.
 WIDE, LONG = 900, 96
 # The share of the Nyquist frequency that phases are compared up to: noise is above.
 _COARSE = 0.25
@@ -28,7 +30,6 @@ class Watched(NamedTuple):
     mean: Array  # (h, w, 3) over time.
     clean: Array | None  # (h, w, 3): the plate, if given.
     shifts: Float64  # (n, 2) px, right and down: where the first frame's things are in each.
-    scale: int  # By what pictures were made smaller.
 
 
 def smaller(pixels: Array, scale: int) -> Array:
@@ -85,12 +86,11 @@ def laid_back(picture: Array, shift: tuple[float, float]) -> Array:
 
 
 def watch(pictures: Iterable[Array], clean: Array | None) -> Watched:
-    """Return what is seen of pictures, before a plate if it is given."""
+    """Return what is seen of pictures (h, w, 3) float32, before a plate if it is given."""
     kept: list[Array] = []
     first, shifts = None, list[tuple[float, float]]()
-    parts = ((one.shape, smaller(one, -(-one.shape[1] // WIDE))) for one in pictures)
-    for shape, small in ahead(parts):
-        size, scale, own = shape[:2], -(-shape[1] // WIDE), waves(small)
+    for small in ahead(iter(pictures)):
+        own = waves(small)
         first = own if first is None else first
         kept.append(small)
         shifts.append(moved(first, own, small.shape[:2]))
@@ -99,26 +99,13 @@ def watch(pictures: Iterable[Array], clean: Array | None) -> Watched:
     frames = np.stack(kept)
     unseen = np.isnan(frames)
     mean = np.nanmean(frames, axis=0) if unseen.any() else frames.mean(axis=0)
-    if clean is not None:
-        if clean.shape[:2] != size:
-            raise ValueError(f"clean must be {size} as frames are, got {clean.shape[:2]}")
-        clean = smaller(clean, scale)
-        if len(frames) == 1:
-            # That of a still is its plate behind an even veil, whose light and opacity fit best.
-            for own, plate in zip(mean.T, clean.T, strict=True):
-                own[:] = np.polyval(np.polyfit(plate.ravel(), own.ravel(), 1), plate)
+    if clean is not None and len(frames) == 1:
+        # That of a still is its plate behind an even veil, whose light and opacity fit best.
+        for own, plate in zip(mean.T, clean.T, strict=True):
+            own[:] = np.polyval(np.polyfit(plate.ravel(), own.ravel(), 1), plate)
     frames -= mean
     frames[unseen] = 0.0
-    return Watched(frames, mean, clean, np.array(shifts), scale)
-
-
-def ahead(parts: Iterator[Any]) -> Iterator[Any]:
-    """Yield parts, and make the next one while one is looked at."""
-    with ThreadPoolExecutor(1) as reader:
-        coming = reader.submit(next, parts, None)
-        while (one := coming.result()) is not None:
-            coming = reader.submit(next, parts, None)
-            yield one
+    return Watched(frames, mean, clean, np.array(shifts))
 
 
 # The light of what falls is that at which flakes would not be seen: one of light L before a plate
