@@ -125,8 +125,7 @@ class Own:
         top, bottom, left, right = frame.window
         rows = np.linspace(0.0, 1.0, frame.shape[0], dtype=np.float32)[top:bottom]
         if not self.honest:
-            # Of its window, not of the frame.
-            rows = rows / rows.max()
+            rows = rows / rows.max()  # Of its window, not of the frame.
         return fl.effects.Layer("own", np.repeat(rows[:, None], right - left, axis=1))
 
 

@@ -46,8 +46,7 @@ def test_the_apex_is_the_focus_of_expansion(travel):
     # The velocity is camera minus drop.
     flow = image_velocity(points, np.ones(3), -np.array(travel, float), camera, shape)
     focus = np.linalg.solve((flow[1:] - flow[0]).T / 100.0, -flow[0])
-    # The apex: where the ray is the axis itself.
-    axis = cone.path([0.0], travel).axis[0]
+    axis = cone.path([0.0], travel).axis[0]  # The apex: where the ray is the axis itself.
     local = axis @ camera.matrix()
     apex = np.array(camera.principal(shape)) + camera.focal * local[:2] / local[2]
     assert np.abs(apex - focus).max() <= 1e-9 * max(1.0, np.abs(apex).max())

@@ -107,8 +107,7 @@ def test_there_is_something_to_run_in_order():
 PAGES = [*README.parent.glob("*.md"), *sorted((README.parent / "docs").rglob("*.md"))]
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 FILE = re.compile(r"`((?:python|flurries|src|docs|tests|benches)/[\w./-]+\.\w+)`")
-# "::test" belongs to the file before it.
-TEST = re.compile(r"`([\w/]+\.py)?::(test_\w+)`")
+TEST = re.compile(r"`([\w/]+\.py)?::(test_\w+)`")  # "::test" belongs to the file before it.
 # Where files that a page names may stand; "flurries/" is short for "python/flurries/".
 ROOTS = (README.parent, README.parent / "python")
 

@@ -24,8 +24,7 @@ def cloud(count=220, seed=3, *, inside=False):
     centers = rng.uniform((-2.5, -2.5, middle - 2.5), (2.5, 2.5, middle + 2.5), (count, 3))
     radius = rng.uniform(0.3, 0.6, count)
     density = rng.uniform(0.05, 0.6, count)
-    # Some of a few pixels, and some far away under one.
-    centers[::9, 2] *= 30
+    centers[::9, 2] *= 30  # Some of a few pixels, and some far away under one.
     centers[::9, :2] *= 15
     return centers, radius, density
 
@@ -74,8 +73,7 @@ def test_every_model_is_its_twin(footprint, inside):
         check(cloud(60, inside=inside), {"footprint": footprint}, shape=shape)
     free, _ = twin.transmittance(SHAPE, *cloud(inside=inside), FOCAL, footprint=footprint)
     for occlusion in ("soft", "hard"):
-        # A depth that both types hold exactly.
-        depth = ground().astype(np.float32)
+        depth = ground().astype(np.float32)  # A depth that both types hold exactly.
         options = {"footprint": footprint, "occlusion": occlusion, "depth": depth}
         assert np.abs(check(cloud(inside=inside), options) - free).max() > 0.2
 
@@ -83,8 +81,7 @@ def test_every_model_is_its_twin(footprint, inside):
 @every("footprint", MODELS)
 def test_colors_come_in_order(footprint):
     arguments = cloud(150)
-    # Of two at one place the first is in front.
-    arguments[0][1::9] = arguments[0][::9]
+    arguments[0][1::9] = arguments[0][::9]  # Of two at one place the first is in front.
     color = np.random.default_rng(5).uniform(0, 4, (150, 3))
     options = {"footprint": footprint, "depth": ground()}
     want = twin.layer(SHAPE, *arguments, color, FOCAL, **options)
@@ -310,8 +307,7 @@ def test_exact_forms_against_direct_projection():
             continue
         allowed = 0.0
         if -3.5 * R < x < -0.5 * R:
-            # Near the second zero two terms cancel.
-            s = math.hypot(x, depth)
+            s = math.hypot(x, depth)  # Near the second zero two terms cancel.
             term = near * R * -x * (-x * s / (s + depth) + R)
             allowed = 4 * EPS * term / (depth * (depth * s - R * x))
         assert max(off(got, want, allowed)) <= 1e-13, (x, depth)

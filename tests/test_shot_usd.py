@@ -21,8 +21,7 @@ PLACES = np.random.default_rng(3).uniform((-2.0, -2.0, 5.0), (2.0, 2.0, 12.0), (
 
 def stage_of(path: Path, *, up: str = "Y", unit: float = 1.0, film: float = 0.75) -> Usd.Stage:
     stage = Usd.Stage.CreateNew(str(path))
-    # A prim does not keep its stage.
-    OPEN.append(stage)
+    OPEN.append(stage)  # A prim does not keep its stage.
     UsdGeom.SetStageUpAxis(stage, up)
     UsdGeom.SetStageMetersPerUnit(stage, unit)
     rig = UsdGeom.Xform.Define(stage, "/rig")

@@ -107,8 +107,7 @@ def test_frames_are_the_2d_method_with_rates_of_whole_turns():
         plain = fl.spectral.tent_rate(shape, VELOCITY)
         rate = fl.spectral.tent_rate(shape, VELOCITY, loop=LENGTH)
         assert np.array_equal(rate, twin_volume.nearest(plain, LENGTH) / LENGTH)
-        # Odd, so that the film is real.
-        assert np.array_equal(rate, -twin.mirror(rate))
+        assert np.array_equal(rate, -twin.mirror(rate))  # Odd, so that the film is real.
     for t in (0, 1, 17, 59):
         want = twin.inverse_transform(twin.band_amplitude(SHAPE), phase + t * rate)
         assert np.abs(film[t] - want).max() < 1e-12

@@ -157,8 +157,7 @@ def test_ids_are_the_strongest_flake():
         for i in range(40)
     ])  # fmt: skip
     best = np.where(alone.max(axis=0) > 0, alone.argmax(axis=0), -1)
-    # float64 tells all but the faintest tails apart.
-    differ = got != best
+    differ = got != best  # float64 tells all but the faintest tails apart.
     assert (alone.max(axis=0)[differ] < 1e-9).all() and differ.mean() < 0.01
     wall = np.full(shape, 0.5)
     assert (fl.particles.ids(shape, points, radius, camera, opacity=0.7, depth=wall) == -1).all()
