@@ -363,7 +363,7 @@ pub fn left<const LEVEL: u8>(depth: f32) -> f32 {
 /// Of a run of depths; NaN hides nothing, as what is infinitely far.
 #[inline(always)]
 fn nearest_and_farthest(depth: &[f32]) -> (f32, f32) {
-    // Whole numbers of the same bits are in the same order, and are compared many at once.
+    // Bits as whole numbers have the order of depths before the camera; behind it all hide alike.
     let number =
         |&depth: &f32| if depth.is_nan() { f32::INFINITY } else { depth }.to_bits().cast_signed();
     let ends = |(near, far): (i32, i32), depth: i32| (near.min(depth), far.max(depth));
