@@ -14,7 +14,7 @@ ROOT = REPOSITORY / "python" / "flurries"
 # From the bottom up; a module belongs to the longest name that it begins with. Modules of one level
 # may import each other where that makes no circle.
 LEVELS = (
-    ("_build", "_core", "_contract", "_kept", "_threads", "_warnings", "_trace"),
+    ("_build", "_core", "_contract", "_kept", "_ahead", "_threads", "_warnings", "_trace"),
     ("io",),
     # A camera is an argument of the array modules.
     ("camera.lens",),
