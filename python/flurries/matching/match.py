@@ -5,7 +5,6 @@ import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -142,12 +141,10 @@ def match(
     clip = _opened("frames", frames)
     count = clip.number
     fps = real("fps", fps if fps is not None else (clip.fps or 30.0), above=0.0)
-    plate = None
-    if clean is not None:
-        whole = _opened("clean", clean)
-        if whole.size != clip.size:
-            raise ValueError(f"clean must be {clip.size} as frames are, got {whole.size}")
-        plate = whole.read(0)
+    whole = None if clean is None else _opened("clean", clean)
+    if whole and whole.size != clip.size:
+        raise ValueError(f"clean must be {clip.size} as frames are, got {whole.size}")
+    plate = whole and whole.read(0)
     if isinstance(camera, CameraPath):
         camera = camera.camera
     elif camera is not None:
@@ -185,14 +182,14 @@ def _opened(name: str, given: Any) -> _Given:
         path = path_text(name, given)
         source = open_background(path)
         scale = -(-source.size[0] // WIDE)
-        size, count = source.size[::-1], source.count or 1
-        if isinstance(source, VideoSource):
-            read = partial(source.smaller, scale=scale)
-            return _Given(lambda n: smaller(read(n), 1), count, source.fps, path, size, scale)
-        pixels = source.frame
-        return _Given(
-            lambda n: smaller(pixels(n).pixels, scale), count, source.fps, None, size, scale
-        )
+        film = path if isinstance(source, VideoSource) else None
+
+        def read(n: int) -> Array:
+            if isinstance(source, VideoSource):
+                return smaller(source.smaller(n, scale), 1)
+            return smaller(source.frame(n).pixels, scale)
+
+        return _Given(read, source.count or 1, source.fps, film, source.size[::-1], scale)
     pictures = [given] if getattr(given, "ndim", 0) == 3 else [np.asarray(one) for one in given]
     came = {one.shape for one in pictures}
     if len(came) != 1 or len(pictures[0].shape) != 3 or pictures[0].shape[2] < 3:

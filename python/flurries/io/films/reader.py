@@ -34,9 +34,10 @@ _TIMELESS = ("avi", "mpeg")
 # Transport streams are searched by time stamps, and a damaged one leads astray.
 _SEEKLESS = ("mpegts",)
 
-# How pixel formats are converted: bicubic (4), chroma interpolated in full (0x2000), rounded
-# exactly (0x40000), the same bits on every processor (0x80000), and in the calling thread.
-SCALING: dict[str, Any] = {"interpolation": 4 | 0x2000 | 0x40000 | 0x80000, "threads": 1}
+# How pixel formats are converted: bicubic (4) or means over areas (32), chroma interpolated in full
+# (0x2000), rounded exactly (0x40000), the same bits on every processor (0x80000), in this thread.
+_BICUBIC, _AREA = (kind | 0x2000 | 0x40000 | 0x80000 for kind in (4, 32))
+SCALING: dict[str, Any] = {"interpolation": _BICUBIC, "threads": 1}
 
 UNSPECIFIED = 2
 
@@ -228,9 +229,8 @@ class Decoder:
         if self._size is None:
             self._tags = Tags.of(self._container, self._stream, found)
         pixels = _to_rgb(found, scale)
-        if self._size is not None and any(
-            pixels.shape[1 - axis] != side // scale for axis, side in enumerate(self._size)
-        ):
+        size = pixels.shape[1], pixels.shape[0]
+        if self._size is not None and size != tuple(side // scale for side in self._size):
             raise OSError(f"{self.path}: frame {number} of the video has another size")
         return pixels
 
@@ -291,9 +291,8 @@ def _to_rgb(frame: Any, scale: int) -> Array:
 
     wishes = dict(SCALING)
     if scale > 1:
-        # Means over squares (32).
         wishes |= {"width": frame.width // scale, "height": frame.height // scale}
-        wishes["interpolation"] += 32 - 4
+        wishes["interpolation"] = _AREA
     if frame.colorspace == UNSPECIFIED and not frame.format.is_rgb:
         # Unmarked video follows the convention of its size.
         wishes["src_colorspace"] = Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601
