@@ -24,15 +24,19 @@ unexport PYTHONDONTWRITEBYTECODE
 
 RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/dispatch/Cargo.toml crates/fft/Cargo.toml pyproject.toml
 
-.PHONY: docs links demo test asan audit test-lowest test-browser test-clients test-hosts test-hosts-older wheel test-wheel peers accuracy mutations \
-	lint bench bench-check performance hashes soak clean requirements
+.PHONY: docs links demo test kernels asan audit test-lowest test-browser test-clients test-hosts test-hosts-older wheel test-wheel peers accuracy mutations \
+	lint lint-rust lint-python lint-types bench bench-check performance hashes soak clean requirements
 
 demo: $(VENV)/.installed
 	$(BIN)/flurries demo --output demo
 
-test: lint
-	cargo test --workspace --quiet
+# The compiler of the extension has work for one processor: packages, lint and kernels are the other's.
+test: | requirements
+	$(MAKE) --no-print-directory --jobs 2 lint kernels
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal --quiet
+
+kernels: lint-rust
+	cargo test --workspace --quiet
 
 # Rust's runtime is linked into programs alone: the extension, which Python loads, takes gcc's.
 SANITIZED := target/asan
@@ -149,16 +153,23 @@ docs: $(VENV)/.tools
 links:
 	$(PYTHON) docs/site/absolute.py $(BASE)
 
-lint: $(VENV)/.tools
+lint: lint-rust lint-python lint-types
+
+lint-rust: | requirements
+	@cargo clippy --version >/dev/null 2>&1 && cargo fmt --version >/dev/null 2>&1 \
+		|| { echo "missing: clippy and rustfmt (rustup component add clippy rustfmt)"; exit 1; }
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets --quiet -- --deny warnings
-	cargo clippy --all-targets --features python --quiet -- --deny warnings
+	cargo clippy --workspace --all-targets --features flurries/python --quiet -- --deny warnings
+
+lint-python: $(VENV)/.tools
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	for example in examples/*.py; do $(BIN)/mypy --strict $$example || exit 1; done
 	$(BIN)/basedpyright
 	$(BIN)/stubtest flurries._core --mypy-config-file pyproject.toml
+
+lint-types: $(VENV)/.tools
+	$(BIN)/mypy
+	for example in examples/*.py; do $(BIN)/mypy --strict $$example || exit 1; done
 
 # Ratios, sizes, whole frames, and what is around the kernels.
 performance: $(VENV)/.tools
@@ -182,7 +193,7 @@ hashes: $(VENV)/.tools
 # an hour; LENGTH=0.1 takes a tenth of it.
 LENGTH ?= 1
 soak: $(VENV)/.tools
-	FLURRIES_SOAK=$(LENGTH) $(BIN)/python -m pytest -q -n 0 tests/soak
+	FLURRIES_SOAK=$(LENGTH) $(BIN)/python -m pytest -q -n 0 tests/soak tests/test_faults.py
 
 clean:
 	rm -rf $(VENV) target build demo dist site
@@ -201,12 +212,19 @@ $(VENV)/.made: | requirements
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'maturin>=1.16,<2'
 	touch $@
 
-$(VENV)/.installed: $(VENV)/.made $(RUST)
+$(VENV)/.built: $(VENV)/.made $(RUST)
+	$(BIN)/maturin develop --release --quiet --skip-install
+	touch $@
+
+$(VENV)/.packages: $(VENV)/.made pyproject.toml
+	$(BIN)/python tests/lowest.py test lint > $@.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $@.txt
+	touch $@
+
+$(VENV)/.installed: $(VENV)/.built
 	$(BIN)/maturin develop --release --quiet --extras video
 	touch $@
 
-$(VENV)/.tools: $(VENV)/.installed
-	@cargo clippy --version >/dev/null 2>&1 && cargo fmt --version >/dev/null 2>&1 \
-		|| { echo "missing: clippy and rustfmt (rustup component add clippy rustfmt)"; exit 1; }
+$(VENV)/.tools: $(VENV)/.packages $(VENV)/.built
 	$(BIN)/maturin develop --release --quiet --extras test,lint
 	touch $@

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -21,3 +22,9 @@ def threads() -> Iterator[Callable[[int], None]]:
 
     yield fl.set_threads
     fl.set_threads(max(1, min(os.cpu_count() or 1, 256)))
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Tell of a failure at once, for a run that is stopped before its end."""
+    if report.failed and "PYTEST_XDIST_WORKER" not in os.environ:
+        print(f"\n{report.nodeid}\n{report.longreprtext[-4000:]}", file=sys.__stderr__, flush=True)

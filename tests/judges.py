@@ -196,10 +196,7 @@ def inside(flakes: np.ndarray, low: Sequence[float], high: Sequence[float]) -> n
 
 
 def motion_off(motion: Picture, now: np.ndarray, then: np.ndarray) -> float:
-    """Return the largest error in px of motions (n, 2) of the flakes `now`, by lists of two times.
-
-    Flakes that are in one list alone say nothing.
-    """
+    """Return the largest error, px, of motions (n, 2) of the flakes of `now` that `then` has."""
     _, a, b = np.intersect1d(now["id"], then["id"], return_indices=True)
     if not len(a):
         return float("nan")

@@ -1,5 +1,6 @@
 """Every cell of the matrix of faults has the expected answer, and its row on the page."""
 
+import os
 import sys
 import tempfile
 from contextlib import nullcontext
@@ -14,12 +15,17 @@ from faults.power import power_cut
 from faults.shot import KINDS, Shot, s3
 from faults.within import CLEAN
 
+# Those that share a writer have some cells each, the first of them all; in a soak all have all.
+SOME = {"mov": 0, "webm": 1, "mkv": 2, "jpeg": 0, "tif": 1}
+
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_cell_has_the_expected_answer(kind: str):
     with tempfile.TemporaryDirectory() as room, s3() if kind == "s3" else nullcontext():
         Path(room).chmod(0o755)  # For an ordinary user.
-        found = list(make_faults.cells(kind, Path(room)))
+        some = kind in SOME and "FLURRIES_SOAK" not in os.environ
+        turn = slice(SOME[kind], None, 3) if some else slice(None)
+        found = list(make_faults.cells(kind, Path(room), turn))
     assert [cell for cell in found if cell[1] != cell[2]] == []
     page = make_faults.PAGE.read_text()
     assert all(f"| {fault} |" in page for fault, _, _ in found) and f" {kind} |" in page

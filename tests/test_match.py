@@ -1,7 +1,4 @@
-"""What `fl.match` finds in clips whose flakes the float64 twin has drawn, and what it refuses.
-
-The whole loop of 40 clips is `python docs/make_match.py`.
-"""
+"""What `fl.match` finds in clips of the float64 twin; 40 of them: `python docs/make_match.py`."""
 
 import math
 from itertools import pairwise

@@ -1,9 +1,8 @@
 """The slow twin: `fl.spectral` and `fl.camera` in plain float64 NumPy, written from the equations.
 
-It judges the fast kernels, so it shares no code with them and never imports `flurries`. Everything
-is spelled out per wave and per tile; nothing here is meant to be quick. Arrays are [row, column]
-= [y, x], spectra stand in fftfreq order, phases and rates are in cycles, and pairs of numbers are
-(x, y).
+It shares no code with the fast kernels and never imports `flurries`; all is spelled out by wave and
+by tile. Arrays are [row, column] = [y, x], spectra stand in fftfreq order, phases and rates are in
+cycles, and pairs of numbers are (x, y).
 """
 
 from functools import lru_cache
@@ -243,10 +242,7 @@ def ramp(tile: int, overlap: int) -> Floats:
 
 
 def axis_weights(length: int, tile: int, overlap: int, blend: str) -> Floats:
-    """(tiles, tile) 1-D weights: w over the sum of w of all tiles at that pixel, "power" rooted.
-
-    Tiles count whole, also where they stick out of the picture.
-    """
+    """(tiles, tile) weights: w over the sum of w of all whole tiles there, "power" rooted."""
     starts = tile_starts(length, tile=tile, overlap=overlap)
     weight = ramp(tile, overlap)
     if blend == "power":

@@ -66,10 +66,7 @@ class Canvas:
         return -np.expm1(-self.depth).reshape(self.shape)
 
     def add(self, way: Floats, diameter: Floats, share: Floats) -> None:
-        """Add flakes of these diameters, px, and factors of the opacity, (n,).
-
-        `way` has their places (x, y) in px at the opening, the middle and the close, (3, 2, n).
-        """
+        """Add flakes (n,) by their ways, (x, y) px at opening, middle and close, (3, 2, n)."""
         seen = share > 0.0
         for axis in range(2):
             ends = way[0, axis], way[1, axis], way[2, axis]
@@ -83,10 +80,7 @@ class Canvas:
                 draw(way[:, :, own], diameter[own], share[own])
 
     def _points(self, way: Floats, diameter: Floats, share: Floats) -> None:
-        """Share flakes out over the pixels of lines by the lengths inside them.
-
-        The optical depth of a is a + a^2/2.
-        """
+        """Share flakes out over pixels of lines by the lengths inside; the depth is a + a^2/2."""
         area = share * self.opacity * 0.25 * math.pi * diameter**2
         start, end = way[0], way[2]
         first, step = np.floor(start), end - start

@@ -1,7 +1,4 @@
-"""What a gas looks like, in plain float64, slow and independent: the judge of the kernels.
-
-Written from the equations: no tiles, no bounds, no linear forms; every pixel of every particle.
-"""
+"""A gas in plain float64 from the equations, every pixel of every particle: the kernels' judge."""
 
 import math
 

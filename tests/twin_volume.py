@@ -1,7 +1,6 @@
 """The slow twin of the 3-D method: the whole space-time spectrum, and NumPy's inverse transform.
 
-Written from the equations; never imports `flurries`. Spectra are (H, W, T) in
-fftfreq order on every axis, films (T, H, W).
+Written from the equations. Spectra are (H, W, T) in fftfreq order on every axis, films (T, H, W).
 """
 
 import numpy as np

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 
 import flurries as fl
 from faults.shot import LAST, PLATE, STORES, Shot
 
 Fault = Callable[[Shot], object]
+Cell = tuple[str, str, Callable[[], str]]
 
 
 def _flipped(data: bytes) -> bytes:
@@ -99,6 +101,7 @@ LOCAL = (*list(BETWEEN)[-2:], *(f"{name} in its place" for name in ODD))
 
 def between(fault: str, shot: Shot, whole: dict[str, bytes], *, journal: bool) -> str:
     """Return what the second run did about a fault."""
+    shot.write()
     BETWEEN[fault][0](shot)
     if not journal:
         shot.drop_journal()
@@ -185,25 +188,24 @@ def in_a_group(fault: str, shot: Shot, *, journal: bool) -> str:
     return "made again" if words == f"made {LAST}, kept 0" else "kept"
 
 
-def cells(kind: str, shots: Iterator[Shot], whole: dict[str, bytes]) -> Iterator[tuple[str, ...]]:
-    """Yield fault, expected and seen answer."""
+def cells(kind: str, shots: Iterator[Shot], whole: dict[str, bytes]) -> Iterator[Cell]:
+    """Yield fault, expected answer, and what sees the answer."""
     for fault, (_, with_it, without) in BETWEEN.items():
         if kind in STORES and fault in LOCAL:
             continue
         for journal in (True, False):
             shot = next(shots)
-            shot.write()
             want = with_it if journal else without
             if fault == "deleted" and not journal and shot.alone:
                 want = "made again"
             name = fault if journal else f"{fault}; without a journal"
-            yield name, want, between(fault, shot, whole, journal=journal)
-    yield "a stranger's file", "refused", stranger(None, next(shots))
+            yield name, want, partial(between, fault, shot, whole, journal=journal)
+    yield "a stranger's file", "refused", partial(stranger, None, next(shots))
     if kind in STORES:
         return
     for fault, make in ODD.items():
-        yield f"{fault} that was there", "refused", stranger(make, next(shots))
+        yield f"{fault} that was there", "refused", partial(stranger, make, next(shots))
     for fault, (_, with_it, without) in GROUPS.items() if next(shots).film else ():
         for journal, want in ((True, with_it), (False, without)):
             name = f"a group: {fault}" if journal else f"a group: {fault}; without a journal"
-            yield name, want, in_a_group(fault, next(shots), journal=journal)
+            yield name, want, partial(in_a_group, fault, next(shots), journal=journal)

@@ -13,9 +13,11 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from faults.between import Cell
 from faults.power import power_cut
 from faults.shot import FILMS, STORES, Shot
 
@@ -170,13 +172,13 @@ def _age(folder: Path) -> None:
         os.utime(found, (then, then))
 
 
-def cells(kind: str, shots: Iterator[Shot], whole: dict[str, bytes]) -> Iterator[tuple[str, ...]]:
-    """Yield fault, expected and seen answer."""
+def cells(kind: str, shots: Iterator[Shot], whole: dict[str, bytes]) -> Iterator[Cell]:
+    """Yield fault, expected answer, and what sees the answer."""
     if kind in STORES:
         return
     for fault, want in WITHIN.items():
         late = kind == "still" and _flush_of(fault) > OF_A_STILL
         if not late and (kind in FILMS or "codec" not in fault):
-            yield fault, want, within(fault, next(shots), whole)
+            yield fault, want, partial(within, fault, next(shots), whole)
     for fault, anyhow in (("power cut", False), ("power cut, names in any order", True)):
-        yield fault, GOES_ON, power_cut(next(shots), whole, CLEAN, anyhow=anyhow)
+        yield fault, GOES_ON, partial(power_cut, next(shots), whole, CLEAN, anyhow=anyhow)

@@ -224,32 +224,33 @@ pub mod tests {
         // Some 50 in a square pixel.
         let discs = if law.circle > 0.0 { 40 * (law.circle * law.circle) as i32 + 1 } else { 1 };
         let reach = 0.5 * (law.streak[0].abs().max(law.streak[1].abs()) + law.circle + disc);
-        let half = reach as i64 + 2;
-        let side = 2 * half as usize;
-        let (mut pixels, mut sum) = (vec![0.0; side * side], 0.0);
-        let middle = |i: i32, n: i32| (f64::from(i) + 0.5) / f64::from(n) - 0.5;
+        let (half, side) = (reach as i64 + 2, 2 * (reach as usize + 2));
+        let (at, mut pixels) = (at.map(|one| one + half as f64), vec![0.0; side * side]);
+        let way = |n: i32| {
+            let (time, d) = (f64::from(n / discs) + 0.5, f64::from(n % discs));
+            let time = time / f64::from(moments) - 0.5;
+            let off = 0.5 * law.circle * ((d + 0.5) / f64::from(discs)).sqrt();
+            let (sin, cos) = (2.399_963_229_728_653 * d).sin_cos();
+            (time * law.streak[1] + off * sin, time * law.streak[0] + off * cos)
+        };
+        let ways: Vec<_> = (0..moments * discs).map(way).collect();
         let places = |at: f64| {
             let place = move |i: i32| (f64::from(i) + 0.5) / fine;
             (((at - disc) * fine) as i32 - 1..((at + disc) * fine) as i32 + 1).map(place)
         };
         for (y, x) in places(at[1]).flat_map(|y| places(at[0]).map(move |x| (y, x))) {
             let opacity = opacity_at(2.0 * (y - at[1]).hypot(x - at[0]) / disc, law.tau0);
-            sum += opacity * f64::from(moments * discs);
-            for (k, d) in (0..moments).flat_map(|k| (0..discs).map(move |d| (k, d))) {
-                let time = middle(k, moments);
-                let turn = 2.399_963_229_728_653 * f64::from(d);
-                let off = 0.5 * law.circle * ((f64::from(d) + 0.5) / f64::from(discs)).sqrt();
-                let y = y + time * law.streak[1] + off * turn.sin() + half as f64;
-                let x = x + time * law.streak[0] + off * turn.cos() + half as f64;
-                if opacity > 0.0 {
-                    pixels[y as usize * side + x as usize] += opacity;
+            if opacity > 0.0 {
+                for (down, right) in &ways {
+                    pixels[(y + down) as usize * side + (x + right) as usize] += opacity;
                 }
             }
         }
-        let energy = mean_opacity(law.tau0) * std::f64::consts::FRAC_PI_4 * diameter * diameter;
+        let energy = mean_opacity(law.tau0) * std::f64::consts::FRAC_PI_4 * diameter * diameter
+            / pixels.iter().sum::<f64>();
         let value = |(index, &value): (usize, &f64)| {
             let (row, col) = ((index / side) as i64 - half, (index % side) as i64 - half);
-            (value > 0.0).then(|| (row, col, -(-value * energy / sum).ln_1p()))
+            (value > 0.0).then(|| (row, col, -(-value * energy).ln_1p()))
         };
         pixels.iter().enumerate().filter_map(value).collect()
     }

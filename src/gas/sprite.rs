@@ -7,8 +7,7 @@ use ndarray::{ArrayView1, ArrayView2};
 
 use super::footprint::{Edge, POINT_FROM, patch};
 use crate::base::error::Error;
-use crate::base::pixel::pixels;
-use crate::base::pixel::smoothstep;
+use crate::base::pixel::{pixels, smoothstep};
 
 /// Slopes beyond this many times the picture's are held when a footprint is widened off the axis.
 const SLOPES: f64 = 1.3;

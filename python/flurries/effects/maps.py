@@ -180,10 +180,11 @@ def _maps(
         common = np.array([_NORMAL.pdf(_NORMAL.inv_cdf(share)) for share in some])
         most = _contrast(common, some * (1.0 - some))
         shown = np.minimum(contrast[:, number], _MOST * most)
-        even = shown <= 1e-6 * wanted
-        shown = np.where(even, 1e-6 * wanted, shown)
-        guess = _solve(guess, power, np.log(np.stack([wanted, shown])))
         # Without waves an even veil.
+        even = shown <= 1e-6 * wanted
+        if (waves := ~even).any():
+            wished = np.log([wanted[waves], shown[waves]])
+            guess[:, waves] = _solve(guess[:, waves], power, wished)
         means[:, number] = np.where(even, wanted ** (1.0 / power), guess[0])
         deviations[:, number] = np.where(even, 0.0, np.exp(guess[1]) / (deviation * roots))
     entries = np.linspace(0.0, 1.0, _ENTRIES)
@@ -209,8 +210,7 @@ def _solve(guess: Float64, power: float, wanted: Float64) -> Float64:
         found = np.stack([mean, _contrast(common, spread)])
         return np.asarray(np.log(np.maximum(found, 1e-300)) - wanted)
 
-    tiny = 1e-6
-    now = errors(guess)
+    tiny, now = 1e-6, errors(guess)
     for _ in range(60):
         if np.abs(now).max() < 1e-9:
             break
