@@ -1,7 +1,4 @@
-"""What must have the same bits wherever it is made: kernels and scenes, whose hashes it prints.
-
-`make hashes` takes those of frames anew: a scene that has changed gets the next number.
-"""
+"""Hashes of kernels and scenes, whose bits are the same anywhere; `make hashes` takes them anew."""
 
 import hashlib
 import json

@@ -3,8 +3,10 @@
 import os
 import signal
 import struct
+import threading
 from fractions import Fraction
 from pathlib import Path
+from queue import SimpleQueue
 
 import av
 import numpy as np
@@ -12,6 +14,7 @@ import pytest
 from skimage.metrics import peak_signal_noise_ratio
 
 from films import EXTENSIONS, encode, film, write
+from flurries._ahead import Ahead
 from flurries.io import VideoWriter, open_background, read_video, write_picture
 from flurries.io.films.codecs import frame_rate
 
@@ -273,3 +276,13 @@ def test_scripts_that_name_other_files_are_not_followed(tmp_path):
         with pytest.raises((OSError, ValueError), match=name):
             open_background(tmp_path / name)
     assert victim.exists()
+
+
+def test_who_drops_what_is_made_ahead_does_not_wait_for_it():
+    """Garbage is collected in any thread, also in one that holds what the maker waits for."""
+    late, seen = threading.Event(), SimpleQueue[bool]()
+    ahead = Ahead(one() for one in (lambda: 1, lambda: seen.put(late.wait(60.0)) or 2))
+    assert next(ahead) == 1
+    del ahead
+    late.set()
+    assert seen.get()

@@ -195,10 +195,7 @@ def without_aliases(amplitude: Floats, rate: Floats, alias: str, soft_from: floa
 
 
 def direct_sum(amplitude: ArrayLike, phase: ArrayLike) -> Floats:
-    """z(x, y) = sum_k amplitude cos 2 pi (fx x + fy y + phase), wave by wave, over all bins.
-
-    k*x is reduced modulo the tile in integers, so that the cosine's argument stays below 3 turns.
-    """
+    """z(x, y) = sum_k amplitude cos 2 pi (fx x + fy y + phase); k x is taken modulo the tile."""
     amplitude, phase = np.asarray(amplitude, np.float64), np.asarray(phase, np.float64)
     height, width = amplitude.shape
     ky, kx = wave_numbers((height, width))

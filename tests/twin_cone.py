@@ -1,8 +1,4 @@
-"""The double cone in plain float64, slow and independent: the judge of the kernels.
-
-Rotations are matrices, rays are unit vectors, a pixel's footprint comes from differences of
-neighbouring rays, boxes are sums of texels: nothing here is the kernels' way to the same number.
-"""
+"""The double cone in plain float64 by matrices, unit vectors, differences and sums of texels."""
 
 import math
 

@@ -1,7 +1,4 @@
-"""The slow twin of the 3-D method: the whole space-time spectrum, and NumPy's inverse transform.
-
-Written from the equations. Spectra are (H, W, T) in fftfreq order on every axis, films (T, H, W).
-"""
+"""The twin of the 3-D method: the whole spectrum (H, W, T), in fftfreq order, and its inverse."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

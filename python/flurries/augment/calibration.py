@@ -45,9 +45,6 @@ _HARD = {
     "fog": (0.0, 0.3, 0.5, 0.72, 0.9, 0.985),
 }
 
-# Newton's steps at most; four are usual.
-_STEPS = 60
-
 
 def contrast_loss(amount: float, *, profile: Profile = "natural", weather: Kind = "snow") -> float:
     """Return the share of a picture's contrast that weather of an amount takes before the sky.
@@ -150,7 +147,7 @@ def extinction(loss: float, way: Float64, density: Float64) -> float:
     # The logarithm of what is left is convex and falls, so Newton's steps never go too far from
     # what would do were all ways as long as their mean: it leaves too much.
     found = -math.log1p(-loss) * ways.size / float(total(ways, axis=None))
-    for _ in range(_STEPS):
+    for _ in range(60):  # Four are usual.
         left = np.exp(-found * ways)
         slope, rest = float(total(left * ways, axis=None)), float(total(left, axis=None))
         if slope == 0.0:

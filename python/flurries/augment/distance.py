@@ -22,9 +22,6 @@ Depth: TypeAlias = Any
 # Depths that stand for all of a picture's when its mean loss of contrast is worked out.
 QUANTILES = 64
 
-# About so many pixels are looked at for them.
-_SAMPLES = 1024
-
 # Between depths of infinity no other could be found, metres.
 _FARTHEST = np.float32(1e9)
 
@@ -153,7 +150,7 @@ class Distances:
         if self.plane.size <= QUANTILES:
             return np.asarray(self.plane.reshape(-1), np.float64)
         # An even sample: to sort all depths would cost more than the weather.
-        step = max(int((self.plane.size / _SAMPLES) ** 0.5), 1)
+        step = max(int((self.plane.size / 1024) ** 0.5), 1)  # Some thousand pixels.
         sample = self.plane[::step, ::step] if self.plane.shape[1] > 1 else self.plane
         ranks = (np.arange(QUANTILES) + 0.5) / QUANTILES * sample.size
         ordered = np.sort(sample, axis=None)[ranks.astype(int)]

@@ -74,10 +74,7 @@ class Recorded:
         own |= {n: int64(n, own[n]) for n in ("seed", "weather_seed") if own[n] is not None}
 
     def strength(self) -> tuple[Strength, Strength]:
-        """Return how strong the weakest and the strongest weather are that are drawn.
-
-        Before a sky; of the hard profile with the depths of a picture of 512 px.
-        """
+        """Return how strong the weakest and strongest weather drawn are before a sky, at 512 px."""
         ends = self.severity and [level / SEVERITIES for level in self.severity]  # type: ignore[union-attr]
         low, high = ends or self.amount or DEFAULT_AMOUNT  # type: ignore[misc]
         own = self.profile, self.WEATHER, self.focal

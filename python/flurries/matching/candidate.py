@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flurries._ahead import ahead
+from flurries._ahead import Ahead
 from flurries._contract import Array, Float64
 from flurries.camera import Camera
 from flurries.effects import Snow
@@ -109,7 +109,7 @@ def shown(
         np.clip(np.rint(made, made), _BLACK, _BLACK + _WHITE, made)
         return np.asarray(made.astype(np.uint8))
 
-    pictures = ahead(map(picture, range(count)))
+    pictures = Ahead(map(picture, range(count)))
     if level is None:
         frames = np.array(list(pictures), np.float32)
     else:

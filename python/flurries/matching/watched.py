@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flurries._ahead import ahead
+from flurries._ahead import Ahead
 from flurries._contract import Array, Float64
 from flurries._kept import kept as keep
 
@@ -89,7 +89,7 @@ def watch(pictures: Iterable[Array], clean: Array | None) -> Watched:
     """Return what is seen of pictures (h, w, 3) float32, before a plate if it is given."""
     kept: list[Array] = []
     first, shifts = None, list[tuple[float, float]]()
-    for small in ahead(iter(pictures)):
+    for small in Ahead(iter(pictures)):
         own = waves(small)
         first = own if first is None else first
         kept.append(small)

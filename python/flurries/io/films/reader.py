@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from flurries._ahead import ahead
+from flurries._ahead import Ahead
 from flurries._contract import Array
 from flurries.io.files import Budget, given
 from flurries.io.timecode import TimeCode
@@ -192,7 +192,7 @@ class Decoder:
         self.path, self._budget = path, budget
         self._index = index = _Index(path, budget)
         self._container, self._stream = open_video(path, budget)
-        self._frames = ahead(self._decode())
+        self._frames = Ahead(self._decode())
         # The frame that the decoder will yield next, and those that it yielded ahead of need.
         self._next = 0
         self._ready: dict[int, Any] = {}
@@ -245,7 +245,7 @@ class Decoder:
             self._container.close()
             self._container, self._stream = open_video(self.path, self._budget)
             self._next = 0
-        self._frames = ahead(self._decode())
+        self._frames = Ahead(self._decode())
 
     def _read_to(self, last: int, key: int) -> bool:
         """Decode up to frame `last`; return whether the decoder began after the frame `key`."""

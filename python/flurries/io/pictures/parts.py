@@ -49,8 +49,8 @@ def each(work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:
     if count < 2:
         yield from map(work, items)
         return
-    with ThreadPoolExecutor(count, "packer") as pool:
-        yield from pool.map(work, items)
+    # Without a wait for its threads: who drops this may be one that must not.
+    yield from ThreadPoolExecutor(count, "packer").map(work, items)
 
 
 def is_whole(path: Path, place: Place) -> bool:
@@ -282,7 +282,7 @@ def _verify(
                 sizes = [(spec.width, spec.height, spec.nchannels) for spec in (there, one)]
                 if sizes[0] != sizes[1]:
                     raise OSError("it has another size or other channels")
-            whole = all(each(partial(is_whole, temporary), places))
+            whole = all([*each(partial(is_whole, temporary), places)])
             if not places:
                 # EXR keeps channels in alphabetical order, whatever order they were given in.
                 order = [there.channelindex(name) for name in one.channelnames]
