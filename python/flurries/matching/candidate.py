@@ -10,12 +10,10 @@ import math
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flurries._ahead import Ahead
 from flurries._contract import Array, Float64
 from flurries.camera import Camera
 from flurries.effects import Snow
@@ -26,8 +24,8 @@ from flurries.scene import Scene
 # Frames of a candidate; how bright a camera's noise is; the level (crf) of h264 that is tried
 # first, and shares of the clip's bytes between which it stays.
 COUNT, LEVEL, ALIKE = 16, 18.0, (0.4, 1.6)
-# It keeps of flakes what the usual one does, in half its time; a faster one keeps less.
-_PRESET = "faster"
+# It keeps of flakes what the usual settings do, in a third of their time; "veryfast" keeps less.
+_CODER = {"preset": "faster", "subq": "1", "motion-est": "dia"}
 # A camera's noise of two levels in each color; and black and white in films.
 _NOISE = np.float32(2.0 / 255.0 * math.hypot(*LUMA.tolist()))
 _BLACK, _WHITE = np.float32(16.0), np.float32(219.0)
@@ -63,25 +61,25 @@ def peaks(frames: Array, mean: Array, count: int, way: Way) -> Peaks:
     def found(n: int) -> tuple[Array, ...]:
         # The last of those that have one mean goes back.
         last = (n + 1) % count == 0
-        now, other = (soft(rest[at]) for at in (n, n - 1 if last else n + 1))
+        now, other = smooth[n], smooth[n - 1 if last else n + 1]
         height = np.abs(now)
-        middle = height[1:-1, 1:-1]
-        top = middle > _KEPT
-        for row, col in product(range(3), range(3)):
-            beside = height[row:, col:][: middle.shape[0], : middle.shape[1]]
-            top &= (middle >= beside) if (row, col) <= (1, 1) else (middle > beside)
-        places = np.argwhere(top)
-        own, far = middle[top], np.zeros(len(places))
+        rows = np.maximum(np.maximum(height[:, 2:], height[:, :-2]), height[:, 1:-1])
+        top = height[1:-1, 1:-1] >= np.maximum(np.maximum(rows[2:], rows[:-2]), rows[1:-1])
+        top &= height[1:-1, 1:-1] > _KEPT
+        row, column = np.divmod(np.flatnonzero(top), top.shape[1])
+        own, far = height[row + 1, column + 1], np.zeros(len(row))
         bright = own > _SOUGHT
-        ray = way.back() if last else way
-        far[bright], long = found_again(now, other, places[bright] + 1, ray)
+        places = np.stack([row[bright], column[bright]], axis=1) + 1
+        far[bright], long = found_again(now, other, places, way.back() if last else way)
         sharp = (own[bright] > _SHARP) & ~np.isnan(long)
-        return own, behind[n][2:-2, 2:-2][top], np.searchsorted(_WENT, far, "right"), long[sharp]
+        shade = behind[n // count][row + 2, column + 2]
+        return own, shade, np.searchsorted(_WENT, far, "right"), long[sharp]
 
     parts = frames[: len(frames) // count * count].reshape(-1, count, *mean.shape)
     means = parts.mean(axis=1, keepdims=True)
-    rest, behind = (parts - means).reshape(-1, *mean.shape), np.repeat(mean + means[:, 0], count, 0)
+    rest, behind = (parts - means).reshape(-1, *mean.shape), mean + means[:, 0]
     with ThreadPoolExecutor(2) as both:
+        smooth = list(both.map(soft, rest))
         seen = zip(*both.map(found, range(len(rest))), strict=True)
         return Peaks(rest.size, count, *map(np.concatenate, seen))
 
@@ -94,40 +92,39 @@ def shown(
     flakes = replace(snow, color=1.0, shape="round", seed=seed)  # Balls, as those of the waves.
     dark = np.zeros((*plate.shape, 3), np.float32)
     scene = Scene(dark, camera=camera, effects=[flakes], fps=fps, lens=None)
-    chance, size, used = np.random.default_rng(seed), plate.size, 0.0
+    chance, size = np.random.default_rng(seed), plate.size
     # Of one run of noise each frame takes another part, whose places are far apart.
     noise = chance.standard_normal(2 * size, np.float32) * _NOISE
+    firsts = [int(chance.integers(size)) for _ in range(count)]
     change = np.float32(light) - plate
 
     def picture(t: int) -> Array:
-        first = int(chance.integers(size))
         made = scene.render(t)[..., 0] * change
         made += plate
-        made += noise[first : first + size].reshape(plate.shape)
+        made += noise[firsts[t] : firsts[t] + size].reshape(plate.shape)
         made *= _WHITE
         made += _BLACK
         np.clip(np.rint(made, made), _BLACK, _BLACK + _WHITE, made)
         return np.asarray(made.astype(np.uint8))
 
-    pictures = Ahead(map(picture, range(count)))
-    if level is None:
-        frames = np.array(list(pictures), np.float32)
-    else:
-        frames, used = _coded(pictures, plate.shape, level, fps)
+    with ThreadPoolExecutor(2) as both:
+        frames, used = _coded(both.map(picture, range(count)), plate.shape, level, fps)
     frames = (frames - _BLACK) / _WHITE
     return peaks(frames[1:], np.zeros_like(frames[0]), count - 1, way), used
 
 
 def _coded(
-    pictures: Iterable[Array], shape: tuple[int, ...], level: float, fps: float
+    pictures: Iterable[Array], shape: tuple[int, ...], level: float | None, fps: float
 ) -> tuple[Array, float]:
     """Return the brightness of pictures after h264 at a level, and bytes as of `leaning`."""
+    if level is None:
+        return np.array(list(pictures), np.float32), 0.0
     import av
 
     store, (height, width) = io.BytesIO(), (side // 2 * 2 for side in shape)
     grey = np.full((height // 2, width), 128, np.uint8)
     with av.open(store, "w", format="mp4") as out:
-        rate, options = max(round(fps), 1), {"crf": str(level), "preset": _PRESET}
+        rate, options = max(round(fps), 1), {"crf": str(level), **_CODER}
         stream = out.add_stream("libx264", rate=rate, options=options)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.codec_context.thread_count = 2  # Else bytes go with the processors.
@@ -157,17 +154,20 @@ def nearer(
     # `usual` ones are expected, with the inverse covariance `known`.
     shades = np.quantile(np.append(real.behind, ours.behind), np.arange(1, _SHADES) / _SHADES)
     kinds, wide = len(_WENT) + 1, len(_HEIGHTS) + 1
-    rows = {id(part): np.searchsorted(shades, part.behind) * kinds for part in (real, ours)}
+    # Of each peak the row of its shade, and the optical depth of its flake.
+    told: dict[int, tuple[Array, Array]] = {}
+    for part in (real, ours):
+        cover = np.minimum(part.height / np.maximum(np.abs(light - part.behind), 0.03), _WHOLE)
+        told[id(part)] = np.searchsorted(shades, part.behind) * kinds, np.log1p(-cover)
 
     def roots(part: Peaks, by: Float64) -> Float64:
         """Return roots of numbers of changed peaks by shade, way and height: all spread alike."""
-        contrast = np.abs(light - part.behind)
-        cover = 1.0 - np.minimum(part.height / np.maximum(contrast, 0.03), _WHOLE)
-        height = 1.0 - cover ** math.exp(2.0 * by[1])
-        height *= np.abs(float(light + by[2]) - part.behind) / _HEIGHTS[0]
+        row, depth = told[id(part)]
+        height = 1.0 - np.exp(depth * math.exp(2.0 * by[1]))
+        height *= np.abs(float(light + by[2]) - part.behind) * (1.0 / _HEIGHTS[0])
         step = np.log(np.maximum(height, 0.1)) * (1.0 / math.log(_STEP)) + 1.0
         step = np.clip(np.floor(step), 0, wide - 1).astype(int)
-        cell = (rows[id(part)] + np.where(step < _APART, 0, part.went)) * wide + step
+        cell = (row + np.where(step < _APART, 0, part.went)) * wide + step
         counts = np.bincount(cell, minlength=_SHADES * kinds * wide).reshape(-1, wide)
         return np.asarray(np.sqrt(counts[:, 1:] * (math.exp(by[0]) * real.pixels / part.pixels)))
 
@@ -176,7 +176,7 @@ def nearer(
     sure = np.sqrt(0.25 * _SEEN * (1.0 + real.pixels / ours.pixels) + 0.125 * _SURE**2 * both)
     # Where peaks are near each other, twice as many flakes have not twice as many.
     above = np.cumsum(both.reshape(_SHADES, kinds, -1).sum(axis=1)[:, ::-1], axis=1)[:, ::-1]
-    above = np.repeat(above, kinds, axis=0)
+    above = above.repeat(kinds, axis=0)
     used = (above < 2.0 * _RARE * real.pixels / _SHADES) & (both > 0.0)
     # The clip's slopes count as much as the candidate's: by these alone chance makes flakes fewer.
     steps, parts = np.diag(_TRIED), (real, ours)

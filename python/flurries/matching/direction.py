@@ -60,10 +60,7 @@ def spectra(frames: Array, mean: Array, light: float) -> Spectra:
         taper = float(((window * counts[rows, columns]) ** 2).sum())
         own = np.fft.rfft2(dense[:, rows, columns] * window)
         other, lags = own.conj(), range(min(LAGS, n))
-        means = [
-            np.einsum("tij,tij->ij", own[lag:], other[: n - lag]) / np.float32(n - lag)
-            for lag in lags
-        ]
+        means = [(own[lag:] * other[: n - lag]).sum(axis=0) / np.float32(n - lag) for lag in lags]
         return np.array(means) / max(taper, 1e-6), taper + 1e-6
 
     corners = list(product(tops.tolist(), lefts.tolist()))

@@ -215,7 +215,7 @@ def least_squares(left: Callable[[Float64], Float64], values: Float64) -> list[F
                 values, off, damp = new, less, 0.3 * damp
                 break
             damp *= 5.0
-        if gain < 1e-3:
+        if gain < 5e-3:
             break
     return [values, off, slopes]
 

@@ -139,7 +139,6 @@ def match(
     >>> found = fl.match([scene.render(t) for t in range(16)])  # doctest: +SKIP
     """
     clip = _opened("frames", frames)
-    count = clip.number
     fps = real("fps", fps if fps is not None else (clip.fps or 30.0), above=0.0)
     whole = None if clean is None else _opened("clean", clean)
     if whole and whole.size != clip.size:
@@ -150,10 +149,10 @@ def match(
     elif camera is not None:
         expect_camera(camera)
     _refuse(
-        count < LEAST and (count > 1 or plate is None),
-        f"frames has {count}: a film needs {LEAST}, and one picture needs clean, its plate",
+        clip.number < LEAST and (clip.number > 1 or plate is None),
+        f"frames has {clip.number}: a film needs {LEAST}, and one picture needs clean, its plate",
     )
-    numbers = range(min(count, LONG))
+    numbers = range(min(clip.number, LONG))
     with ThreadPoolExecutor(1) as aside:
         used = aside.submit(leaning, clip.film) if clip.film else None
         seen = watch(map(clip.read, progress(numbers) if progress else numbers), plate)
@@ -296,29 +295,30 @@ def _closer(
     known = np.asarray(np.linalg.inv(unsure**2 * spread), float)
     start = at = np.array([math.log(snow.density), math.log(snow.flake_size[1]), light])
 
-    # What a codec takes its first frame from is not before it, and it keeps more.
-    those = peaks(luma[1:], mean, count - 1, way)
-
     def tried(seed: int) -> tuple[Float64, Float64, float, float, float]:
         """Return where a candidate leads, its covariance, how unlike, its bytes, and exposure."""
         air = _snow(snow, *at[:2])
         plate = _plate(seen, air, at[2]) @ LUMA
-        ours, took = shown(air, camera, fps, plate, at[2], level, seed, those.together + 1, way)
+        ours, took = shown(air, camera, fps, plate, at[2], level, seed, count, way)
+        those = found.result()
         by, error, unlike = nearer(those, ours, float(at[2]), start - at, known)
         told = min(len(those.streaks), len(ours.streaks)) > _STREAKS
         longer = those.streaks.mean() / ours.streaks.mean() if told else 1.0
         shutter = float(np.clip(snow.shutter * longer, 0.01, 1.0))
         return np.minimum(at + by, (np.inf, np.inf, 1.0)), error, unlike, took, shutter
 
-    at, *_, took, shutter = tried(0)
+    with ThreadPoolExecutor(1) as aside:
+        # What a codec takes its first frame from is not before it, and it keeps more.
+        found = aside.submit(peaks, luma[1:], mean, count - 1, way)
+        at, *_, took, shutter = tried(0)
     snow = replace(snow, shutter=shutter)
     if level is not None and not ALIKE[0] < took / used < ALIKE[1]:
         # A step of 6 is half the bytes.
         level = min(max(level + 6.0 * math.log2(max(took / used, 0.01)), 0.0), 45.0)
     # What two more lead to, drawn at once, is less by chance.
     with ThreadPoolExecutor(2) as both:
-        found = zip(*both.map(tried, (1, 2)), strict=True)
-    at, error, unlike, _, shutter = (np.mean(part, axis=0) for part in found)
+        ends = zip(*both.map(tried, (1, 2)), strict=True)
+    at, error, unlike, _, shutter = (np.mean(part, axis=0) for part in ends)
     # A number is judged by the share that it is off by: so this one's mean square is least.
     at[0] -= 1.5 * (error[0, 0] + _SURE[0] ** 2)
     snow = replace(snow, shutter=float(shutter))

@@ -19,8 +19,8 @@ from flurries._kept import kept as keep
 # Pictures are made smaller until they are at most so wide, and of more frames the first are looked
 # at.
 WIDE, LONG = 900, 96
-# The share of the Nyquist frequency that phases are compared up to: noise is above.
-_COARSE = 0.25
+# Phases are compared of pictures of half the size, up to this share of their Nyquist frequency.
+_COARSE = 0.5
 
 
 class Watched(NamedTuple):
@@ -53,25 +53,26 @@ def _hann(height: int, width: int) -> tuple[Array, Array]:
 
 
 def waves(picture: Array) -> Array:
-    """Return the transform of a picture's brightness, but for its mean."""
-    part = picture @ LUMA
+    """Return the transform of a picture's brightness of half the size, but for its mean."""
+    height, width = (length // 2 * 2 for length in picture.shape[:2])
+    part = picture[:height, :width] @ LUMA
+    part = part[::2, ::2] + part[::2, 1::2] + part[1::2, ::2] + part[1::2, 1::2]
     return np.asarray(np.fft.rfft2((part - part.mean()) * _hann(*part.shape)[0]))
 
 
 def moved(first: Array, other: Array, shape: tuple[int, int]) -> tuple[float, float]:
-    """Return how far another picture's things are moved, px right and down: phase correlation."""
-    # Of pictures of a shape with these waves.
-    height, width = shape
+    """Return how far things of a picture (h, w) are moved, by waves: px right and down."""
+    height, width = (length // 2 for length in shape)
     cross = other * first.conj()
     cross *= _hann(height, width)[1] / (np.abs(cross) + np.float32(1e-9))
-    peak = np.fft.irfft2(cross, shape)
+    peak = np.fft.irfft2(cross, (height, width))
     row, col = divmod(int(peak.argmax()), width)
     near = np.log(np.maximum(np.roll(peak, (1 - row, 1 - col), (0, 1))[:3, :3], 1e-12))
     dx, dy = (  # A peak is a parabola of logarithms.
         (at + 0.5 * (low - high) / min(low - 2.0 * top + high, -1e-12) + 0.5 * length) % length
         for at, length, (low, top, high) in ((col, width, near[1]), (row, height, near[:, 1]))
     )
-    return float(dx - 0.5 * width), float(dy - 0.5 * height)
+    return 2.0 * float(dx) - width, 2.0 * float(dy) - height
 
 
 def laid_back(picture: Array, shift: tuple[float, float]) -> Array:

@@ -89,7 +89,7 @@ def _bits(frame: Any) -> int:
     return max(int(part.bits) for part in frame.format.components)
 
 
-def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
+def open_video(path: Path, budget: Budget | None = None, threads: int = 1) -> tuple[Any, Any]:
     import av
 
     options = {"protocol_whitelist": "file", "format_whitelist": _CONTAINERS}
@@ -109,8 +109,8 @@ def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
         context, limits = stream.codec_context, given("budget", budget, Budget)
         if context is None:
             raise OSError(f"{path}: the video is damaged, or of a codec that is not known")
-        # One thread: renderers have the others.
-        context.thread_count = 1
+        # One thread: renderers have the others. With more, damage is told some frames late.
+        context.thread_count, context.thread_type = threads, "FRAME"
         # Codecs have whole blocks of pixels.
         context.options = {"max_pixels": str(limits.pixels + limits.pixels // 8 + 2**16)}
         if context.width and context.height:
@@ -197,7 +197,7 @@ class Decoder:
         self._next = 0
         self._ready: dict[int, Any] = {}
         self._broken: set[int] = set()
-        self._seeks = index.seekable
+        self._seeks, self._threads = index.seekable, 1
         self._size: tuple[int, int] | None = None
         self._tags = Tags()
         first = self.frame(0)
@@ -212,6 +212,9 @@ class Decoder:
     def frame(self, number: int, scale: int = 1) -> Array:
         """Return frame `number`, from 0, (H, W, 3) uint8 or uint16, upright, scale times less."""
         key = self._index.key_of(number)
+        if scale > self._threads:
+            self._threads = 2  # Who wants it small renders nothing meanwhile.
+            self._go_to(0)
         if number not in self._ready and not key <= self._next <= number:
             self._go_to(key)
         # Damage shows when a frame is yielded. So all frames decoded before this one are awaited,
@@ -243,7 +246,7 @@ class Decoder:
             self._next = key
         else:
             self._container.close()
-            self._container, self._stream = open_video(self.path, self._budget)
+            self._container, self._stream = open_video(self.path, self._budget, self._threads)
             self._next = 0
         self._frames = Ahead(self._decode())
 
