@@ -147,7 +147,7 @@ def test_33_a_stopped_worker_is_named(count: int, tmp_path: Path, monkeypatch: A
                 warnings.simplefilter("always")
                 SMALL.write(
                     tmp_path / "there" / "%d.png", "1-30", dask=client, progress=progress,
-                    dask_patience=3.0 if count == 1 else 30.0,
+                    dask_patience=3.0 if count == 1 else 15.0,
                 )  # fmt: skip
         finally:
             os.kill(stopped, signal.SIGCONT)
