@@ -153,7 +153,7 @@ docs: $(VENV)/.tools
 links:
 	$(PYTHON) docs/site/absolute.py $(BASE)
 
-lint: lint-rust lint-python lint-types
+lint: lint-python lint-types lint-rust
 
 lint-rust: | requirements
 	@cargo clippy --version >/dev/null 2>&1 && cargo fmt --version >/dev/null 2>&1 \
@@ -225,6 +225,6 @@ $(VENV)/.installed: $(VENV)/.built
 	$(BIN)/maturin develop --release --quiet --extras video
 	touch $@
 
-$(VENV)/.tools: $(VENV)/.packages $(VENV)/.built
+$(VENV)/.tools: $(VENV)/.built $(VENV)/.packages
 	$(BIN)/maturin develop --release --quiet --extras test,lint
 	touch $@

@@ -235,7 +235,7 @@ def _planes_of(frame: Frame, film: Film, eyes: Eyes) -> Iterator[Plane]:
         if path.turns:
             axes = np.stack([_axes(*(_TURN * angle[n] for angle in middles[:3])) for n in layers])
         focal = np.exp(_ZOOM * middles[-1]) if path.zooms else np.ones(len(layers))
-        for at, own, numbers in _ahead(film, eyes, axes[:, 2], weight, phases[0]):
+        for at, own, numbers in _along(film, eyes, axes[:, 2], weight, phases[0]):
             table = np.stack([numbers, *which], axis=1).tolist() if film.comes else [[0]] * len(own)
             each = zip(own.tolist(), axes, at.tolist(), focal.tolist(), table, strict=True)
             for n, (seen, *rest) in enumerate(each):
@@ -243,7 +243,7 @@ def _planes_of(frame: Frame, film: Film, eyes: Eyes) -> Iterator[Plane]:
                     yield Plane(n, seen, *rest)
 
 
-def _ahead(
+def _along(
     film: Film, eyes: Eyes, axis: Float64, weight: Float64, phase: Float64
 ) -> Iterator[tuple[Float64, Float64, _Ints]]:
     """Yield where planes are along their axes, their weights and their numbers."""
