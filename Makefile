@@ -73,7 +73,7 @@ LICENSE-CRATES: Cargo.lock Cargo.toml
 # In an environment of its own, .venv-lowest.
 test-lowest: $(VENV)/.made
 	test -x .venv-lowest/bin/python || $(PYTHON) -m venv .venv-lowest
-	$(BIN)/python tests/lowest.py > .venv-lowest/lowest.txt
+	$(BIN)/python tests/packages.py > .venv-lowest/lowest.txt
 	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check -r .venv-lowest/lowest.txt
 	VIRTUAL_ENV=$(CURDIR)/.venv-lowest $(BIN)/maturin develop --release --quiet
 	.venv-lowest/bin/python -m pytest -n $(WORKERS) --dist worksteal --quiet
@@ -217,7 +217,7 @@ $(VENV)/.built: $(VENV)/.made $(RUST)
 	touch $@
 
 $(VENV)/.packages: $(VENV)/.made pyproject.toml
-	$(BIN)/python tests/lowest.py test lint > $@.txt
+	$(BIN)/python tests/packages.py test lint > $@.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $@.txt
 	touch $@
 

@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[1]
 
 # The aims are 20,000, 24,500, 17,500 and 2,200: lower a limit whenever the count falls below it.
 LIMITS = {
-    ("src/**/*.rs", "crates/**/*.rs"): 19_811,
+    ("src/**/*.rs", "crates/**/*.rs"): 19_809,
     ("python/**/*.py",): 30_762,
     ("tests/**/*.py",): 21_411,
     ("benches/**/*.*",): 2_282,

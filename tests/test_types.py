@@ -188,7 +188,7 @@ def test_16_15_a_free_threaded_python_is_refused_with_a_sentence():
 
 def test_16_15_lowest_versions_are_those_that_the_project_names():
     done = subprocess.run(
-        [sys.executable, ROOT / "tests" / "lowest.py"], capture_output=True, text=True, check=True
+        [sys.executable, ROOT / "tests" / "packages.py"], capture_output=True, text=True, check=True
     )
     lowest = dict(line.split("==") for line in done.stdout.split())
     assert CORE - {"tomli"} <= {name.lower() for name in lowest} and lowest["numpy"] == "2.0"

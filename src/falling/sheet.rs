@@ -240,10 +240,8 @@ pub mod tests {
         };
         for (y, x) in places(at[1]).flat_map(|y| places(at[0]).map(move |x| (y, x))) {
             let opacity = opacity_at(2.0 * (y - at[1]).hypot(x - at[0]) / disc, law.tau0);
-            if opacity > 0.0 {
-                for (down, right) in &ways {
-                    pixels[(y + down) as usize * side + (x + right) as usize] += opacity;
-                }
+            for (down, right) in ways.iter().filter(|_| opacity > 0.0) {
+                pixels[(y + down) as usize * side + (x + right) as usize] += opacity;
             }
         }
         let energy = mean_opacity(law.tau0) * std::f64::consts::FRAC_PI_4 * diameter * diameter

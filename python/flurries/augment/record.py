@@ -74,7 +74,7 @@ class Recorded:
         own |= {n: int64(n, own[n]) for n in ("seed", "weather_seed") if own[n] is not None}
 
     def strength(self) -> tuple[Strength, Strength]:
-        """Return how strong the weakest and strongest weather drawn are before a sky, at 512 px."""
+        """Return the weakest and strongest weather drawn: before a sky, if hard of 512 px."""
         ends = self.severity and [level / SEVERITIES for level in self.severity]  # type: ignore[union-attr]
         low, high = ends or self.amount or DEFAULT_AMOUNT  # type: ignore[misc]
         own = self.profile, self.WEATHER, self.focal

@@ -182,9 +182,8 @@ def _maps(
         shown = np.minimum(contrast[:, number], _MOST * most)
         # Without waves an even veil.
         even = shown <= 1e-6 * wanted
-        if (waves := ~even).any():
-            wished = np.log([wanted[waves], shown[waves]])
-            guess[:, waves] = _solve(guess[:, waves], power, wished)
+        if (wavy := ~even).any():
+            guess[:, wavy] = _solve(guess[:, wavy], power, np.log([wanted[wavy], shown[wavy]]))
         means[:, number] = np.where(even, wanted ** (1.0 / power), guess[0])
         deviations[:, number] = np.where(even, 0.0, np.exp(guess[1]) / (deviation * roots))
     entries = np.linspace(0.0, 1.0, _ENTRIES)

@@ -219,7 +219,10 @@ class Frame:
         return self.derive(t=after, camera=camera, **less)
 
     def displacement(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
-        """Return camera minus air since frame 0, house axes, (3,) world units."""
+        """Return camera minus air since frame 0, house axes, (3,) world units.
+
+        The air falls and blows, world units per second: numbers or keys.
+        """
         return self.path.relative(self.t, fps=self.fps, fall=fall, wind=wind)[0]
 
     def travel(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:

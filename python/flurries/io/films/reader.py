@@ -212,7 +212,7 @@ class Decoder:
     def frame(self, number: int, scale: int = 1) -> Array:
         """Return frame `number`, from 0, (H, W, 3) uint8 or uint16, upright, scale times less."""
         key = self._index.key_of(number)
-        if scale > self._threads:
+        if scale > 1 and self._threads == 1:
             self._threads = 2  # Who wants it small renders nothing meanwhile.
             self._go_to(0)
         if number not in self._ready and not key <= self._next <= number:

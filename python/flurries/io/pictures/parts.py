@@ -46,11 +46,9 @@ class Place(NamedTuple):
 def each(work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:
     """Yield what is made of each item, in order, by as many threads as kernels use."""
     count = min(_core.threads(), len(items))
-    if count < 2:
-        yield from map(work, items)
-        return
     # Without a wait for its threads: who drops this may be one that must not.
-    yield from ThreadPoolExecutor(count, "packer").map(work, items)
+    made = map if count < 2 else ThreadPoolExecutor(count, "packer").map
+    yield from made(work, items)
 
 
 def is_whole(path: Path, place: Place) -> bool:
