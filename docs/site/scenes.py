@@ -15,6 +15,7 @@ import flurries as fl
 from flurries import effects
 from flurries.effects import checks
 from flurries.effects.kinds import METHODS, OURS
+from flurries.motion.wind import FIELDS
 from flurries.scene.toml import reader as tables
 
 TABLES = (
@@ -29,7 +30,8 @@ TABLES = (
         fl.scene.Output,
         [field.name for field in fields(fl.scene.Output)],
     ),
-    ("wind = {...}", "wind", fl.Wind, tables.WIND),
+    # A field of velocities is an array, which no text holds.
+    ("wind = {...}", "wind", fl.Wind, [name for name in FIELDS if name != "field"]),
 )
 
 HEAD = """# Scene files: the keys of scene.toml

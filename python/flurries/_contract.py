@@ -5,9 +5,10 @@ import inspect
 import math
 import operator
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from difflib import get_close_matches
+from importlib import import_module
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -196,6 +197,25 @@ def rectangular(name: str, value: object) -> Array:
         raise ValueError(
             f"{name} must be a rectangular array of numbers, got {_came(value)}"
         ) from None
+
+
+def library(name: str, need: str) -> Any:
+    """Return a module that an extra brings, or say what needs it and how it is installed."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise ImportError(f"{need} ({error})", name=name) from error
+
+
+@contextmanager
+def naming(
+    words: str, *kinds: type[Exception], then: type[Exception] | None = None
+) -> Iterator[None]:
+    """Put words, such as a file's name, before what errors of some kinds say."""
+    try:
+        yield
+    except kinds as error:
+        raise (then or type(error))(f"{words}: {error}") from None
 
 
 def mapping(name: str, value: object) -> Mapping[Any, Any]:

@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from flurries._contract import Array, choice
+from flurries._contract import Array, choice, library
 from flurries._threads import scope
 from flurries.augment.calibration import PROFILES
 from flurries.augment.corrupt import corrupt
@@ -115,11 +115,8 @@ class Scores:
 
     def plot(self, path: str | os.PathLike[str]) -> None:
         """Draw a curve of each weather and profile, from clear on, into a file."""
-        try:
-            from matplotlib.figure import Figure
-        except ImportError as error:
-            raise ImportError("plots need matplotlib: pip install 'flurries[plots]'") from error
-        figure = Figure((9.0, 3.0), layout="constrained")
+        need = "plots need matplotlib: pip install 'flurries[plots]'"
+        figure = library("matplotlib.figure", need).Figure((9.0, 3.0), layout="constrained")
         panels = dict(zip(KINDS, figure.subplots(1, len(KINDS), sharey=True), strict=True))
         for way, numbers in self._curves().items():
             profile, kind = way.split("/")
@@ -199,18 +196,17 @@ def _rows(path: Path) -> dict[str, str]:
 
 def _precision(labels: Path, pictures: Pictures, given: Given, truth: str | None) -> float:
     """Return COCO's mean average precision of boxes."""
-    try:
-        from pycocotools.coco import COCO
-        from pycocotools.cocoeval import COCOeval
-    except ImportError as error:
-        raise ImportError("mAP needs pycocotools: pip install pycocotools") from error
+    coco, evaluation = (
+        library(f"pycocotools.{name}", "mAP needs pycocotools: pip install pycocotools")
+        for name in ("coco", "cocoeval")
+    )
     files = [labels / truth] if truth else sorted(labels.rglob("*.json"))
     if len(files) != 1:
         names = ", ".join(file.relative_to(labels).as_posix() for file in files)
         raise ValueError(f"truth must be the file of annotations, out of: {names or 'none there'}")
     # Whatever is printed on the way is for nobody.
     with redirect_stdout(io.StringIO()):
-        known = COCO(files[0])
+        known = coco.COCO(files[0])
         numbers = {kept_name(one["file_name"]): number for number, one in known.imgs.items()}
         # A name in the annotations is the end of a path.
         ends = {name: Path(name).parts for name in pictures}
@@ -227,7 +223,7 @@ def _precision(labels: Path, pictures: Pictures, given: Given, truth: str | None
         ]  # fmt: skip
         if not found:
             return 0.0
-        judge = COCOeval(known, known.loadRes(found), "bbox")
+        judge = evaluation.COCOeval(known, known.loadRes(found), "bbox")
         judge.params.imgIds = sorted(ids.values())
         for step in (judge.evaluate, judge.accumulate, judge.summarize):
             step()

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from flurries._contract import Array, Float64
+from flurries._contract import Array, Float64, naming
 from flurries.io.pictures.reader import read_depth, read_picture
 
 # Endings of the files of each label, which is what is left of a picture's name and one of them.
@@ -21,16 +21,17 @@ ENDINGS = {
 }
 
 
+_DAMAGE = (ValueError, IndexError, TypeError, EOFError, ElementTree.ParseError)
+
+
 def read_label(kind: str, path: Path, shape: tuple[int, int] = (1, 1)) -> Array:
     """Return a label of a picture, whose shape boxes of shares take; others are refused."""
-    try:
+    with naming(f"{path}: holds no {kind} of a picture", *_DAMAGE, then=ValueError):
         plain = path.suffix == ".npy"
         found = np.load(path, allow_pickle=False) if plain else _READERS[kind](path, shape)
         if kind == "wet":
             return np.asarray(found != 0)
         return np.asarray(found, np.float32 if kind == "depth" else None)
-    except (ValueError, IndexError, TypeError, EOFError, ElementTree.ParseError) as error:
-        raise ValueError(f"{path}: holds no {kind} of a picture: {error}") from error
 
 
 def _boxes(path: Path, shape: tuple[int, int]) -> Float64:

@@ -14,7 +14,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TypeVar
 
-from flurries._contract import PathLike, _came, integer
+from flurries._contract import PathLike, _came, integer, naming
 
 _Kind = TypeVar("_Kind")
 
@@ -135,10 +135,8 @@ def read_bytes(path: PathLike, most: int, kind: str) -> bytes:
 
 def read_text(path: PathLike, most: int, kind: str) -> str:
     """Return the UTF-8 text of a file of at most `most` bytes, without a byte order mark."""
-    try:
+    with naming(f"{os.fspath(path)}: a {kind} is UTF-8 text", UnicodeDecodeError, then=ValueError):
         return read_bytes(path, most, kind).decode("utf-8-sig").replace("\r\n", "\n")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{os.fspath(path)}: a {kind} is UTF-8 text: {error}") from None
 
 
 def hash_of(path: Path) -> str:

@@ -5,28 +5,24 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array
+from flurries._contract import Array, library
 from flurries.io.atomic import replacing
 
 _UP = np.array([1.0, -1.0, -1.0])  # From the house's axes to a stage's, y up.
 _FILM = 0.36  # Width of the film in tenths of a unit, which is a metre: 36 mm.
 
 
-def require_usd() -> tuple[Any, Any, Any, Any, Any]:
-    """Return usd-core's modules Gf, Sdf, Usd, UsdGeom and Vt."""
-    try:
-        from pxr import Gf, Sdf, Usd, UsdGeom, Vt
-    except ImportError:
-        message = "USD files need usd-core: pip install 'flurries[usd]'"
-        raise ImportError(message, name="pxr") from None
-    return Gf, Sdf, Usd, UsdGeom, Vt
+def require_usd() -> tuple[Any, ...]:
+    """Return usd-core's modules Gf, Usd, UsdGeom and Vt."""
+    need = "USD files need usd-core: pip install 'flurries[usd]'"
+    return tuple(library(f"pxr.{name}", need) for name in ("Gf", "Usd", "UsdGeom", "Vt"))
 
 
 class PointStage:
     """A stage in memory."""
 
     def __init__(self, numbers: list[int], fps: float, said: str) -> None:
-        self._gf, _, usd, self._geom, self._vt = require_usd()
+        self._gf, usd, self._geom, self._vt = require_usd()
         self.stage = stage = usd.Stage.CreateInMemory()
         self.prims: dict[str, Any] = {}
         self.total = 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import importlib
 import os
 import shutil
 import tempfile
@@ -14,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from flurries._contract import library, naming
 from flurries.io import atomic
 from flurries.io.files import hash_of, read_bytes
 
@@ -32,15 +32,10 @@ def store_of(place: str) -> tuple[Store, str]:
         return Store(), place
     if "::" in place:
         raise ValueError(f"{place}: name the store itself, without a layer over it")
-    try:
-        core: Any = importlib.import_module("fsspec.core")
-    except ImportError as error:
-        raise ImportError(f"urls need fsspec; install flurries[stores] ({error})") from error
-    try:
+    core = library("fsspec.core", "urls need fsspec; install flurries[stores]")
+    with naming(place, ValueError, ImportError):
         # Listings that are kept would hide what others write.
         system, key = core.url_to_fs(place, use_listings_cache=False)
-    except (ValueError, ImportError) as error:
-        raise type(error)(f"{place}: {error}") from error
     protocol = system.protocol if isinstance(system.protocol, str) else system.protocol[0]
     if protocol in ("file", "local"):
         return Store(), key

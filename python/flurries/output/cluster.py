@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import logging
 import math
 import os
@@ -19,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, integer, real
+from flurries._contract import Array, integer, library, real
 from flurries._kept import kept
 from flurries._threads import reproducible
 from flurries.output.crew import Crew, make, on_one_core
@@ -39,6 +38,8 @@ _GREETING, _QUIET = 10.0, 10.0
 _SILENT, _BEATS = 1.5, 2
 
 _GONE = "dask: the scheduler is gone; finished files stay, run again to go on"
+
+required = partial(library, need="Dask is not here; install flurries[dask]")
 
 _PICKLE = "distributed.protocol.pickle"
 
@@ -206,13 +207,6 @@ async def _greet(address: str) -> None:
     arguments = distributed.Security().get_connection_args("client")
     comm = await distributed.comm.connect(address, timeout=_GREETING, **arguments)
     await comm.close()
-
-
-def required(name: str) -> Any:
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        raise ImportError(f"Dask is not here; install flurries[dask] ({error})") from error
 
 
 def agreed(terms: Terms, plain: bool, packed: bytes, task: Callable[..., Any], *more: Any) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from flurries._contract import library
 from flurries.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -27,9 +28,6 @@ def view(scene: Scene, *, size: int = 512, save: str = "tuned.toml") -> Viewer:
     save : path
         File that the button "Save" writes the scene to, as TOML; it replaces an older file.
     """
-    try:
-        from flurries.viewer.widget import Viewer
-    except ImportError as error:
-        need = "fl.view needs anywidget: pip install 'flurries[view]'"
-        raise ImportError(f"{need} ({error})") from None
-    return Viewer(scene, size=size, save=save)
+    need = "fl.view needs anywidget: pip install 'flurries[view]'"
+    made: Viewer = library("flurries.viewer.widget", need).Viewer(scene, size=size, save=save)
+    return made

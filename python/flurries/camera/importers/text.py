@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import ArrayLike, Float64, PathLike, real, shape_of, vector
+from flurries._contract import ArrayLike, Float64, PathLike, naming, real, shape_of, vector
 from flurries.camera.importers.matrices import AXES, FLIP, from_matrices, path_of
 from flurries.camera.lens import Camera, expect_camera, matrices_of, rotation_matrix
 from flurries.camera.path import CameraPath
@@ -57,10 +57,8 @@ def _floats(file: object, number: int, parts: Sequence[str]) -> list[float]:
 def read_csv(path: PathLike, camera: Camera, *, scale: float = 1.0) -> CameraPath:
     """Return the camera path of a table, as trackers and modelling programs export them."""
     file = os.fspath(path)
-    try:
+    with naming(f"{file}: not a CSV file", csv.Error, then=ValueError):
         rows = [row for row in csv.reader(_lines_of(path)) if any(map(str.strip, row))]
-    except csv.Error as error:
-        raise ValueError(f"{file}: not a CSV file: {error}") from None
     if len(rows) < 2:
         raise ValueError(f"{file}: a camera path needs a header and at least one row")
     names = [name.strip().lower() for name in rows[0]]
@@ -88,12 +86,10 @@ def read_csv(path: PathLike, camera: Camera, *, scale: float = 1.0) -> CameraPat
     if "position" in found:
         found["position"] *= real("scale", scale, above=0.0)
     if "frame" in columns:
-        try:
+        with naming(file, ValueError):
             for key, given in found.items():
                 frames = columns["frame"].tolist()
                 found[key] = Keys(list(zip(frames, given.tolist(), strict=True)))
-        except ValueError as error:
-            raise ValueError(f"{file}: {error}") from None
     return CameraPath(camera, **found, extend="stop")
 
 
@@ -140,10 +136,8 @@ def read_chan(
 def read_kitti(path: PathLike, camera: Camera, *, scale: float = 1.0) -> CameraPath:
     """Return the camera path of KITTI's poses: a line is a matrix (3, 4) to the first camera."""
     file, rows = _read_numbers(path, (12,))
-    try:
+    with naming(file, ValueError):
         return from_matrices(rows.reshape(-1, 3, 4), camera, axes=AXES[0], scale=scale)
-    except ValueError as error:
-        raise ValueError(f"{file}: {error}") from None
 
 
 def read_colmap(

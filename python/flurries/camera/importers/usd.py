@@ -83,7 +83,7 @@ class Stage:
 
     def camera(self, file: Path, prim: str | None) -> tuple[Float64, Float64, Float64, Float64]:
         """Return the times (n,) of a camera's poses, the poses, and each lens, (n or 1, ...)."""
-        Gf, _, Usd, UsdGeom, _ = require_usd()
+        Gf, Usd, UsdGeom, _ = require_usd()
         with _bounded(_MOST_MEMORY + 4 * file.stat().st_size):
             stage = Usd.Stage.Open(str(file))
         cameras = {str(one.GetPath()): one for one in stage.Traverse() if one.IsA(UsdGeom.Camera)}

@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from flurries._ahead import Ahead
-from flurries._contract import Array
+from flurries._contract import Array, naming
 from flurries.io.files import Budget, given
 from flurries.io.timecode import TimeCode
 
@@ -312,15 +312,13 @@ def check_structure(path: Path) -> None:
         raise OSError(f"{path}: the file is empty")
     with path.open("rb") as stream:
         head = stream.read(12)
-        try:
+        with naming(f"{path}: the video is cut short or damaged", ValueError, then=OSError):
             if head[4:8] in (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip"):
                 stated = _end_of_boxes(stream, size)
             elif head.startswith(b"\x1a\x45\xdf\xa3"):
                 stated = _end_of_matroska(stream)
             elif head.startswith(b"RIFF") and head[8:12] == b"AVI ":
                 stated = 8 + struct.unpack("<I", head[4:8])[0]
-        except ValueError as error:
-            raise OSError(f"{path}: the video is cut short or damaged: {error}") from None
     if stated > size:
         raise OSError(f"{path}: the video is cut short: {size} of {stated} bytes are there")
 

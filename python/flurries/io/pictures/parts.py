@@ -14,7 +14,7 @@ import deflate
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Array, PathLike
+from flurries._contract import Array, PathLike, naming
 from flurries.io.atomic import replacing
 from flurries.io.files import Budget
 from flurries.io.oiio import last_error, openimageio
@@ -217,13 +217,11 @@ def _pack(target: str, temporary: Path, parts: Sequence[Part]) -> list[Place]:
         return number, top, pack(band(top, min(top + step, spec.height)), spec.channelnames)
 
     pieces = [(n, top) for n, one in enumerate(specs) for top in range(0, one.height, step)]
-    told = temporary.read_bytes()
-    try:
-        with temporary.open("wb") as file:
-            return write(file, told, specs, each(packed, pieces))
-    except (ValueError, struct.error) as error:
-        # Where a disk is full the library may write half a header, and not tell.
-        raise OSError(f"{target}: cannot be written: {error}") from error
+    head = temporary.read_bytes()
+    # Where a disk is full the library may write half a header, and not tell.
+    refused = naming(f"{target}: cannot be written", ValueError, struct.error, then=OSError)
+    with refused, temporary.open("wb") as file:
+        return write(file, head, specs, each(packed, pieces))
 
 
 def _write(

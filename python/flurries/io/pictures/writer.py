@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, ArrayLike, PathLike, choice, integer
+from flurries._contract import Array, ArrayLike, PathLike, choice, integer, naming
 from flurries.io.color import encoding_of, in_file, numbers, planes_of
 from flurries.io.files import given
 from flurries.io.oiio import openimageio
@@ -132,10 +132,8 @@ def write_picture(
     packed |= form.name == "openexr" and compression == "zip"
     part = Part(specification, band)
     if form.name == "jpeg":
-        try:
+        with naming(f"{os.fspath(path)}: cannot be encoded", OSError, then=OSError):
             data = _encode_jpeg(band(0, height), int(quality), strings, said)
-        except OSError as error:
-            raise OSError(f"{os.fspath(path)}: cannot be encoded: {error}") from error
         write_parts(path, [part], packed=False, lossless=False, encoded=data)
         return
     said.put(specification, form.name, "display" if whole else "linear", strings)

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from flurries._contract import PathLike, suggestion
+from flurries._contract import PathLike, naming, suggestion
 from flurries.camera.importers import load as load_camera
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
@@ -23,7 +23,7 @@ from flurries.io.files import file_of, read_text
 from flurries.light.lamp import Lamp, Sun
 from flurries.light.shot import Light
 from flurries.motion.keys import Keys
-from flurries.motion.wind import FIELDS, Wind
+from flurries.motion.wind import Wind
 from flurries.scene.arguments import MOST_EFFECTS, require_few
 from flurries.scene.depth import DepthMap
 from flurries.scene.foreground import Foreground
@@ -43,8 +43,6 @@ PARTS: dict[str, Any] = {"sun": Sun, "light": Light, "lens": Lens, "output": Out
 DEPTH = tuple(f.name for f in fields(DepthMap))
 LENS = tuple(f.name for f in fields(Camera))
 WAY = ("position", "velocity", "orientation")
-# A field of velocities is an array, which no text holds.
-WIND = tuple(name for name in FIELDS if name != "field")
 
 MOST_BYTES = 1 << 20
 
@@ -63,11 +61,9 @@ def load(path: PathLike) -> Scene:
         line = text.count("\n", 0, long.start()) + 1
         many = f"a key has at most {MOST_DOTS} dots, got {MOST_DOTS + 1} or more"
         raise ValueError(f"{file}, line {line}: {many}")
-    try:
+    # Also numbers of thousands of digits, and brackets nested as deep.
+    with naming(f"{file}: not a TOML file", ValueError, RecursionError, then=ValueError):
         values = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        # Also numbers of thousands of digits, and brackets nested as deep.
-        raise ValueError(f"{file}: not a TOML file: {error}") from None
     scene = SceneText(file, text)
     # A key that is no scene's is told first: it may be a mistyped "format".
     if "format" not in values and "colour" not in values:
