@@ -10,7 +10,7 @@ import tifffile
 from PIL import Image, ImageOps
 
 from flurries import io
-from flurries.io import read_header, read_layers, read_picture, srgb_to_linear, write_picture
+from flurries.io import open_background, read_layers, read_picture, srgb_to_linear, write_picture
 from flurries.io.layers.planes import Deep, write_deep
 from flurries.io.pictures.reader import luminance
 from stills import assert_reads_as, levels, noise, png_chunk, write_exr
@@ -55,7 +55,7 @@ def test_orientation_is_honoured(tmp_path, orientation):
     upright = np.asarray(ImageOps.exif_transpose(Image.open(tmp_path / "a.jpg")))
     picture = read_picture(tmp_path / "a.jpg")
     assert np.abs(picture.pixels.astype(int) - upright).max() <= 2
-    assert read_header(tmp_path / "a.jpg").size == picture.size == upright.shape[1::-1]
+    assert open_background(tmp_path / "a.jpg").size == picture.size == upright.shape[1::-1]
 
 
 @pytest.mark.parametrize(("data", "display"), [
@@ -72,7 +72,7 @@ def test_the_display_window_is_what_comes(tmp_path, data, display):
     canvas[data[1] + 50 : data[1] + 57, data[0] + 50 : data[0] + 58] = pixels
     wanted = canvas[top + 50 : top + 50 + height, left + 50 : left + 50 + width]
     assert_reads_as(tmp_path / "a.exr", wanted[..., :3], wanted[..., 3], "linear")
-    assert read_header(tmp_path / "a.exr").size == (width, height)
+    assert open_background(tmp_path / "a.exr").size == (width, height)
 
 
 def test_the_right_channels_are_found(tmp_path):
@@ -139,7 +139,7 @@ def test_files_that_are_no_pictures(tmp_path):
         ("missing.png", FileNotFoundError), ("empty.png", OSError), ("text.txt", ValueError),
         ("text.png", OSError), ("picture.null", ValueError),
     ]:  # fmt: skip
-        for function in (read_picture, read_header, read_layers):
+        for function in (read_picture, open_background, read_layers):
             with pytest.raises(error, match=name):
                 function(tmp_path / name)
     for path in ("", "a\0b.png"):

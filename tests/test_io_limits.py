@@ -87,7 +87,7 @@ def journal_of(path: Path) -> Any:
 
 
 READERS: list[tuple[str, Callable[[Path], Any]]] = [
-    ("a.png", io.read_picture), ("a.png", io.read_header), ("a.png", io.open_background),
+    ("a.png", io.read_picture), ("a.png", io.read_slate), ("a.png", io.open_background),
     ("a.exr", io.read_layers), ("a.exr", io.read_views), ("a.exr", io.read_depth),
     ("a.exr", io.open_depth), ("a.mp4", io.open_background),
     ("a.mp4", lambda path: next(io.read_video(path))),

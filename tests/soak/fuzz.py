@@ -58,7 +58,7 @@ def misspelt(text: bytes, random: Any) -> bytes:
 def picture(path: Path) -> None:
     try:
         found = io.read_picture(path)
-        io.read_header(path)
+        io.read_slate(path)
     except (OSError, ValueError) as error:
         assert path.name in str(error), error
         raise

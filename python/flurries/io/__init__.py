@@ -14,7 +14,6 @@ from flurries.io.layers.planes import write_layer_views as write_layer_views
 from flurries.io.photographs import photograph
 from flurries.io.pictures.fitting import fit
 from flurries.io.pictures.fitting import fit_nearest as fit_nearest
-from flurries.io.pictures.header import read_header as read_header
 from flurries.io.pictures.reader import Picture, read_depth, read_picture
 from flurries.io.pictures.slate import Slate as Slate
 from flurries.io.pictures.slate import read_slate as read_slate

@@ -14,14 +14,14 @@ from pathlib import Path
 from typing import Any
 from weakref import WeakSet
 
-from flurries._contract import Array, PathLike, choice, suggestion
+from flurries._contract import Array, PathLike, choice, naming, suggestion
 from flurries._kept import Kept
 from flurries.io.color import Encoding
 from flurries.io.files import Budget, given, path_text, plain_file
 from flurries.io.films.process import Remote
 from flurries.io.films.reader import READABLE, Decoder, check_structure, require_library
 from flurries.io.layers.cryptomatte import read_matte, split_names, things_of
-from flurries.io.pictures.header import Window, read_header
+from flurries.io.pictures.header import Window, opened_picture, rate_of
 from flurries.io.pictures.reader import Picture, read_depth, read_picture, require_depth
 from flurries.io.sequences import Pattern, with_percent
 
@@ -141,10 +141,12 @@ class PictureSource(Source):
             if not numbers:
                 raise FileNotFoundError(errno.ENOENT, "No frame of it is there", str(path))
             self.first, self.count = numbers[0], numbers[-1] - numbers[0] + 1
-        header = read_header(self.file(0), overscan=overscan, deep=deep)
-        self.size, self.encoding, self.display = header.size, header.encoding, header.display
-        self.aspect, self.curve = header.aspect, header.curve
-        self.fps = None if header.rate is None else float(header.rate)
+        with opened_picture(self.file(0), overscan=overscan, deep=deep) as opened:
+            header, rate = opened.specification, rate_of(opened.specification)
+            self.size, self.encoding, self.display = opened.size, opened.encoding, opened.display
+            # What a DPX says of its numbers: "Logarithmic", "Linear" and so on.
+            self.aspect, self.curve = opened.aspect, header.get_string_attribute("dpx:Transfer")
+        self.fps = None if rate is None else float(rate)
 
     def file(self, i: int) -> Path:
         path = Path(self.spec)
@@ -164,11 +166,9 @@ class PictureSource(Source):
             return self.read(path)
         if not path.exists():
             raise FileNotFoundError(errno.ENOENT, f"Frame {frame} is missing", str(path))
-        try:
+        said = f"frame {frame}"
+        with naming(said, OSError, then=OSError), naming(said, ValueError, then=ValueError):
             picture = self.read(path)
-        except (OSError, ValueError) as error:
-            kind = OSError if isinstance(error, OSError) else ValueError
-            raise kind(f"frame {frame}: {error}") from error
         if picture.size != self.size or picture.encoding != self.encoding:
             raise OSError(
                 f"frame {frame}: {path} is {picture.size[0]} x {picture.size[1]} px, "

@@ -32,21 +32,6 @@ RATES = ("framesPerSecond", "FramesPerSecond")
 
 
 @dataclass(frozen=True)
-class Header:
-    """What a picture says of itself."""
-
-    path: str
-    size: tuple[int, int]  # (width, height) as the user sees it: display window, turned upright.
-    channels: tuple[str, ...]  # All of them, in the file's order.
-    encoding: Encoding
-    display: Window | None = None  # The display window's place in that; None where it is all of it.
-    aspect: float = 1.0  # Width of a pixel over its height.
-    rate: Fraction | None = None  # Frames per second.
-    moves: bool = False  # Whether it holds pictures to be shown after each other, as GIF may.
-    curve: str = ""  # What a DPX says of its numbers: "Logarithmic", "Linear" and so on.
-
-
-@dataclass(frozen=True)
 class Opened:
     """A part of a picture that is open, and where in it the colors are."""
 
@@ -100,8 +85,16 @@ class Opened:
 
     @property
     def size(self) -> tuple[int, int]:
+        """(width, height) as the user sees it: of what comes, turned upright."""
         _, _, width, height = self.frame
         return (height, width) if self.orientation >= 5 else (width, height)
+
+    @property
+    def aspect(self) -> float:
+        """Width of a pixel over its height."""
+        said = self.specification.get_float_attribute("PixelAspectRatio", 1.0)
+        aspect = said if 0.05 <= said <= 20.0 else 1.0
+        return 1.0 / aspect if self.orientation >= 5 else aspect
 
     def read(self, kind: str, *groups: Sequence[int]) -> list[Array]:
         """Return groups of channels as stored, each (h, w, c); the file is decoded once."""
@@ -162,20 +155,6 @@ class Opened:
             framed[y : y + part.shape[0], x : x + part.shape[1]] = part
             values = framed
         return upright(values, self.orientation)
-
-
-def read_header(path: PathLike, *, overscan: bool = False, deep: bool = False) -> Header:
-    """Read what a picture says about itself, without decoding its pixels."""
-    with opened_picture(path, overscan=overscan, deep=deep) as opened:
-        spec, reader = opened.specification, opened.reader
-        said = spec.get_float_attribute("PixelAspectRatio", 1.0)
-        aspect = said if 0.05 <= said <= 20.0 else 1.0
-        return Header(
-            str(opened.path), opened.size, tuple(spec.channelnames), opened.encoding,
-            opened.display, 1.0 / aspect if opened.orientation >= 5 else aspect, rate_of(spec),
-            reader.format_name() in ("gif", "webp") and reader.seek_subimage(1, 0),
-            spec.get_string_attribute("dpx:Transfer"),
-        )  # fmt: skip
 
 
 @contextmanager
