@@ -19,11 +19,12 @@ LARGEST_HALF = 65504.0
 _HEX = re.compile(r"#[0-9a-fA-F]{6}")
 
 
-def numbers(name: str, values: ArrayLike) -> Array:
-    """Return pixels as an array in the processor's order of bytes."""
+def numbers(name: str, values: ArrayLike, others: str = "", *more: str) -> Array:
+    """Return pixels as an array in the processor's order of bytes; `others` may come, too."""
     array = rectangular(name, values)
-    if array.dtype.name not in ("uint8", "uint16", "float16", "float32", "float64"):
-        raise TypeError(f"{name} must be uint8, uint16 or float, got {array.dtype}")
+    if array.dtype.name not in ("uint8", "uint16", "float16", "float32", "float64", *more):
+        came = f"{type(values).__name__} of dtype {array.dtype}"
+        raise TypeError(f"{name} must be {others}uint8, uint16 or float, got {came}")
     return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 

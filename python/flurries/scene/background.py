@@ -12,10 +12,10 @@ import numpy.typing as npt
 from flurries._contract import Array, require, sealed, table
 from flurries._warnings import warn, warn_of_levels
 from flurries.io import fit, open_background
-from flurries.io.color import parse_hex
+from flurries.io.color import numbers, parse_hex
 from flurries.io.colorspace import ColorSpace
 from flurries.io.files import file_of, path_text
-from flurries.scene.numbered import Display, Planes, pixels_of
+from flurries.scene.numbered import Display, Planes
 
 Size = tuple[int, int]
 
@@ -131,7 +131,7 @@ def _of_source(source: Any, size: Size | None, **numbers: Any) -> Backdrop:
 
 
 def _of_array(background: Any, size: Size | None) -> Backdrop:
-    given = pixels_of("background", background, "a path, a color")
+    given = numbers("background", background, "a path, a color or an array of ")
     if given.ndim == 2:
         given = np.repeat(given[..., None], 3, axis=2)
     if given.ndim != 3 or given.shape[2] not in (3, 4) or 0 in given.shape:

@@ -14,10 +14,10 @@ from flurries._contract import Array, choice, depths, real, rectangular, require
 from flurries._warnings import warn_of_units
 from flurries.frame.edges import Edges, edges_of
 from flurries.io import fit_nearest, open_background, open_depth
-from flurries.io.color import to_unit
+from flurries.io.color import numbers, to_unit
 from flurries.io.files import file_of
 from flurries.io.pictures.reader import luminance
-from flurries.scene.numbered import Display, Planes, pixels_of, placed
+from flurries.scene.numbered import Display, Planes, placed
 
 White: TypeAlias = Literal["near", "far"]
 Law: TypeAlias = Literal["linear", "inverse"]
@@ -67,7 +67,7 @@ class DepthMap:
         settle("far", self.far if endless else real("far", self.far, above=self.near))
         if isinstance(self.source, (str, os.PathLike)):
             return
-        given = pixels_of("source", self.source, "a path")
+        given = numbers("source", self.source, "a path or an array of ")
         if given.ndim != 2 or 0 in given.shape:
             raise ValueError(f"source must have shape (H, W), got {given.shape}")
         if given.dtype.kind == "f":

@@ -15,11 +15,12 @@ from flurries._kept import Kept
 from flurries._warnings import warn_of_levels
 from flurries.frame.matte import Deep, Front, Matte
 from flurries.io import fit, open_background
+from flurries.io.color import numbers
 from flurries.io.files import file_of, path_text
 from flurries.io.pictures.reader import Picture, luminance
 from flurries.io.sources import open_matte
 from flurries.scene.depth import distance_of
-from flurries.scene.numbered import Display, Planes, pixels_of, placed
+from flurries.scene.numbered import Display, Planes, placed
 
 MOST_MATTES = 64
 
@@ -159,7 +160,7 @@ def _of_picture(
 
 def _of_array(value: Any, shape: tuple[int, int], flat: bool) -> Matte:
     """Return a mask (H, W) or a picture (H, W, 4), before all weather or at a depth."""
-    given = pixels_of("foreground", value, "a path", np.bool_)
+    given = numbers("foreground", value, "a path or an array of ", "bool")
     if given.shape[:2] != shape or given.ndim not in (2, 3) or given.shape[2:] not in ((), (4,)):
         raise ValueError(f"foreground must have shape {shape} or {(*shape, 4)}, got {given.shape}")
     scale = 1.0 / float(np.iinfo(given.dtype).max) if given.dtype.kind == "u" else 1.0

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flurries._contract import Array, rectangular
+from flurries._contract import Array
 from flurries._kept import Kept
 from flurries.io.sequences import Span
 from flurries.io.sources import VideoSource
@@ -93,18 +93,6 @@ class Planes:
         numbers = {number: self.span.number(number) for number in wanted}
         missing = set(self.source.gaps(sorted({*numbers.values()})))
         return [number for number, own in numbers.items() if own in missing]
-
-
-def pixels_of(name: str, value: object, wanted: str, *more: type) -> Array:
-    """Return an array of pixels in the machine's own byte order, or refuse it."""
-    given = rectangular(name, value)
-    given = given.astype(given.dtype.newbyteorder("="), copy=False)
-    if given.dtype not in (np.uint8, np.uint16, np.float16, np.float32, np.float64, *more):
-        raise TypeError(
-            f"{name} must be {wanted} or an array of uint8, uint16 or float, "
-            f"got {type(value).__name__} of dtype {given.dtype}"
-        )
-    return given
 
 
 def placed(
