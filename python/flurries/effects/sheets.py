@@ -103,7 +103,7 @@ def read_sheets(
     swing, cycles = swing_of(weather.sway, now, frame.fps)
     keys, start, rate, ways, places = _standing(
         weather, film, frame.path, frame.fps, focals, camera.rotation, frame.seed, shown, exposure,
-        blur, swing, _core.reproducible(),
+        blur, swing,
     )  # fmt: skip
     row, column = math.floor(top - y + v), math.floor(left - x + u)
     angle = math.tau * cycles
@@ -126,11 +126,11 @@ def read_sheets(
     return result
 
 
-@kept(32)
+@kept(32, by_mode=True)
 def _standing(
     weather: Weather, film: Film, path: CameraPath, fps: float, focals: tuple[float, float],
     rotation: tuple[float, float, float], seed: int, amount: float, exposure: float,
-    blur: Blur | None, sway: float, mode: bool,
+    blur: Blur | None, sway: float,
 ) -> tuple[list[Any], Float64, Float64, Float64, Float64]:  # fmt: skip
     """Return each layer's arguments, displacements (L, 2), sway and places in a pixel (L, 1)."""
     start, rate = np.empty((2, len(film.layers), 2))

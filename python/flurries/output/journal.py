@@ -235,10 +235,12 @@ class Journal:
 
     def require_bits(self, mark: Mark) -> None:
         """Refuse a folder with files of the same scene that have other bits."""
-        common = _common(mark.scene)
+        # All frames of a scene have that part of its hash.
+        common = mark.scene.partition("+")[0]
         for name in self.names():
             for line in self.lines(name):
-                other = line.get("bits") != mark.bits and _common(line.get("scene")) == common
+                own = str(line.get("scene")).partition("+")[0]
+                other = line.get("bits") != mark.bits and own == common
                 if other and self._store.exists(self._folder / name):
                     raise Refused(self._store.name_of(self._folder / name), mark.differs(line))
 
@@ -265,11 +267,6 @@ class Journal:
                 self._read(name)
         lines = {line for found in self._lines.values() for line in found}
         return b"".join(b"%s\n" % line for line in sorted(lines)) or b"\n"
-
-
-def _common(scene: object) -> str:
-    """Return the part of a scene's hash that all its frames have."""
-    return str(scene).partition("+")[0]
 
 
 def _bytes(entry: Line) -> bytes:

@@ -41,15 +41,11 @@ def film(scene: Scene, path: Path) -> Path:
     return target
 
 
-def python_of(scene: Scene, path: Path) -> str:
-    """Return Python that makes the scene; its larger arrays are written beside `path`."""
-    return _Python(path.resolve()).of(scene)
-
-
-class _Python:
+class Python:
     """Calls that make objects again, with the fields that are not usual."""
 
     def __init__(self, path: Path) -> None:
+        """Larger arrays are written beside `path`."""
         self.path, self.arrays, self.imports = path, 0, {"import flurries as fl"}
 
     def of(self, scene: Scene) -> str:

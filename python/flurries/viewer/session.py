@@ -25,7 +25,7 @@ from flurries.scene.scene import Scene, expect_scene
 from flurries.viewer import controls
 from flurries.viewer.charts import chart, field_of
 from flurries.viewer.controls import EYES, fall_of, moves, settings
-from flurries.viewer.keep import film, python_of, save
+from flurries.viewer.keep import Python, film, save
 
 # Of an effect, what is counted in pixels of the picture, with the least that makes sense.
 _SCALED = {"tile": 8, "overlap": 0}
@@ -146,7 +146,7 @@ class Session:
                     return {"film": str(film(shown, self.save_path))}, []
                 self.values = dict(values)
                 if kind == "python":
-                    return {"text": python_of(self.tuned, self.save_path)}, []
+                    return {"text": Python(self.save_path.resolve()).of(self.tuned)}, []
                 save(self.tuned, self.save_path)
                 text = self.save_path.read_text(encoding="utf-8")
                 return {"saved": str(self.save_path), "text": text}, []
