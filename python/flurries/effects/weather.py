@@ -1,7 +1,5 @@
 """A population in the air of a film: which flakes are drawn, and which the texture stands for."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -101,7 +99,7 @@ class Weather(Drawn):
         return _film(self if deep else self._open, path, rotation, focal, frame.fps, frame.lens)
 
     @cached_property
-    def _open(self) -> Weather:
+    def _open(self) -> "Weather":
         """The weather before a background of which no depth is known."""
         end = self.far if self.backdrop is None else self.backdrop
         return replace(self, far=end) if end < self.far else self

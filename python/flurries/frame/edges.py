@@ -1,7 +1,5 @@
 """Pixels of a depth that show two of them: the near side of a step and the far one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -26,7 +24,7 @@ class Edges(NamedTuple):
     front: Deep  # The near ones, with the share of the pixel that they take.
 
     @staticmethod
-    def of(near: Array, back: Array, share: Array) -> Edges | None:
+    def of(near: Array, back: Array, share: Array) -> "Edges | None":
         """Return the edges of three planes, or None without any."""
         two = (share > 0.0) & (near * np.float32(_ALIKE) < back)
         if not two.any():

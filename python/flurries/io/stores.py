@@ -24,7 +24,7 @@ _WHOLE = {"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az"}
 _LARGE = 1 << 26  # What S3 takes in parts, without a hash of the whole, bytes.
 
 # What is known of a file: its "bytes", their "sha256", and more.
-Line: TypeAlias = "dict[str, Any]"
+Line: TypeAlias = dict[str, Any]
 
 
 def store_of(place: str) -> tuple[Store, str]:

@@ -1,7 +1,5 @@
 """The light that falls on the weather out of its own picture: from behind, around, all sides."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -44,7 +42,7 @@ class Levels:
     places: Array  # (rows, columns): between which levels small cells lie.
 
     @staticmethod
-    def of(sums: Array, cell: int, depth: Array) -> Levels:
+    def of(sums: Array, cell: int, depth: Array) -> "Levels":
         """Return the levels of sums of small cells, before a depth in metres, (H, W)."""
         # Of a cell with an edge in it the light is that of the farther, and so none of the nearer;
         # its place, and that of a cell beside it, is the nearer's.

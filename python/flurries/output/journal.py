@@ -1,7 +1,5 @@
 """The journal of a folder: what each file is, on the disk before the file has its name."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

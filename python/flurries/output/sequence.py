@@ -1,7 +1,5 @@
 """Files that are made one by one: what is there and right stays, what is another's is refused."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -66,7 +64,7 @@ class Fates(dict[int, str]):
         return [number for number, fate in self.items() if fate in fates]
 
 
-Spread: TypeAlias = "Callable[[Job, list[int], Journal, Progress, Fates], None]"
+Spread: TypeAlias = Callable[[Job, list[int], Journal, Progress, Fates], None]
 
 
 def run(job: Job, indices: list[int], progress: Progress, spread: Spread | None = None) -> Fates:

@@ -1,7 +1,5 @@
 """Sizes of flakes and drops, how they fall, and how many carry a rate: measured laws."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,13 +28,13 @@ class Sizes:
     slope: float = 0.0  # Of the law exp(-slope D), 1/m; found from the mean.
 
     @classmethod
-    def with_mean(cls, smallest: float, mean: float, largest: float) -> Sizes:
+    def with_mean(cls, smallest: float, mean: float, largest: float) -> "Sizes":
         """Return the law that has this mean, between the two or all three the same."""
         slope = 0.0 if smallest == largest else _slope_of(smallest, mean, largest)
         return cls(smallest, mean, largest, slope)
 
     @classmethod
-    def with_slope(cls, smallest: float, slope: float, largest: float) -> Sizes:
+    def with_slope(cls, smallest: float, slope: float, largest: float) -> "Sizes":
         """Return the law exp(-slope D) between two diameters."""
         return cls(smallest, _mean_of(smallest, slope, largest), largest, slope)
 

@@ -1,7 +1,5 @@
 """What a file of a frame holds: the composite, the weather alone, deep samples, or all layers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,7 +32,7 @@ class Content:
     space: ColorSpace | None  # What is written, of a scene that says its own.
 
     @classmethod
-    def of(cls, scene: Scene, output: Output, eyes: Any, space: ColorSpace | None) -> Content:
+    def of(cls, scene: Scene, output: Output, eyes: Any, space: ColorSpace | None) -> "Content":
         """Return contents whose files are read again, whatever the scene has kept of them."""
         scene = scene._anew(hold=output.damaged == "hold")
         lit = any(str(getattr(e, "color", None)) in ("ambient", "local") for e in scene.effects)

@@ -1,7 +1,5 @@
 """Reading video: any frame by its number, the same pixels in whatever order."""
 
-from __future__ import annotations
-
 import struct
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
@@ -63,7 +61,7 @@ class Tags:
     interlaced: bool = False  # Whether a frame holds two moments.
 
     @staticmethod
-    def of(container: Any, stream: Any, frame: Any) -> Tags:
+    def of(container: Any, stream: Any, frame: Any) -> "Tags":
         context = stream.codec_context
 
         def said(name: str) -> int:
