@@ -45,8 +45,10 @@ _Colors = tuple[_Array, float, int, int]
 _Course = tuple[int, float, int]
 _Sheet = tuple[int, int, int, float, float]
 _Manner = tuple[str, str, float, str, bool, float]
-# Slices of gas: extinction on a coarse grid, edges, what ends them, slopes of columns and rows.
-_Bank = tuple[_Array, Sequence[float], _Array | None, tuple[_Array, _Array]]
+# Slices of gas: extinction on a coarse grid, edges, what ends them, slopes of columns and rows, and
+# short waves with their strength.
+_Detail = tuple[_Array, float] | None
+_Bank = tuple[_Array, Sequence[float], _Array | None, tuple[_Array, _Array], _Detail]
 
 class InternalError(RuntimeError): ...
 
@@ -194,7 +196,7 @@ def gas_sort(
     shape: tuple[int, int], gas: Gas, colors: _Float64, lens: _Sight, manner: _Manner
 ) -> SortedGas: ...
 def gas_draw(out: _Array, gas: SortedGas, window: _Window, depth: _Array | None = None) -> None: ...
-def gas_slices(out: _Array, bank: _Bank, detail: tuple[_Array, float] | None) -> None: ...
+def gas_slices(out: _Array, groups: list[_Bank]) -> None: ...
 def gas_glow(
     light: _Array | None,
     far: _Array | None,

@@ -26,10 +26,7 @@ pub fn over(
     lit: &Lit<'_>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    laid(out, back, lit, cancel, |out, back, layer| {
-        out.copy_from_slice(back);
-        layer.over(out);
-    })
+    laid(out, back, lit, cancel, lay)
 }
 
 /// Lays it over bytes by Eq. 7 in their own values, as its colors are; nothing of it glows.
@@ -54,9 +51,10 @@ pub fn over_bytes(
 ) -> Result<(), Error> {
     let tables = coding.tables()?;
     laid(out, back, lit, cancel, |out, back, layer| {
-        let light = &mut [0.0_f32; 3 * PIXELS][..out.len()];
-        decode(light, back, &tables);
-        lay_finite(light, layer);
+        let [behind, light] = &mut [[0.0_f32; 3 * PIXELS]; 2];
+        let (behind, light) = (&mut behind[..out.len()], &mut light[..out.len()]);
+        decode(behind, back, &tables);
+        lay(light, behind, layer);
         whiten(light);
         encode(out, light, &tables);
     })
@@ -83,38 +81,14 @@ const BRIGHTEST: f32 = 1e6;
 struct Along<'a> {
     alpha: &'a [f32],
     colors: &'a [[f32; 3]],
-    glow: &'a [[f32; 3]],
+    glow: Option<&'a [f32]>,
 }
 
-impl Along<'_> {
-    /// Lays it over linear light. What nothing lies over keeps its bits.
-    fn over(&self, light: &mut [f32]) {
-        let light = light.as_chunks_mut::<3>().0.iter_mut();
-        for (((light, &cover), color), more) in
-            light.zip(self.alpha).zip(self.colors).zip(self.glow)
-        {
-            if cover == 0.0 && *more == [0.0; 3] {
-                continue;
-            }
-            for c in 0..3 {
-                // Where it is opaque what is behind may be anything, NaN too.
-                let through = if cover == 1.0 { 0.0 } else { (1.0 - cover) * light[c] };
-                light[c] = through + (cover * color[c] + more[c]);
-            }
-        }
-    }
-}
-
-/// Lays a layer over light that is finite, with the bits of `Along::over`.
-#[dispatch]
-fn lay_finite<const LEVEL: u8>(light: &mut [f32], layer: &Along<'_>) {
-    let (light, count) = (light.as_chunks_mut::<3>().0, layer.alpha.len());
-    let (colors, glow) = (&layer.colors[..count], &layer.glow[..count]);
-    for (((light, &cover), color), more) in light.iter_mut().zip(layer.alpha).zip(colors).zip(glow)
-    {
-        for c in 0..3 {
-            light[c] = (1.0 - cover) * light[c] + (cover * color[c] + more[c]);
-        }
+/// Lays it over linear light. What nothing lies over keeps its bits.
+fn lay(out: &mut [f32], back: &[f32], layer: &Along<'_>) {
+    mix_pixels(out, back, layer.colors.as_flattened(), layer.alpha, 3);
+    for (out, &more) in out.iter_mut().zip(layer.glow.unwrap_or_default()) {
+        *out = if more == 0.0 { *out } else { *out + more };
     }
 }
 
@@ -131,7 +105,7 @@ fn laid<S: Copy + Send + Sync>(
         return Err(Error::Internal("a layer and its picture differ in size".into()));
     }
     lit.grid.check()?;
-    let (across, none) = (lit.grid.across(width), [[0.0; 3]; PIXELS]);
+    let across = lit.grid.across(width);
     let tasks: Vec<_> = out.axis_chunks_iter_mut(Axis(0), 32).enumerate().collect();
     pool::for_each(tasks, |(number, mut band)| {
         cancel.check()?;
@@ -140,13 +114,12 @@ fn laid<S: Copy + Send + Sync>(
             let row = 32 * number + row;
             colors.go(row)?;
             let glow = lit.glow.map(|glow| pool::line(glow, row)).transpose()?;
-            let glow = glow.map(|glow| glow.as_chunks::<3>().0);
             let out = out.as_slice_mut().ok_or_else(layout)?.chunks_mut(3 * PIXELS);
             let parts = out.zip(pool::line(back, row)?.chunks(3 * PIXELS));
             let parts = parts.zip(pool::line(lit.alpha, row)?.chunks(PIXELS));
             for (part, ((out, back), alpha)) in parts.enumerate() {
                 let (from, count) = (part * PIXELS, alpha.len());
-                let glow = glow.map_or(&none[..count], |glow| &glow[from..from + count]);
+                let glow = glow.map(|glow| &glow[3 * from..][..out.len()]);
                 each(out, back, &Along { alpha, colors: colors.some(from, count), glow });
             }
         }

@@ -10,7 +10,7 @@
 use ndarray::{Array3, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, s};
 
 use super::beam::{LANES, Lane, Rays, moments, near, suns};
-use super::slices::{COARSE, MARGIN, Slices, lines, pixels};
+use super::slices::{COARSE, MARGIN, Slices, fill, lines};
 use crate::base::error::{Cancel, Error, layout, zeroed};
 use crate::base::lamps::{Lamps, left};
 use crate::base::normal::most;
@@ -266,13 +266,6 @@ fn between(values: &[f32]) -> Lane {
         let ([a, b, c, d], at) = (AROUND[k % APART], &values[k / APART..]);
         a * at[0] + b * at[1] + (c * at[2] + d * at[3])
     })
-}
-
-#[dispatch]
-fn fill<const LEVEL: u8>(plane: &mut [f32], line: &[f32]) {
-    for (four, three) in plane.as_chunks_mut::<COARSE>().0.iter_mut().zip(line.windows(3)) {
-        *four = pixels::<LEVEL>(three);
-    }
 }
 
 #[inline(always)]

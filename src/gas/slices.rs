@@ -1,11 +1,12 @@
-//! The optical depth of a bank of gas: slices whose density is known on a coarse grid.
+//! The opacity of a bank of gas: slices whose density is known on a coarse grid.
 //!
 //! Pixels follow from the three coarse samples around them on each axis by the quadratic spline, which
 //! has no corners for ghosts of the grid to stick to.
 
-use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
+use ndarray::{Array3, ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 
 use crate::base::error::{Cancel, Error, layout, zeroed};
+use crate::base::lamps::left;
 use crate::base::normal::{least, most};
 use crate::base::pool;
 use crate::base::simd::{dispatch, multiply_add};
@@ -32,6 +33,9 @@ pub struct Slices<'a> {
     pub ground: Option<ArrayView2<'a, f32>>,
     /// Slopes of the rays of columns (W,) and rows (H,).
     pub slopes: (&'a [f32], &'a [f32]),
+    /// Short waves (H, W) of the logarithm of all slices' densities, and their strength in one: where several
+    /// show, the waves that they share stand for as many of their own.
+    pub detail: Option<(ArrayView2<'a, f32>, f32)>,
 }
 
 impl Slices<'_> {
@@ -42,11 +46,24 @@ impl Slices<'_> {
         let fits = (rows, columns) == (room(height), room(width))
             && self.edges.len() == count + 1
             && self.ground.is_none_or(|ground| ground.dim() == (height, width))
+            && self.detail.is_none_or(|(waves, _)| waves.dim() == (height, width))
             && (self.slopes.0.len(), self.slopes.1.len()) == (width, height);
         if fits && self.density.is_standard_layout() {
             return Ok(());
         }
         Err(Error::Internal("slices of gas do not fit the picture".into()))
+    }
+
+    /// Where nothing ends them the sum of their optical depths on the coarse grid, and that of the squares.
+    fn whole(&self) -> Array3<f32> {
+        let mut whole = Array3::zeros((2, self.density.dim().1, self.density.dim().2));
+        let (mut sum, mut squares) = whole.view_mut().split_at(Axis(0), 1);
+        for (plane, edges) in self.density.axis_chunks_iter(Axis(0), 1).zip(self.edges.windows(2)) {
+            sum.zip_mut_with(&plane, |sum, dense| *sum += dense * (edges[1] - edges[0]));
+            squares
+                .zip_mut_with(&plane, |sum, dense| *sum += (dense * (edges[1] - edges[0])).powi(2));
+        }
+        whole
     }
 
     /// Writes where each pixel of a row ends; nothing ends those beyond the picture's border.
@@ -76,42 +93,49 @@ pub fn lines(
     Ok(())
 }
 
-/// Adds their optical depth to `out` (H, W).
-///
-/// `detail` are short waves (H, W) of the logarithm of all slices' densities, and their strength in one:
-/// where several slices show, the waves that they share stand for as many of their own.
-pub fn add(
+/// Writes the opacity of groups of slices to `out` (H, W).
+pub fn hide(
     mut out: ArrayViewMut2<'_, f32>,
-    slices: &Slices<'_>,
-    detail: Option<(ArrayView2<'_, f32>, f32)>,
+    groups: &[Slices<'_>],
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    slices.check(out.dim())?;
-    if detail.is_some_and(|(waves, _)| waves.dim() != out.dim()) {
-        return Err(Error::Internal("short waves do not fit the picture".into()));
+    let (mut coarse, mut columns) = (Vec::new(), 0);
+    for slices in groups {
+        slices.check(out.dim())?;
+        coarse.push((slices.whole(), &slices.density * &slices.density));
+        columns = slices.density.dim().2;
     }
-    let columns = slices.density.dim().2;
     let tasks: Vec<_> = out.axis_chunks_iter_mut(Axis(0), 32).enumerate().collect();
     pool::for_each(tasks, |(number, mut band)| {
         cancel.check()?;
         let (mut line, mut end) = (zeroed::<f32>(columns)?, zeroed::<f32>(columns * COARSE)?);
-        let (mut sum, mut squares) = (zeroed(columns * COARSE)?, zeroed(columns * COARSE)?);
+        let mut sums = [zeroed(columns * COARSE)?, zeroed(columns * COARSE)?];
         for (row, mut out) in band.outer_iter_mut().enumerate() {
-            let row = 32 * number + row;
-            slices.ends(row, &mut end)?;
-            sum.fill(0.0);
-            squares.fill(0.0);
-            lines(&slices.density, row, &mut line, |line, number| {
-                let ends = [slices.edges[number], slices.edges[number + 1]];
-                spread(&mut sum, &mut squares, line, &end, ends);
-            })?;
-            let waves = match detail {
-                Some((waves, strength)) => Some((pool::line(waves, row)?, strength)),
-                None => None,
-            };
-            let down = slices.slopes.1[row];
-            let slopes = (slices.slopes.0, 1.0 + down * down);
-            finish(out.as_slice_mut().ok_or_else(layout)?, (&sum, &squares), waves, slopes);
+            let (row, out) = (32 * number + row, out.as_slice_mut().ok_or_else(layout)?);
+            out.fill(0.0);
+            for (slices, (whole, squares)) in groups.iter().zip(&coarse) {
+                slices.ends(row, &mut end)?;
+                let last = slices.edges[slices.density.dim().0];
+                // Counted, since a search takes no vectors.
+                let cut = end.iter().map(|&end| u32::from(end < last)).sum::<u32>();
+                let planes = [slices.density, squares.view()];
+                if cut == 0 {
+                    lines(&whole.view(), row, &mut line, |line, n| fill(&mut sums[n], line))?;
+                }
+                for (n, planes) in planes.iter().enumerate().filter(|_| cut > 0) {
+                    sums[n].fill(0.0);
+                    lines(planes, row, &mut line, |line, slice| {
+                        spread(&mut sums[n], line, &end, &slices.edges[slice..], n > 0);
+                    })?;
+                }
+                let waves = match slices.detail {
+                    Some((waves, strength)) => (pool::line(waves, row)?, strength),
+                    None => (&sums[0][..], 0.0),
+                };
+                let down = slices.slopes.1[row];
+                finish(out, &sums, waves, (slices.slopes.0, 1.0 + down * down));
+            }
+            opacity(out);
         }
         Ok(())
     })
@@ -131,7 +155,7 @@ fn between<const LEVEL: u8>(line: &mut [f32], three: &[f32], weights: [f32; 3]) 
 
 /// The pixels of a coarse sample, of it and its neighbours.
 #[inline(always)]
-pub fn pixels<const LEVEL: u8>(three: &[f32]) -> [f32; COARSE] {
+fn pixels<const LEVEL: u8>(three: &[f32]) -> [f32; COARSE] {
     let mut values = [0.0_f32; COARSE];
     for sample in 0..3 {
         for pixel in 0..COARSE {
@@ -142,24 +166,31 @@ pub fn pixels<const LEVEL: u8>(three: &[f32]) -> [f32; COARSE] {
     values
 }
 
-/// Adds the pixels that follow from a line of coarse samples, times the part of the slice that they see.
+/// Writes the pixels that follow from a line of coarse samples.
+#[dispatch]
+pub fn fill<const LEVEL: u8>(plane: &mut [f32], line: &[f32]) {
+    for (four, three) in plane.as_chunks_mut::<COARSE>().0.iter_mut().zip(line.windows(3)) {
+        *four = pixels::<LEVEL>(three);
+    }
+}
+
+/// Adds the pixels that follow from a line of coarse samples, times the part of the slice that they see or its square.
 #[dispatch]
 fn spread<const LEVEL: u8>(
     sum: &mut [f32],
-    squares: &mut [f32],
     line: &[f32],
     end: &[f32],
-    ends: [f32; 2],
+    edges: &[f32],
+    squared: bool,
 ) {
-    let thick = ends[1] - ends[0];
-    let cells = sum.as_chunks_mut::<COARSE>().0.iter_mut();
-    let cells = cells.zip(squares.as_chunks_mut::<COARSE>().0).zip(end.as_chunks::<COARSE>().0);
-    for (((sum, squares), end), three) in cells.zip(line.windows(3)) {
+    let thick = edges[1] - edges[0];
+    let cells = sum.as_chunks_mut::<COARSE>().0.iter_mut().zip(end.as_chunks::<COARSE>().0);
+    for ((sum, end), three) in cells.zip(line.windows(3)) {
         let values = pixels::<LEVEL>(three);
         for pixel in 0..COARSE {
-            let optical = values[pixel] * least(most(end[pixel] - ends[0], 0.0), thick);
-            sum[pixel] += optical;
-            squares[pixel] = multiply_add::<f32, LEVEL>(optical, optical, squares[pixel]);
+            let way = least(most(end[pixel] - edges[0], 0.0), thick);
+            let way = if squared { way * way } else { way };
+            sum[pixel] = multiply_add::<f32, LEVEL>(values[pixel], way, sum[pixel]);
         }
     }
 }
@@ -168,20 +199,21 @@ fn spread<const LEVEL: u8>(
 #[dispatch]
 fn finish<const LEVEL: u8>(
     out: &mut [f32],
-    sums: (&[f32], &[f32]),
-    waves: Option<(&[f32], f32)>,
+    sums: &[Vec<f32>; 2],
+    waves: (&[f32], f32),
     slopes: (&[f32], f32),
 ) {
-    let length = |x: f32| multiply_add::<f32, LEVEL>(x, x, slopes.1).sqrt();
-    let Some((waves, strength)) = waves else {
-        for ((out, &sum), &x) in out.iter_mut().zip(sums.0).zip(slopes.0) {
-            *out = multiply_add::<f32, LEVEL>(sum, length(x), *out);
-        }
-        return;
-    };
-    let pixels = out.iter_mut().zip(sums.0).zip(sums.1).zip(waves).zip(slopes.0);
+    let pixels = out.iter_mut().zip(&sums[0]).zip(&sums[1]).zip(waves.0).zip(slopes.0);
     for ((((out, &sum), &squares), &wave), &x) in pixels {
-        let dense = most(multiply_add::<f32, LEVEL>(strength * wave, squares.sqrt(), sum), 0.0);
-        *out = multiply_add::<f32, LEVEL>(dense, length(x), *out);
+        let length = multiply_add::<f32, LEVEL>(x, x, slopes.1).sqrt();
+        let dense = most(multiply_add::<f32, LEVEL>(waves.1 * wave, squares.sqrt(), sum), 0.0);
+        *out = multiply_add::<f32, LEVEL>(dense, length, *out);
+    }
+}
+
+#[dispatch]
+fn opacity<const LEVEL: u8>(out: &mut [f32]) {
+    for out in out {
+        *out = 1.0 - left::<f32, LEVEL>(*out);
     }
 }

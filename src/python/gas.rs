@@ -168,13 +168,14 @@ pub fn gas_light(
 }
 
 /// Slices of gas: extinction on a coarse grid (n, rows, columns), where they begin and end (n + 1,), what ends
-/// them (H, W), and the slopes of columns (W,) and rows (H,).
+/// them (H, W), the slopes of columns (W,) and rows (H,), and short waves of all (H, W) and their strength.
 #[derive(FromPyObject)]
 pub struct Bank<'py>(
     PyReadonlyArray3<'py, f32>,
     Vec<f32>,
     Option<PyReadonlyArray2<'py, f32>>,
     (PyReadonlyArray1<'py, f32>, PyReadonlyArray1<'py, f32>),
+    Option<(PyReadonlyArray2<'py, f32>, f32)>,
 );
 
 impl Bank<'_> {
@@ -184,22 +185,21 @@ impl Bank<'_> {
             edges: &self.1,
             ground: self.2.as_ref().map(|ground| ground.as_array()),
             slopes: (self.3.0.as_slice()?, self.3.1.as_slice()?),
+            detail: self.4.as_ref().map(|(waves, strength)| (waves.as_array(), *strength)),
         })
     }
 }
 
-/// Adds the optical depth of slices to `out` (H, W), with short waves of all (H, W) and their strength.
+/// Writes the opacity of groups of slices to `out` (H, W).
 #[pyfunction]
 pub fn gas_slices(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, f32>,
-    bank: Bank<'_>,
-    detail: Option<(PyReadonlyArray2<'_, f32>, f32)>,
+    groups: Vec<Bank<'_>>,
 ) -> PyResult<()> {
-    let (out, slices) = (out.as_array_mut(), bank.slices()?);
-    let detail = detail.as_ref().map(|(waves, strength)| (waves.as_array(), *strength));
-    let work = 2.0 * (out.len() * (1 + slices.density.dim().0)) as f64;
-    gate::run(py, work, |cancel| slices::add(out, &slices, detail, cancel))
+    let (out, groups) = (out.as_array_mut(), groups.iter().map(Bank::slices));
+    let groups = groups.collect::<PyResult<Vec<_>>>()?;
+    gate::run(py, 8.0 * out.len() as f64, |cancel| slices::hide(out, &groups, cancel))
 }
 
 /// Adds to `light` (H, W, 3) that of lamps which slices of an opacity (H, W) scatter, and writes their mean depth to

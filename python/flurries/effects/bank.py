@@ -15,7 +15,7 @@ from flurries.effects.color import Base, base_of, even_shade
 from flurries.effects.vapor import lit_by_sun, moved_with, needs_of_gas, optics_of
 from flurries.frame.layer import Layer, Shade
 from flurries.frame.needs import Needs
-from flurries.frame.planes import blank
+from flurries.frame.planes import blank, plane
 from flurries.frame.view import Frame
 from flurries.gas.optics import phase
 from flurries.io.color import srgb_to_linear
@@ -93,18 +93,18 @@ class Bank:
             return density, list(density.slices())
 
         density, parts = frame.once(self, "density", make, eye=True)
-        alpha, plain = blank(frame.shape), not (lit or frame.lights or frame.whole)
+        alpha, plain = plane(frame.shape), not (lit or frame.lights or frame.whole)
         # Opacity alone is found where the window is, in whole coarse rows.
         top, bottom = frame.window[:2] if plain else (0, frame.shape[0])
         first, last = top // COARSE, -(-bottom // COARSE)
         rows = slice(first * COARSE, last * COARSE)
         ground = None if frame.depth is None else frame.depth[rows]
+        groups: list[Any] = []
         for part in parts:
             near = np.ascontiguousarray(part.dense[:, first : last + 2 * MARGIN])
-            bank = near, part.edges, ground, (slopes[0], slopes[1][rows])
             detail = part.detail and (part.detail[0][rows], part.detail[1])
-            _core.gas_slices(alpha[rows], bank, detail)
-        _opacity(alpha[rows])
+            groups.append((near, part.edges, ground, (slopes[0], slopes[1][rows]), detail))
+        _core.gas_slices(alpha[rows], groups)
         if plain:
             return alpha, None, None
         light = blank((*frame.shape, 3)) if lit or frame.lights else None
@@ -117,10 +117,9 @@ class Bank:
         if lit and light is not None:
             total, lumps = blank(frame.shape), [one for part in parts for one in part.lumps]
             for number, place in enumerate(places):
-                one = dense[number][None], edges[number : number + 2], frame.depth, slopes
-                taken = blank(frame.shape)
-                _core.gas_slices(taken, one, None)
-                _opacity(taken)
+                one = dense[number][None], edges[number : number + 2], frame.depth, slopes, None
+                taken = plane(frame.shape)
+                _core.gas_slices(taken, [one])
                 taken *= 1.0 - total
                 total += taken
                 shade = skylit(density, dense[number], base)
@@ -132,7 +131,7 @@ class Bank:
             for channel in range(3):  # Three at once take longer.
                 light[..., channel] *= scale
         if frame.lights or frame.whole:
-            whole, grid = (dense, edges, frame.depth, slopes), density.rays.slopes
+            whole, grid = (dense, edges, frame.depth, slopes, None), density.rays.slopes
             lamps, eye = frame.lamps(without=self.air(frame.t)), frame.camera.offset
             glow = light if frame.lights else None
             _core.gas_glow(glow, far, alpha, whole, grid, places, lamps, optics_of(mist), eye)
@@ -204,9 +203,3 @@ def _before(plane: Array, shape: tuple[int, ...], way: tuple[float, float]) -> A
         )
         total += plane[np.ix_(down, across)]
     return np.asarray(total / np.float32(len(PLACES)))
-
-
-def _opacity(thick: Array) -> None:
-    # In float32 the exponential is on vector lanes, that less one is not.
-    np.exp(np.negative(thick, out=thick), out=thick)
-    np.subtract(np.float32(1.0), thick, out=thick)

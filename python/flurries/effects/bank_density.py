@@ -318,6 +318,7 @@ class Waves:
         return frame.once(self.mist, (stream, eye, room), make), (room - aside) / step
 
 
+@kept(32)
 def _rings(tile: tuple[int, int]) -> Float64:
     """Return the edges of the coarse grid's rings, px."""
     return np.append(_HANDOVER, np.geomspace(UPPER, COARSE * max(tile), RINGS + 1)[1:])
