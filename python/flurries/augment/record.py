@@ -1,5 +1,7 @@
 """What a weather is told, what is drawn from that, purely by seed and index, and the record."""
 
+from __future__ import annotations
+
 import secrets
 import zlib
 from dataclasses import asdict, dataclass, fields
