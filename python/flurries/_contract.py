@@ -178,6 +178,13 @@ def seed_of(seed: object) -> int:
     return int64("seed", seed)
 
 
+def uniforms(seed: int, stream: int, count: int) -> Float64:
+    """Return numbers in [0, 1) that belong to a seed and a stream; the first of more are these."""
+    numbers = np.empty(count)
+    _core.uniform(numbers, seed, stream)
+    return numbers
+
+
 def float_dtype(
     dtype: npt.DTypeLike, wanted: tuple[str, str] = ("float32", "float64")
 ) -> np.dtype[Any]:
@@ -324,6 +331,15 @@ def pixels(name: str, value: object, *, ndim: int) -> tuple[Array, np.dtype[Any]
     if kept.itemsize > 8:
         raise TypeError(f"{name} must be float16, float32 or float64, got {_came(value)}")
     return aligned(array, np.float32 if kept == np.float16 else kept), kept
+
+
+def numbers(name: str, value: object, others: str = "", *more: str) -> Array:
+    """Return a picture's numbers in the processor's order of bytes; `others` may come, too."""
+    array = rectangular(name, value)
+    if array.dtype.name not in ("uint8", "uint16", "float16", "float32", "float64", *more):
+        came = f"{type(value).__name__} of dtype {array.dtype}"
+        raise TypeError(f"{name} must be {others}uint8, uint16 or float, got {came}")
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
 def plane_of(name: str, value: object, shape: tuple[int, int]) -> Array:

@@ -15,16 +15,10 @@ __all__ = ["join", "over", "snow"]
 
 PAPER_WHITE = 250 / 255
 
-# What may come; kernels read all but float16, which they mix in float32.
-_DTYPES = ("uint8", "uint16", "float16", "float32", "float64")
-
 
 def _background(background: object, channels: Sequence[int]) -> tuple[Array, Array]:
     """Return the picture as (H, W, C) of a dtype that kernels read, and as it came."""
-    given = check.rectangular("background", background)
-    kept = given.dtype.newbyteorder("=")
-    if kept.name not in _DTYPES:
-        raise TypeError(f"background must be uint8, uint16 or float, got {given.dtype}")
+    given = check.numbers("background", background)
     planes = given[..., None] if given.ndim == 2 and 1 in channels else given
     if planes.ndim != 3 or planes.shape[2] not in channels:
         wanted = " or ".join(["(H, W)"] * (1 in channels) + [f"(H, W, {c})" for c in channels])
@@ -32,7 +26,9 @@ def _background(background: object, channels: Sequence[int]) -> tuple[Array, Arr
     if 0 in planes.shape:
         raise ValueError(f"background must not be empty, got shape {given.shape}")
     warn_of_levels("background", planes, "divide it by 255")
-    return check.aligned(planes, np.float32 if kept == np.float16 else kept), given
+    # Kernels read all but float16, which is mixed in float32.
+    kind = np.dtype(np.float32) if given.dtype == np.float16 else given.dtype
+    return check.aligned(planes, kind), given
 
 
 def snow(
@@ -63,7 +59,7 @@ def snow(
         wanted = f"one number or {channels}, at least 0"
         raise ValueError(f"intensity must be {wanted}, got {check._came(intensity)}")
     color = np.broadcast_to(levels, channels).tolist()
-    result = check.output(out, given.shape, given.dtype.newbyteorder("="), given, cover)
+    result = check.output(out, given.shape, given.dtype, given, cover)
     shape = planes.shape
     return check.filled(
         result, planes.dtype, lambda view: _core.snow(view.reshape(shape), planes, cover, color)
@@ -87,7 +83,7 @@ def over(background: ArrayLike, layer: ArrayLike, *, out: Array | None = None) -
         raise ValueError(f"layer must have shape {(*planes.shape[:2], 4)}, got {front.shape}")
     check.shares("layer: alpha", front[..., 3])
     check.finite("layer", front)
-    result = check.output(out, given.shape, given.dtype.newbyteorder("="), given, front)
+    result = check.output(out, given.shape, given.dtype, given, front)
     return check.filled(result, planes.dtype, lambda view: _core.over(view, planes, front))
 
 

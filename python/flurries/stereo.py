@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from flurries import _contract as check
 from flurries._contract import LARGEST, SMALLEST, Array, ArrayLike, choice, flag, output, real
 from flurries._threads import reproducible
 from flurries.camera.lens import Camera, expect_camera
-from flurries.io.color import encode_bytes, linear_to_srgb, numbers, to_integer, to_linear
+from flurries.io.color import encode_bytes, linear_to_srgb, to_integer, to_linear
 
 __all__ = ["anaglyph", "eyes", "over_under", "side_by_side"]
 
@@ -140,7 +141,7 @@ def _pair(
     """Return two pictures of one shape and native dtype."""
     pictures = []
     for name, picture in (("left", left), ("right", right)):
-        array = numbers(name, picture)
+        array = check.numbers(name, picture)
         fits = array.ndim == 3 and array.shape[2] in channels if channels else array.ndim in (2, 3)
         if not fits or 0 in array.shape:
             wanted = "(H, W, 3)" if channels else "(H, W) or (H, W, C)"

@@ -10,13 +10,10 @@ from typing import Any
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Array, _came, aligned, plane_of, rectangular, shares
+from flurries._contract import Array, _came, aligned, numbers, plane_of, rectangular, shares
 from flurries._warnings import warn_of_levels
 from flurries.augment.air import Here, uniforms
 from flurries.io.color import linear_to_srgb, srgb_to_linear
-
-DTYPES = ("uint8", "uint16", "float16", "float32", "float64")
-_TYPES = frozenset(np.dtype(name).type for name in DTYPES)
 
 # Of the light of a clear day, the part that comes from the sky and not from the sun.
 _SKY = 0.3
@@ -38,10 +35,7 @@ _LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 def _shaped(name: str, value: object, first: int) -> Array:
     """Return pictures (..., H, W) or (..., H, W, 1 or 3) as they came; H is dimension `first`."""
-    given = rectangular(name, value)
-    if given.dtype.type not in _TYPES:
-        raise TypeError(f"{name} must be {', '.join(DTYPES[:-1])} or {DTYPES[-1]}, got "
-                        f"{_came(value)}")  # fmt: skip
+    given = numbers(name, value)
     if 0 in given.shape:
         raise ValueError(f"{name} must not be empty, got shape {given.shape}")
     if given.ndim == first + 2 or (given.ndim == first + 3 and given.shape[-1] in (1, 3)):
@@ -63,7 +57,7 @@ picture_of, stack_of = partial(_shaped, first=0), partial(_shaped, first=1)
 
 def _mixed(given: Array, alpha: Array, color: tuple[float, ...], white: float) -> Array:
     """Return a picture under a layer of one color."""
-    kept = given.dtype.newbyteorder("=")
+    kept = given.dtype
     planes = given if given.ndim == 3 else given[..., None]
     planes = aligned(planes, np.float32 if kept == np.float16 else kept)
     floats = planes.dtype.kind == "f"
@@ -113,7 +107,7 @@ def in_weather(
         _drop(display, uniforms(record["weather_seed"] ^ eye, _STREAM, _EACH * drops))
     result = display.reshape(given.shape) * whole
     rounded = np.rint(result) if given.dtype.kind == "u" else result
-    return np.asarray(rounded, given.dtype.newbyteorder("="))
+    return np.asarray(rounded, given.dtype)
 
 
 def _shaded(light: Array, sun: float) -> Array:

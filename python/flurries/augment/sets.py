@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flurries import augment, io
+from flurries import io
 from flurries._contract import Array
 from flurries.augment.calibration import Profile
 from flurries.augment.layouts import Layout, Member, kept_name
-from flurries.augment.weather import Weather
+from flurries.augment.weather import Weather, replay
+from flurries.augment.weathers import Fog, Rainfall, Snowfall
 from flurries.io.annotations import ENDINGS, read_label
+from flurries.io.color import unmultiply
 from flurries.io.pictures.header import opened_picture, upright
 from flurries.output.journal import Mark
 from flurries.output.sequence import Job
 from flurries.scene.fingerprint import Hashes
 
-WEATHERS = {"snow": "Snowfall", "rain": "Rainfall", "fog": "Fog"}
+WEATHERS: dict[str, type[Weather]] = {"snow": Snowfall, "rain": Rainfall, "fog": Fog}
 # What tells the truth about a picture's weather: how its file ends, and fields of `Weathered`.
 TRUTH: dict[str, tuple[str, ...]] = {
     "clean": ("",),
@@ -49,8 +51,7 @@ _UNDONE = {6: 8, 8: 6}
 
 
 def weather_of(kind: str, severity: int, profile: Profile, **more: Any) -> Weather:
-    weather: Weather = getattr(augment, WEATHERS[kind])(severity=severity, profile=profile, **more)
-    return weather
+    return WEATHERS[kind](severity=severity, profile=profile, **more)
 
 
 @dataclass(frozen=True)
@@ -106,9 +107,8 @@ class Stored(NamedTuple):
     def display(self) -> Any:
         """The picture as weather is mixed with it: straight colors, display values."""
         pixels, cover = self.picture.pixels, self.cover
-        if cover is not None:
-            # Weather falls on the color; how much of it shows stays as it was.
-            pixels = np.divide(pixels, cover, out=np.zeros_like(pixels), where=cover > 0.0)
+        # Weather falls on the color; how much of it shows stays as it was.
+        pixels = pixels if cover is None else unmultiply(pixels, cover)
         pixels = pixels[..., :1] if self.grey else pixels
         # What is brighter than white stays so.
         return io.linear_to_srgb(pixels) if self.picture.encoding == "linear" else pixels
@@ -225,7 +225,7 @@ class Pictures(Job):
         if not part.plane:
             # Of the pixels, whatever encodes them.
             image = made[2].image
-            notes["pixels"] = _hash(f"{image.shape}".encode() + image.tobytes())
+            notes["pixels"] = sha256(f"{image.shape}".encode() + image.tobytes()).hexdigest()
         time = self.known[part.name].time
         return notes if time is None else {**notes, "time": time}
 
@@ -237,7 +237,7 @@ class Pictures(Job):
         pictures: Any = tuple(one.display for one in read.values())
         if len(read) == 1:
             (pictures,), given = pictures, {kind: label for kind, (label,) in given.items()}
-        seen = augment.replay(self._record(part)).apply(
+        seen = replay(self._record(part)).apply(
             pictures, time=self.known[part.name].time, fps=self.layout.fps,
             distance=self.layout.distance, motion=not _SLOW.isdisjoint(self.planes), **given,
         )  # fmt: skip
@@ -279,7 +279,7 @@ class Pictures(Job):
         first, *more = [self.hashes[file] for file in files]
         if part.plane == "occlusion" and self.boxes is not None:
             more += [repr(self.boxes.get(view)) for view in views]
-        return _hash("".join([first, *more]).encode()) if more else first
+        return sha256("".join([first, *more]).encode()).hexdigest() if more else first
 
     def _record(self, part: Part) -> dict[str, Any]:
         how = {"seed": self.seed, "focal": self.layout.focal, **self.more}
@@ -289,14 +289,10 @@ class Pictures(Job):
     def _number(self, part: Part) -> int:
         """Return the number of a weather: a hash of a name, not of a place in a list."""
         own = f"{self.known[part.name].weather}\0{part.kind}\0{part.level}"
-        return int.from_bytes(hashlib.sha256(own.encode()).digest()[:8], "little") >> 1
+        return int.from_bytes(sha256(own.encode()).digest()[:8], "little") >> 1
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_last": (None, {})}
-
-
-def _hash(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
 
 
 def _plain(values: Array) -> list[Any]:

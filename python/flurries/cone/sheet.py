@@ -218,10 +218,8 @@ def _sprites(
     """Return rows (u, v, sigma, half length, opacity) in texels."""
     texels = check.integer("size", size, low=4, high=LARGEST_TILE)
     count = check.integer(name, many, low=0, high=MOST_DROPS)
-    chosen = check.seed_of(seed)
-    draw = np.empty((4, count))
-    for row, stream in zip(draw, (ACROSS, ALONG, SIZE, OPACITY), strict=True):
-        _core.uniform(row, chosen, stream)
+    chosen, streams = check.seed_of(seed), (ACROSS, ALONG, SIZE, OPACITY)
+    draw = [check.uniforms(chosen, stream, count) for stream in streams]
     differ = check.real("spread", spread, low=0.0, high=1.0)
     peak = check.real("opacity", opacity, low=0.0, high=1.0)
     rows = np.zeros((count, 5))

@@ -100,8 +100,7 @@ def _share_of(plane: Array) -> Array:
         raise ValueError(f"where must have shape (H, W), got {found.shape}")
     check.finite("where", found)
     check.shares("where", found)
-    found.flags.writeable = False
-    return found
+    return check.sealed(found)
 
 
 @kept(8)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Array, Float64
+from flurries._contract import Array, Float64, uniforms
 from flurries._kept import ALL, Kept, kept
 from flurries.camera.lens import axes_of
 from flurries.camera.optics import Blur
@@ -162,9 +162,7 @@ def _standing(
 
 def hash_of(seed: int, number: int) -> int:
     """Return the seed of a layer's flakes, 64 bits."""
-    draw = np.empty(1)
-    _core.uniform(draw, seed, _STREAM + number)
-    return int(draw[0] * 2**53)
+    return int(uniforms(seed, _STREAM + number, 1)[0] * 2**53)
 
 
 @kept(256)

@@ -6,7 +6,7 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from flurries import _core, gas
-from flurries._contract import Array, Float64
+from flurries._contract import Array, Float64, uniforms
 from flurries._trace import current
 from flurries.effects.color import base_of, even_shade, reads_of
 from flurries.effects.motion import NEAREST, STEPS, air_motions
@@ -129,10 +129,8 @@ class Vapor:
         if (lap := frame.lap) is None:
             return [(frame.t, 1.0)]
         # One by one particles give way to those of the next round, which begins with all of them.
-        rank = np.empty(count)
-        _core.uniform(rank, frame.seed, RANKS)
         part = (1.0 + FADE) * lap.part(frame.t)
-        next_ = np.clip((part - rank) / FADE, 0.0, 1.0)
+        next_ = np.clip((part - uniforms(frame.seed, RANKS, count)) / FADE, 0.0, 1.0)
         rounds = [(frame.t, 1.0 - next_), (frame.t - lap.frames, next_)]
         return [(t, shown) for t, shown in rounds if shown.any()]
 

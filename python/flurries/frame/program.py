@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flurries import _core
-from flurries._contract import Array
+from flurries._contract import Array, uniforms
 from flurries._kept import Kept
 from flurries._trace import current
 from flurries.camera.lens import Camera
@@ -235,6 +234,4 @@ def effect_seed(seed: int, index: int) -> int:
     """Return the seed of the effect at a place of the list; the first one's is the scene's own."""
     if index == 0:
         return seed
-    draw = np.empty(index + 1)
-    _core.uniform(draw, seed, -1)
-    return int(draw[index] * 2**53)
+    return int(uniforms(seed, -1, index + 1)[index] * 2**53)

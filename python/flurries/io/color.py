@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Array, ArrayLike, choice, rectangular, sealed
+from flurries._contract import Array, ArrayLike, choice, numbers, rectangular, sealed
 from flurries._kept import kept
 
 Encoding: TypeAlias = Literal["display", "linear"]
@@ -17,15 +17,6 @@ Encoding: TypeAlias = Literal["display", "linear"]
 LARGEST_HALF = 65504.0
 
 _HEX = re.compile(r"#[0-9a-fA-F]{6}")
-
-
-def numbers(name: str, values: ArrayLike, others: str = "", *more: str) -> Array:
-    """Return pixels as an array in the processor's order of bytes; `others` may come, too."""
-    array = rectangular(name, values)
-    if array.dtype.name not in ("uint8", "uint16", "float16", "float32", "float64", *more):
-        came = f"{type(values).__name__} of dtype {array.dtype}"
-        raise TypeError(f"{name} must be {others}uint8, uint16 or float, got {came}")
-    return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
 def planes_of(name: str, values: ArrayLike) -> Array:
@@ -147,9 +138,7 @@ def to_single(values: Array) -> Array:
 def decoding_table(itemsize: int) -> Array:
     """Return the linear light of every 8-bit or 16-bit display value."""
     levels = 256**itemsize
-    table = srgb_to_linear(np.arange(levels) / (levels - 1)).astype(np.float32)
-    table.flags.writeable = False
-    return table
+    return sealed(srgb_to_linear(np.arange(levels) / (levels - 1)).astype(np.float32))
 
 
 @kept(1)

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import Float64
+from flurries._contract import Float64, uniforms
 from flurries._kept import kept
 from flurries.motion.keys import Course, Integral, Keys, Number, course_of, integral_of, sum_of
 
@@ -46,9 +46,7 @@ def eddies(
     speed: float, sizes: tuple[float, float], turnover: float, mean: Any, seed: int, stream: int
 ) -> Waves:
     """Return solenoidal waves of random directions whose speed squared has the mean speed^2."""
-    draws = np.empty((5, WAVES))
-    for row, draw in enumerate(draws):
-        _core.uniform(draw, seed, stream + row)
+    draws = np.stack([uniforms(seed, stream + row, WAVES) for row in range(5)])
     # Lengths evenly spread over the octaves, so that every seed has its share of each.
     share = (np.arange(WAVES) + draws[0]) / WAVES
     length = sizes[0] * (sizes[1] / sizes[0]) ** share

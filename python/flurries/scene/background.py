@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, require, sealed, table
+from flurries._contract import Array, numbers, require, sealed, table
 from flurries._warnings import warn, warn_of_levels
 from flurries.io import fit, open_background
-from flurries.io.color import numbers, parse_hex
+from flurries.io.color import parse_hex
 from flurries.io.colorspace import ColorSpace
 from flurries.io.files import file_of, path_text
 from flurries.scene.numbered import Display, Planes

@@ -10,11 +10,12 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from flurries import _contract as check
 from flurries._contract import Array, choice, depths, real, rectangular, require, sealed, suggesting
 from flurries._warnings import warn_of_units
 from flurries.frame.edges import Edges, edges_of
 from flurries.io import fit_nearest, open_background, open_depth
-from flurries.io.color import numbers, to_unit
+from flurries.io.color import to_unit
 from flurries.io.files import file_of
 from flurries.io.pictures.reader import luminance
 from flurries.scene.numbered import Display, Planes, placed
@@ -67,7 +68,7 @@ class DepthMap:
         settle("far", self.far if endless else real("far", self.far, above=self.near))
         if isinstance(self.source, (str, os.PathLike)):
             return
-        given = numbers("source", self.source, "a path or an array of ")
+        given = check.numbers("source", self.source, "a path or an array of ")
         if given.ndim != 2 or 0 in given.shape:
             raise ValueError(f"source must have shape (H, W), got {given.shape}")
         if given.dtype.kind == "f":

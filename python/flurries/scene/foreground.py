@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import finite, sealed, shares, suggesting
+from flurries._contract import finite, numbers, sealed, shares, suggesting
 from flurries._kept import Kept
 from flurries._warnings import warn_of_levels
 from flurries.frame.matte import Deep, Front, Matte
 from flurries.io import fit, open_background
-from flurries.io.color import numbers
 from flurries.io.files import file_of, path_text
 from flurries.io.pictures.reader import Picture, luminance
 from flurries.io.sources import open_matte

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, ArrayLike, PathLike, choice, integer, naming
-from flurries.io.color import encoding_of, in_file, numbers, planes_of
+from flurries._contract import Array, ArrayLike, PathLike, choice, integer, naming, numbers
+from flurries.io.color import encoding_of, in_file, planes_of
 from flurries.io.files import given
 from flurries.io.oiio import openimageio
 from flurries.io.pictures.parts import Part, write_parts
