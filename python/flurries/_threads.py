@@ -1,5 +1,7 @@
 """How the kernels run: on how many threads, and whether with the same bits on every processor."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -32,7 +34,7 @@ class Settings:
         """Whether the kernels give the same bits with all vector instructions."""
         return _core.reproducible()
 
-    def __enter__(self) -> "Settings":
+    def __enter__(self) -> Settings:
         return self
 
     def __exit__(self, *_: object) -> None:

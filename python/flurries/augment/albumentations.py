@@ -1,5 +1,7 @@
 """Weather as transforms of albumentations and AlbumentationsX, ruled by a pipeline's own seed."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, ClassVar

@@ -1,5 +1,7 @@
 """A lens with an opening: how far out of focus a flake is."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple

@@ -1,5 +1,7 @@
 """Rain and snow as textures on a double cone around the camera (Wang 2004), moved by its way."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import InitVar, dataclass, field, replace
@@ -40,7 +42,7 @@ class DoubleCone:
     length: float  # Of a drop in still air, metres.
     # Of the layers, nearest first: what is large and near must not outshine the rest.
     gains: tuple[float, ...]
-    look: "_Cone"  # The effect.
+    look: _Cone  # The effect.
 
     name = "cone"
 

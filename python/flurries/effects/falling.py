@@ -1,5 +1,7 @@
 """Snow and rain made of particles: one population each, drawn near and synthesized far."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass, field, replace

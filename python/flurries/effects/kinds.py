@@ -1,5 +1,7 @@
 """The kinds of effects by the names that scene files have for them: ours, and anybody's."""
 
+from __future__ import annotations
+
 from dataclasses import is_dataclass
 from typing import Any
 

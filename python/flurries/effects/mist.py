@@ -1,5 +1,7 @@
 """Mist, fog and clouds, by their visibility; or a box of splatted particles (Johnson 2005)."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass, field
 from functools import cached_property, partial

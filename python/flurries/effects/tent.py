@@ -1,5 +1,7 @@
 """Langer's snow and rain: near flakes and drops, before a texture of all that lies behind."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import InitVar, dataclass, field
 from functools import cached_property

@@ -1,5 +1,7 @@
 """What an effect answers: its part of a frame."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -70,7 +72,7 @@ class Layer:
         found = {name: getattr(self, name) for name in ("alpha", *_NUMBERS)}
         return {name: plane for name, plane in found.items() if plane is not None}
 
-    def turned(self, turn: Callable[[Array], Array], *names: str) -> "Layer":
+    def turned(self, turn: Callable[[Array], Array], *names: str) -> Layer:
         """Return the layer with some of its planes changed, those that are given."""
         changes: dict[str, Any] = {
             name: np.ascontiguousarray(turn(plane))

@@ -1,5 +1,7 @@
 """Files that are read: plain ones only, and never more than fits into memory."""
 
+from __future__ import annotations
+
 import errno
 import hashlib
 import os

@@ -1,5 +1,7 @@
 """The scene's sun and lamps, and where flakes and drops send the light that falls on them."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple

@@ -1,5 +1,7 @@
 """The light of a shot: what its sky and ground shed on the weather, one for all frames."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any

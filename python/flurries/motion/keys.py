@@ -1,5 +1,7 @@
 """Numbers that vary over time: keyframes, their values, and their integrals in closed form."""
 
+from __future__ import annotations
+
 import bisect
 import math
 from collections.abc import Callable, Sequence
@@ -223,7 +225,7 @@ class Integral:
     sums: Float64  # (n, width), from 0 to them.
 
     @staticmethod
-    def of(pieces: Callable[[Float64, Float64, Float64], Float64], knots: Float64) -> "Integral":
+    def of(pieces: Callable[[Float64, Float64, Float64], Float64], knots: Float64) -> Integral:
         """Return the integral with its sums at all knots."""
         knots = np.unique(np.concatenate([knots, [0.0]]))
         areas = pieces(knots[:-1], knots[1:], 0.5 * (knots[:-1] + knots[1:]))

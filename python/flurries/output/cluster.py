@@ -1,5 +1,7 @@
 """Dask's workers as a crew, on this machine or on many that see one folder; its arrays."""
 
+from __future__ import annotations
+
 import logging
 import math
 import os

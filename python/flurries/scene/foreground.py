@@ -1,5 +1,7 @@
 """What stands in front of the weather: masks and pictures with alpha, still or moving, in depth."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,5 +1,7 @@
 """Cameras of USD stages: Blender, Houdini, Maya, Unreal."""
 
+from __future__ import annotations
+
 import math
 import warnings
 from collections.abc import Iterator

@@ -1,5 +1,7 @@
 """Two photographs, free of rights, that come with the package; scikit-image distributes both."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal

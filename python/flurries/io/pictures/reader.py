@@ -1,5 +1,7 @@
 """Reading pictures: any format that OpenImageIO knows, as colors and alpha, or as depth."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import repeat
