@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from importlib import import_module
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -100,14 +100,15 @@ def flag(name: str, value: object) -> bool:
     raise TypeError(f"{name} must be True or False, got {_came(value)}")
 
 
-def choice(name: str, value: object, options: Sequence[str]) -> str:
-    """Return `value` if it is one of `options`."""
-    if isinstance(value, str) and value in options:
+def choice(name: str, value: object, options: Any) -> str:
+    """Return `value` if it is one of `options`: a sequence, or the words of a Literal."""
+    words = get_args(options) or options
+    if isinstance(value, str) and value in words:
         return value
-    refusal = f"{name} must be one of {', '.join(map(repr, options))}, got {_came(value)}"
+    refusal = f"{name} must be one of {', '.join(map(repr, words))}, got {_came(value)}"
     if not isinstance(value, str):
         raise TypeError(refusal)
-    raise ValueError(refusal + suggestion(value, options))
+    raise ValueError(refusal + suggestion(value, words))
 
 
 def rate_of(fps: object) -> float:

@@ -3,14 +3,14 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from functools import partial, wraps
-from typing import Any, Literal, TypeAlias, TypeVar, get_args
+from typing import Any, Literal, TypeAlias, TypeVar
 
 from flurries._contract import choice, flag, integer, real, seed_of, suggesting, vector
 from flurries.effects.color import as_color
 from flurries.motion.keys import as_number, as_vector
 from flurries.motion.wind import Wind
-from flurries.spectral.tables import ALIAS, band_of
-from flurries.spectral.tiles import BLEND
+from flurries.spectral.tables import Aliasing, band_of
+from flurries.spectral.tiles import Blend
 
 _Kind = TypeVar("_Kind")
 
@@ -28,7 +28,7 @@ _number: Check = partial(integer, low=0, high=100_000_000)
 _density: Check = partial(real, low=0.0, high=1e6)
 
 
-def one_of(options: tuple[str, ...]) -> Check:
+def one_of(options: Any) -> Check:
     return lambda name, value: choice(name, value, options)
 
 
@@ -62,8 +62,8 @@ CHECKS: dict[str, Check] = {
     "texture": share, "mean": as_number, "spread": positive, "power": positive,
     "exponent": real, "near_depth": length, "wavelengths": _wavelengths,
     "tile": partial(integer, low=5, high=2**15), "overlap": partial(integer, low=0, high=2**15),
-    "blend": one_of(BLEND), "alias": one_of(ALIAS), "jitter": flag, "renormalise": flag,
-    "depth_mode": one_of(get_args(DepthMode)),
+    "blend": one_of(Blend), "alias": one_of(Aliasing), "jitter": flag, "renormalise": flag,
+    "depth_mode": one_of(DepthMode),
 }  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import Any, ClassVar, Literal, TypeAlias, get_args
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 
@@ -152,7 +152,7 @@ class Falling(metaclass=checks.Described):
         "color": lambda _, value: as_color(value, (AMBIENT, LOCAL)), "clumps": checks.part,
         "flake_size": size_law, "drop_size": size_law, "far": checks.length,
         "backdrop": checks.length, "cloud": checks.length, "handover": checks.length,
-        "method": checks.one_of(get_args(Method)), "shape": checks.one_of(get_args(Shape)),
+        "method": checks.one_of(Method), "shape": checks.one_of(Shape),
         "where": as_where, "holdout": as_where, "split": depths_of, "hide": as_ids,
         "place": as_placed, "wakes": as_bodies, "look": checks.one_of(("v2",)),
         "gain": partial(as_number, low=0.0, high=100.0),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass, field
 from functools import cached_property, partial
-from typing import Any, ClassVar, Literal, TypeAlias, get_args
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 
@@ -16,8 +16,8 @@ from flurries.effects.bank import Bank
 from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color
 from flurries.effects.presets import MIST, PAPER_MIST, MistLook
 from flurries.effects.strength import BACKDROP, Strength, knob_of, reach
-from flurries.effects.vapor import MOST, SCATTER, Law, Vapor
-from flurries.gas.splatting import FOOTPRINTS, Footprint
+from flurries.effects.vapor import MOST, Law, Vapor
+from flurries.gas.splatting import Footprint
 from flurries.motion.keys import Number, Vector, as_number, as_vector, largest
 
 Method: TypeAlias = Literal["slices", "particles"]
@@ -141,12 +141,12 @@ class Mist(metaclass=checks.Described):
     severity: InitVar[int | None] = None
 
     CHECKS: ClassVar[dict[str, checks.Check]] = {
-        "method": checks.one_of(get_args(Method)), "density": checks.share,
+        "method": checks.one_of(Method), "density": checks.share,
         "color": lambda _, value: as_color(value, (AMBIENT, LOCAL)),
         "wind": partial(as_vector, length=3), "count": partial(integer, low=0, high=MOST),
-        "backdrop": checks.length, "depths": _depths, "footprint": checks.one_of(FOOTPRINTS),
+        "backdrop": checks.length, "depths": _depths, "footprint": checks.one_of(Footprint),
         "center": lambda name, value: tuple(vector(name, value, 3).tolist()), "lit": flag,
-        "forward": checks.part, "scatter": checks.one_of(SCATTER), "top": real,
+        "forward": checks.part, "scatter": checks.one_of(Law), "top": real,
         "asymmetry": partial(real, low=-0.99, high=0.99), "falloff": checks.length,
         "structure": partial(real, low=0.0, high=2.0),
     }  # fmt: skip

@@ -1,7 +1,7 @@
 """One layer of gas: particles in a box that wraps (Johnson 2005), and what a bank shares."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from flurries.light.lamp import DROPS, Optics, radiance
 from flurries.motion.keys import Vector, value_at
 
 Law: TypeAlias = Literal["even", "rayleigh", "henyey"]
-SCATTER = get_args(Law)
 
 LAMPS = 100.0  # How many times as bright as white lamps may make it.
 RIM = 0.075  # The outer share of the box, on each side, in which particles fade.

@@ -135,12 +135,11 @@ class Mix:
                 rgb = plane((*layer.alpha.shape, 3))
                 np.copyto(rgb, 0.0 if layer.glow is None else layer.glow)
                 _core.shade_add(rgb, layer.alpha, shade.given())
+        result = plane((*layer.alpha.shape, 4))
         if rgb is None:
-            result = plane((*layer.alpha.shape, 4))
             alpha = np.ascontiguousarray(layer.alpha)
             _core.layer_rgba(result, alpha, light or self.light(layer.color))
             return result
-        result = plane((*layer.alpha.shape, 4))
         result[..., 3] = layer.alpha
         if self.linear:
             rgb = rgb if self.primaries is None else rgb @ self.primaries

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -139,7 +139,6 @@ def phase(cosine: ArrayLike, *, kind: str = "rayleigh", asymmetry: float = 0.6) 
 
 
 Form: TypeAlias = Literal["exact", "printed"]
-FORMS = get_args(Form)
 
 
 def projection_error(
@@ -163,7 +162,7 @@ def projection_error(
     """
     x, y, depth, r = _each(centers, radius)
     distance = real("near", near, above=0.0)
-    printed = choice("form", form, FORMS) == "printed"
+    printed = choice("form", form, Form) == "printed"
     result = output(out, (len(x), 2), np.dtype(np.float64))
     with np.errstate(all="ignore"):
         away = np.hypot(x, depth)
@@ -200,7 +199,7 @@ def parallax_error(
     apart = real("eye_distance", eye_distance, above=0.0)
     half = 0.5 * apart
     result = output(out, (len(x), 2), np.dtype(np.float64))
-    if choice("form", form, FORMS) == "printed":
+    if choice("form", form, Form) == "printed":
         eyes = [np.stack([x + side, y, depth], axis=1) for side in (-half, half)]
         right, left = (projection_error(eye, r, near=near, form=form) for eye in eyes)
         return np.subtract(right, left, out=result)

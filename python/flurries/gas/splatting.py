@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -14,13 +14,9 @@ from flurries._contract import LARGEST, SMALLEST, Array, ArrayLike, Float64
 from flurries.camera.lens import Camera, expect_camera
 
 Footprint: TypeAlias = Literal["viewplane_c", "viewplane", "viewpoint", "volume", "table"]
-FOOTPRINTS = get_args(Footprint)
 Edge: TypeAlias = Literal["taper", "square"]
-EDGES = get_args(Edge)
 NearMode: TypeAlias = Literal["fade", "cull", "exact"]
-NEAR_MODES = get_args(NearMode)
 Occlusion: TypeAlias = Literal["soft", "hard"]
-OCCLUSIONS = get_args(Occlusion)
 
 # A pixel that lets through less than this is finished: below what the type can say of an opacity.
 FINISHED = {"float32": 1e-6, "float64": 1e-13}
@@ -184,10 +180,10 @@ def manner_of(
 ) -> tuple[str, str, float, str, bool, float]:  # fmt: skip
     limit = FINISHED[kind.name] if error is None else error
     return (
-        check.choice("footprint", footprint, FOOTPRINTS),
-        check.choice("edge", edge, EDGES),
+        check.choice("footprint", footprint, Footprint),
+        check.choice("edge", edge, Edge),
         check.real("near", near, low=SMALLEST, high=LARGEST),
-        check.choice("near_mode", near_mode, NEAR_MODES),
-        check.choice("occlusion", occlusion, OCCLUSIONS) == "hard",
+        check.choice("near_mode", near_mode, NearMode),
+        check.choice("occlusion", occlusion, Occlusion) == "hard",
         check.real("error", limit, low=0.0, high=0.999),
     )

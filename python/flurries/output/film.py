@@ -66,7 +66,6 @@ def write_film(
 ) -> tuple[Fates, str]:
     """Render frames into a video, unless the very same one is there."""
     scene, output, path = shots.scene, shots.content.output, shots.pattern
-    assert scene.size is not None
     if scene._film is not None and path.exists() and path.samefile(scene._film.spec):
         raise ValueError(f"{path} is the scene's own background; choose another name")
     heard, part = scene._sound(frames, skip=shots.skip) if output.sound else ("none", None)

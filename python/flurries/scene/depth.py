@@ -6,7 +6,7 @@ import math
 import os
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import partial
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -62,8 +62,8 @@ class DepthMap:
     def __post_init__(self) -> None:
         settle = partial(object.__setattr__, self)
         settle("near", real("near", self.near, above=0.0))
-        choice("white", self.white, get_args(White))
-        choice("law", self.law, get_args(Law))
+        choice("white", self.white, White)
+        choice("law", self.law, Law)
         endless = self.law == "inverse" and isinstance(self.far, float) and self.far == math.inf
         settle("far", self.far if endless else real("far", self.far, above=self.near))
         if isinstance(self.source, (str, os.PathLike)):

@@ -42,7 +42,6 @@ Depth: TypeAlias = float | Array | str | Path | DepthMap
 Matte: TypeAlias = str | Path | Array | Foreground
 Front: TypeAlias = Matte | Sequence[Matte] | None
 
-SPACES = ("auto", "display", "linear")
 
 DEFAULT_FPS = 30.0  # Frames per second, where neither the caller nor a film says it.
 DEFAULT_FOCAL = 1.2  # A focal length in picture widths, where none is given: 45 degrees across.
@@ -143,7 +142,7 @@ class Scene(Rendering):
         # Frozen for all others.
         own = vars(self)
         own.update(
-            seed=seed_of(seed), _space=choice("space", space, SPACES), effects=effects_of(effects),
+            seed=seed_of(seed), _space=choice("space", space, Space), effects=effects_of(effects),
             _extend=choice("extend", extend, EXTEND), _colorspace=colorspace, _found=Kept(2),
             _sun=one_or_none("sun", sun, Sun), lights=lights_of(lights),
             light=one_or_none("light", light, Light),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from flurries._contract import LARGEST, SMALLEST, ArrayLike, Float64
 from flurries._warnings import warn
 
 Aliasing: TypeAlias = Literal["cut", "soft", "keep"]
-ALIAS = get_args(Aliasing)
 
 #: Bands of wavelengths in pixels that the sources name: the paper's three octaves (section 5.3),
 #: and the upper three octaves of the slides of 2003.
@@ -204,7 +203,7 @@ def temporal_filter(
     size = check.shape_of("amplitude", given.shape)
     drift = _cycles("velocity", velocity, wavelength_max)
     plane = check.vector("shift_rate", shift_rate, 2)
-    law = check.choice("alias", alias, ALIAS)
+    law = check.choice("alias", alias, Aliasing)
     start = check.real("soft_from", soft_from)
     exposure = check.real("shutter", shutter, low=0.0, high=LARGEST)
     restore = check.flag("renormalise", renormalise)

@@ -12,7 +12,7 @@ import numpy as np
 from flurries import _contract as check
 from flurries._contract import LARGEST, OVERLAP, SMALLEST, TILE, ArrayLike, Float64
 from flurries.spectral import tables
-from flurries.spectral.tiles import BLEND, Blend
+from flurries.spectral.tiles import Blend
 
 # Of the largest rate: how far a table of rates may be from odd, which is rounding.
 _ROUNDING = 1e-9
@@ -87,8 +87,8 @@ class Texture:
         settled: dict[str, Any] = {
             "tile": tile, "overlap": overlap, "wavelengths": tables.band_of(self.wavelengths),
             "exponent": check.real("exponent", self.exponent),
-            "alias": check.choice("alias", self.alias, tables.ALIAS),
-            "blend": check.choice("blend", self.blend, BLEND),
+            "alias": check.choice("alias", self.alias, tables.Aliasing),
+            "blend": check.choice("blend", self.blend, Blend),
             "soft_from": check.real("soft_from", self.soft_from),
             "shutter": check.real("shutter", self.shutter, low=0.0, high=LARGEST),
             "jitter": check.flag("jitter", self.jitter),

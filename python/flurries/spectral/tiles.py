@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,6 @@ from flurries import _core
 from flurries._contract import OVERLAP, TILE, Array, ArrayLike, Float64
 
 Blend: TypeAlias = Literal["power", "linear"]
-BLEND = get_args(Blend)
 
 _MOST_TILES = 2**22  # Of one axis; more would be a list longer than the picture is wide.
 
@@ -98,7 +97,7 @@ def blend_tiles(
     check.finite("tiles", given)
     size = check.shape_of("shape", shape)
     _, shared = check.tile_of((given.shape[2], given.shape[3]), overlap)
-    law = check.choice("blend", blend, BLEND)
+    law = check.choice("blend", blend, Blend)
     result = check.output(out, size, kept, given)
     return check.filled(result, given.dtype, lambda v: _core.blend_tiles(v, given, shared, law))
 

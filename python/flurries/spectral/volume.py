@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +21,6 @@ from flurries.spectral.texture import Texture, reads_texture
 from flurries.spectral.tiles import opacity, opacity_map
 
 Cells: TypeAlias = Literal["one", "overlap"]
-CELLS = get_args(Cells)
 
 STILL = 0.25  # More of a loop standing still than this deserves a word.
 
@@ -70,7 +69,7 @@ def film(
             "velocity: take more frames"
         )
     drift, number = (float(cycles[0]), float(cycles[1])), check.seed_of(seed)
-    return Film(texture, count, size, drift, number, check.choice("cells", cells, CELLS))
+    return Film(texture, count, size, drift, number, check.choice("cells", cells, Cells))
 
 
 def rendered(asked: Film, times: Float64 | None, dtype: npt.DTypeLike, out: Array | None) -> Array:

@@ -128,24 +128,22 @@ def surroundings(scene: Scene) -> list[Control]:
     return found
 
 
-def surrounded(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:
+def surrounded(
+    scene: Scene, checked: Mapping[str, Any], stands: Mapping[str, Any]
+) -> dict[str, Any]:
     """Return the parts of the scene that change with the rows that were touched."""
     changes: dict[str, Any] = {}
-    if values.get(f"{LAMP}.on") == ON:
-        x, height, distance, power = (
-            float(values.get(f"{LAMP}.{name}", row[-1])) for name, row in _LAMP.items()
-        )
-        display = np.array(parse_hex("color", values.get(f"{LAMP}.color", _GLOW))) / 255.0
+    if stands.get(f"{LAMP}.on") == ON:
+        x, height, distance, power = (float(stands[f"{LAMP}.{name}"]) for name in _LAMP)
+        display = np.array(parse_hex("color", stands[f"{LAMP}.color"])) / 255.0
         light = tuple(round(float(part), 4) for part in srgb_to_linear(display))
         lamp = Lamp((x, -height, distance), color=light, power=power)
         changes["lights"] = (*scene.lights, lamp)
-    touched = {name: values.get(f"{OPENING}.{name}") for name in ("on", "focus", "f_stop")}
-    if any(value is not None for value in touched.values()):
-        stands = {row.key: row.value for row in surroundings(scene)} | dict(values)
+    if any(key.startswith(f"{OPENING}.") for key in checked):
         given = {name: stands[f"{OPENING}.{name}"] for name in ("focus", "f_stop")}
         lens = Lens(**given) if scene.lens is None else replace(scene.lens, **given)
         changes["lens"] = lens if stands[f"{OPENING}.on"] == ON else None
-    if values.get(DEPTH) == OFF:
+    if stands.get(DEPTH) == OFF:
         changes["depth"] = None
     return changes
 
@@ -308,7 +306,7 @@ def settings(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:
         path = CameraPath(path.camera, velocity=tuple(velocity), orientation=path.orientation)
     if LENS in checked:
         path = replace(path, camera=replace(path.camera, focal=checked[LENS]))
-    return {"effects": effects, "camera": path, **surrounded(scene, checked)}
+    return {"effects": effects, "camera": path, **surrounded(scene, checked, stands)}
 
 
 def _changed(

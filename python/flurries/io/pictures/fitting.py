@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -39,7 +39,7 @@ def fit(
     """
     planes = planes_of("pixels", pixels)
     width, height = checked_size(size)
-    choice("how", how, get_args(Fit))
+    choice("how", how, Fit)
     encoding, shape = encoding_of(encoding, planes), (height, width, *np.shape(pixels)[2:])
     if planes.shape[:2] == (height, width):
         return np.array(planes).reshape(shape)
