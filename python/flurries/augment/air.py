@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flurries import _core, spectral
-from flurries._contract import Array, Float64
+from flurries._contract import Array, Float64, uniforms
 from flurries.augment import calibration
 from flurries.augment.calibration import GAINS, Kind
 from flurries.augment.distance import Distances
@@ -56,13 +56,6 @@ class View(NamedTuple):
     focal: float  # Pixels.
     aside: float = 0.0  # The eye's place to the right of the middle of both, metres.
     eyes: float = 0.0  # Distance of each of them from the middle, metres.
-
-
-def uniforms(seed: int, stream: int, count: int) -> Float64:
-    """Return numbers in [0, 1) that belong to a seed and a stream."""
-    numbers = np.empty(count)
-    _core.uniform(numbers, seed, stream)
-    return numbers
 
 
 def _scratch(name: str, shape: tuple[int, int]) -> Array:

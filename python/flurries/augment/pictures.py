@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from flurries import _contract as check
 from flurries import _core
 from flurries._contract import Array, _came, aligned, numbers, plane_of, rectangular, shares
 from flurries._warnings import warn_of_levels
-from flurries.augment.air import Here, uniforms
+from flurries.augment.air import Here
 from flurries.io.color import linear_to_srgb, srgb_to_linear
 
 # Of the light of a clear day, the part that comes from the sky and not from the sun.
@@ -104,7 +105,7 @@ def in_weather(
     display += alpha[..., None] * (tint - display)
     if drops := round(record["drops"]):
         eye = int(here.view.aside > 0.0)
-        _drop(display, uniforms(record["weather_seed"] ^ eye, _STREAM, _EACH * drops))
+        _drop(display, check.uniforms(record["weather_seed"] ^ eye, _STREAM, _EACH * drops))
     result = display.reshape(given.shape) * whole
     rounded = np.rint(result) if given.dtype.kind == "u" else result
     return np.asarray(rounded, given.dtype)

@@ -10,8 +10,7 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, choice, int64, real
-from flurries.augment.air import uniforms
+from flurries._contract import Array, choice, int64, real, uniforms
 from flurries.augment.calibration import PROFILES, Kind, Profile, strength
 from flurries.augment.distance import Ground, ground_of
 from flurries.augment.pictures import picture_of

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from functools import partial
@@ -18,7 +17,6 @@ from flurries.augment.labels import Weathered, boxes_of, flow_of, hidden, mixtur
 from flurries.augment.pictures import in_weather, layer_of, picture_of, stack_of
 from flurries.augment.record import VERSION, Recorded
 
-_NAMES = ("Snowfall", "Rainfall", "Fog")
 _GROUND = Ground()
 
 
@@ -270,15 +268,14 @@ def replay(record: Mapping[str, Any]) -> Weather:
         From `Weather.record` or `Weathered.record`.
     """
     given = dict(mapping("record", record))
-    name = choice("record: transform", given.pop("transform", None), _NAMES)
-    kind = getattr(importlib.import_module("flurries.augment"), name)
+    kinds = {kind.__name__: kind for kind in Weather.__subclasses__()}
+    kind = kinds[choice("record: transform", given.pop("transform", None), kinds)]
     if (version := given.pop("version", None)) != VERSION:
         raise ValueError(f"record must be of version {VERSION}, got {version!r}")
     known = {field.name for field in fields(kind)} - {"severity", "seed"}
     if odd := sorted(given.keys() ^ known):
         raise ValueError(f"record must hold {sorted(known)}, differs in {odd}")
-    weather: Weather = kind(**given)
-    return weather
+    return kind(**given)
 
 
 def _pair(left: Any, right: Any) -> list[Array]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from flurries._contract import Array, suggesting
-from flurries.augment.air import uniforms
+from flurries._contract import Array, suggesting, uniforms
 from flurries.augment.calibration import Kind
 from flurries.augment.record import Range, between, range_of
 from flurries.augment.weather import Weather

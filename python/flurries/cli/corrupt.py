@@ -14,6 +14,10 @@ from flurries.cli.words import Words, count, say
 
 FAILED = 2
 
+LAYOUT = option("--layout", tuple(sorted(LAYOUTS)), None, "kitti", "told by its folders",
+                "where the set has its pictures, films and pairs")  # fmt: skip
+WORKERS = option("--workers", int, "N", "4", "all cores", "processes")
+
 
 @command(
     "flurries corrupt photos photos-in-weather --weather snow,fog --severity 1-5",
@@ -28,8 +32,7 @@ FAILED = 2
 @option("--profile", ("natural", "hard"), None, "hard", None,
         "weather as it is, or harder, for benchmarks", default="natural")  # fmt: skip
 @option("--seed", int, "N", "7", "0", "which of all sets of this kind", default=0)
-@option("--layout", tuple(sorted(LAYOUTS)), None, "kitti", "told by its folders",
-        "where the set has its pictures, films and pairs")  # fmt: skip
+@LAYOUT
 @option("--include", str, "GLOB", "val/*", "all",
         "take these files alone; a * stands for slashes, too", multiple=True)  # fmt: skip
 @option("--exclude", str, "GLOB", "velodyne/*", "none", "leave these files out", multiple=True)
@@ -51,7 +54,7 @@ FAILED = 2
         default=0.0)  # fmt: skip
 @option("--drops", float, "N", "30", None, "drops on the lens", default=0.0)
 @switch("--dry-run", "say what would be made, and make nothing")
-@option("--workers", int, "N", "4", "all cores", "processes")
+@WORKERS
 @dask("processes of this machine")
 @OVERWRITE
 @voice
@@ -96,9 +99,8 @@ def corrupt(
 @option("--of", FILE, "IN_DIR", "photos", "the set is there", "data set to write in weather")
 @option("--like", FILE, "FILE", "theirs/benchmark.json", "the set's own",
         "hashes to compare with")  # fmt: skip
-@option("--layout", tuple(sorted(LAYOUTS)), None, "kitti", "told by its folders",
-        "where the data set has its pictures")  # fmt: skip
-@option("--workers", int, "N", "4", "all cores", "processes")
+@LAYOUT
+@WORKERS
 @option("--predictions", FILE, "DIR", "mine", "no scores",
         "predictions to score: DIR/hard/snow/3.csv and so on")  # fmt: skip
 @option("--truth", str, "TEXT", "image_2:flow_occ", "told by the set",
