@@ -283,8 +283,7 @@ def find_light(scene: Scene, *, keyed: bool = False) -> Light:
     >>> scene = fl.Scene("#808080", size=(64, 48), effects=[fl.Snow()])
     >>> scene = scene.replace(light=fl.scene.find_light(scene))
     """
-    found: Light = expect_scene(scene)._program.find_light(keyed=flag("keyed", keyed))
-    return found
+    return expect_scene(scene)._program.find_light(keyed=flag("keyed", keyed))
 
 
 def flakes(scene: Scene, t: float = 0.0) -> npt.NDArray[Any]:
