@@ -4,9 +4,9 @@
 //! in quarters of a pixel. The sum goes over the layers in their order, pixel by pixel: bits don't depend
 //! on threads, windows or parts.
 
-use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis, s};
+use ndarray::{ArrayView2, ArrayViewMut2, Axis, s};
 
-use super::bent::APART;
+use super::gains::Gains;
 use super::sheet::Sheet;
 use crate::base::error::{Cancel, Error, finite, layout, pushed};
 use crate::base::normal::{Normal, least, ln, most};
@@ -48,51 +48,6 @@ pub struct Others<'a> {
     pub drawn: Option<(ArrayView2<'a, f32>, f32)>,
     pub veil: Option<ArrayView2<'a, f32>>,
     pub haze: f32,
-}
-
-/// Factors of optical depths by place, for groups of layers one after the other.
-#[derive(Clone, Copy)]
-pub struct Gains<'a> {
-    /// Of each group, (groups, rows, columns), at the nodes of a lattice over the whole picture.
-    pub nodes: ArrayView3<'a, f32>,
-    /// Layers of each group.
-    pub counts: &'a [usize],
-    /// The picture's row and column of the first pixel.
-    pub corner: (usize, usize),
-}
-
-impl Gains<'_> {
-    fn check(&self, (height, width): (usize, usize), layers: usize) -> Result<(), Error> {
-        let (groups, rows, cols) = self.nodes.dim();
-        let fits = groups == self.counts.len()
-            && self.counts.iter().sum::<usize>() == layers
-            && rows >= (self.corner.0 + height) / APART + 3
-            && cols >= (self.corner.1 + width) / APART + 3;
-        if fits { Ok(()) } else { Err(Error::Internal("no gains look like that".into())) }
-    }
-
-    /// Adds a group's sums along a row, each times the factor of its place.
-    #[inline(always)]
-    fn add(&self, group: usize, at: (usize, usize), out: &mut [f32], sums: &[f32]) {
-        let (y, x) = (self.corner.0 + at.0, self.corner.1 + at.1);
-        let down = (y % APART) as f32 / APART as f32;
-        let node = |col: usize| {
-            let [low, high] = [1, 2].map(|row| self.nodes[[group, y / APART + row, col]]);
-            low + down * (high - low)
-        };
-        let mut done = 0;
-        while done < out.len() {
-            let (col, from) = ((x + done) / APART, (x + done) % APART);
-            let run = (APART - from).min(out.len() - done);
-            let (low, high) = (node(col + 1), node(col + 2));
-            let slope = (high - low) / APART as f32;
-            let pixels = out[done..done + run].iter_mut().zip(&sums[done..]);
-            for (step, (out, sum)) in (from as i32..).zip(pixels) {
-                *out += sum * (low + slope * step as f32);
-            }
-            done += run;
-        }
-    }
 }
 
 /// A layer at the place that a picture reads.
@@ -276,74 +231,111 @@ fn depths<const LEVEL: u8>(
     sights: &[Sight<'_>],
     depth: Option<ArrayView2<'_, f32>>,
 ) -> Option<()> {
-    // Without walls all layers' bases are one number.
-    sums.fill(if depth.is_none() { sights.iter().map(|sight| sight.base).sum() } else { 0.0 });
+    let Some(depth) = depth else {
+        // Without walls all layers' bases are one number.
+        sums.fill(sights.iter().map(|sight| sight.base).sum());
+        for sights in sights.chunks(4) {
+            match sights {
+                [a, b, c, d] => together::<LEVEL, 4>(sums, (wide, at), [a, b, c, d]),
+                [a, b, c] => together::<LEVEL, 3>(sums, (wide, at), [a, b, c]),
+                [a, b] => together::<LEVEL, 2>(sums, (wide, at), [a, b]),
+                _ => together::<LEVEL, 1>(sums, (wide, at), [&sights[0]]),
+            }
+        }
+        return Some(());
+    };
+    sums.fill(0.0);
     let each = wide.div_ceil(RUN);
     let mut bounds = [(f32::INFINITY, f32::INFINITY); 2 * BLOCK / RUN];
-    for (row, bounds) in (0..depth.map_or(0, |depth| depth.nrows())).zip(bounds.chunks_mut(each)) {
-        let depth = line(depth?, row).ok()?;
+    for (row, bounds) in (0..depth.nrows()).zip(bounds.chunks_mut(each)) {
+        let depth = line(depth, row).ok()?;
         for (bound, depth) in bounds.iter_mut().zip(depth.chunks(RUN)) {
             *bound = nearest_and_farthest(depth);
         }
     }
     for sight in sights {
-        for (down, bounds) in (0..(sums.len() - LANES) / wide).zip(bounds.chunks(each)) {
-            let from = sight.row((at.0 + down, at.1));
-            let depth = depth.map(|depth| line(depth, down)).transpose().ok()?;
-            added::<LEVEL>(&mut sums[down * wide..][..wide + LANES], from, sight, depth, bounds);
+        for (row, bounds) in (0..depth.nrows()).zip(bounds.chunks(each)) {
+            let (from, depth) = (sight.row((at.0 + row, at.1)), line(depth, row).ok()?);
+            added::<LEVEL>(&mut sums[row * wide..][..wide + LANES], from, sight, depth, bounds);
         }
     }
     Some(())
 }
 
-/// Adds a layer's optical depth along a row: `bytes` are a row of its sheet, from a column on, and
-/// `bounds` the nearest and the farthest depth of each run. Both slices have some lanes more.
+/// Adds the optical depths of some layers to the sums of a block: a sum is read and written once for all of them.
+#[inline(always)]
+fn together<const LEVEL: u8, const N: usize>(
+    sums: &mut [f32],
+    (wide, at): (usize, (usize, usize)),
+    sights: [&Sight<'_>; N],
+) {
+    let gains = sights.map(|sight| sight.gain);
+    for row in 0..(sums.len() - LANES) / wide {
+        let (mut from, mut done) = (sights.map(|sight| sight.row((at.0 + row, at.1))), 0);
+        while done < wide {
+            let ends = from.iter().map(|(bytes, col)| bytes.len() - LANES - col);
+            let run = ends.fold(wide - done, usize::min);
+            let out = &mut sums[row * wide + done..][..run + LANES];
+            summed::<LEVEL, N>(out, from.map(|(bytes, col)| &bytes[col..][..run + LANES]), gains);
+            done += run;
+            for (bytes, col) in &mut from {
+                *col = if *col + run + LANES == bytes.len() { 0 } else { *col + run };
+            }
+        }
+    }
+}
+
+/// Adds a layer's optical depth along a row before a wall: `bytes` are a row of its sheet, from a column on, and
+/// `bounds` the nearest and the farthest depth of each run. Sheets and sums have some lanes more.
 #[inline(always)]
 fn added<const LEVEL: u8>(
     out: &mut [f32],
     (bytes, mut col): (&[u8], usize),
     sight: &Sight<'_>,
-    depth: Option<&[f32]>,
+    depth: &[f32],
     bounds: &[(f32, f32)],
 ) {
     let (wide, cols, mut done) = (out.len() - LANES, bytes.len() - LANES, 0);
     while done < wide {
-        let mut run = (wide - done).min(cols - col);
-        let mut open = true;
-        if let Some(depth) = depth {
-            let (near, far) = bounds[done / RUN];
-            open = near >= sight.far;
-            let alike = bounds[done / RUN..].iter().take_while(|bound| bound.0 >= sight.far);
-            run = run.min(alike.count().max(1) * RUN - done % RUN);
-            if !open && far > sight.near {
-                let depth = &depth[done..done + run];
-                weighed::<LEVEL>(&mut out[done..], &bytes[col..], depth, sight);
-            }
-        }
-        if open {
+        let (near, far) = bounds[done / RUN];
+        let alike = bounds[done / RUN..].iter().take_while(|bound| bound.0 >= sight.far);
+        let run = alike.count().max(1) * RUN - done % RUN;
+        let run = run.min(wide - done).min(cols - col);
+        if near >= sight.far {
             let out = &mut out[done..done + run + LANES];
-            summed::<LEVEL>(out, &bytes[col..col + run + LANES], sight.gain);
-            if depth.is_some() && sight.base != 0.0 {
+            summed::<LEVEL, 1>(out, [&bytes[col..col + run + LANES]], [sight.gain]);
+            if sight.base != 0.0 {
                 out[..run].iter_mut().for_each(|out| *out += sight.base);
             }
+        } else if far > sight.near {
+            let depth = &depth[done..done + run];
+            weighed::<LEVEL>(&mut out[done..], &bytes[col..], depth, sight);
         }
         done += run;
         col = if col + run == cols { 0 } else { col + run };
     }
 }
 
-/// Adds bytes times a factor, and nothing to the lanes that both slices have more: no odd end is added one by one.
+/// Adds layers' bytes times their factors, and nothing to the lanes that slices have more: no odd end is added one
+/// by one.
 #[inline(always)]
-fn summed<const LEVEL: u8>(out: &mut [f32], bytes: &[u8], gain: f32) {
-    let run = out.len() - LANES;
-    let (lines, own) = (out.as_chunks_mut::<LANES>().0, bytes.as_chunks::<LANES>().0);
-    for (out, bytes) in lines[..run / LANES].iter_mut().zip(own) {
-        lanes::<LEVEL>(out, bytes, gain);
+fn summed<const LEVEL: u8, const N: usize>(out: &mut [f32], bytes: [&[u8]; N], gains: [f32; N]) {
+    let (whole, odd) = ((out.len() - LANES) / LANES, out.len() % LANES);
+    let lines = &mut out.as_chunks_mut::<LANES>().0[..whole + 1];
+    let own = bytes.map(|one| &one.as_chunks::<LANES>().0[..whole + 1]);
+    for index in 0..whole {
+        let mut sum = lines[index];
+        for layer in 0..N {
+            lanes::<LEVEL>(&mut sum, &own[layer][index], gains[layer]);
+        }
+        lines[index] = sum;
     }
-    if !run.is_multiple_of(LANES) {
-        let there = u128::MAX >> (8 * (LANES - run % LANES));
-        let bytes = (u128::from_le_bytes(own[run / LANES]) & there).to_le_bytes();
-        lanes::<LEVEL>(&mut lines[run / LANES], &bytes, gain);
+    if odd > 0 {
+        let there = u128::MAX >> (8 * (LANES - odd));
+        for layer in 0..N {
+            let bytes = (u128::from_le_bytes(own[layer][whole]) & there).to_le_bytes();
+            lanes::<LEVEL>(&mut lines[whole], &bytes, gains[layer]);
+        }
     }
 }
 

@@ -6,6 +6,7 @@ pub mod blur;
 pub mod cells;
 pub mod draw;
 mod factor;
+pub mod gains;
 pub mod law;
 pub mod layers;
 pub mod list;

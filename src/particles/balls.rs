@@ -37,8 +37,10 @@ fn entries(radius: f64) -> usize {
     }
 }
 
-/// Entries of a table and distances across, at most: an index is cut to them without a look at bounds.
+/// Entries of a table and distances across, at most: an index is cut to them without a look at bounds. An entry
+/// is read with its neighbour.
 const ENTRIES: usize = 1 << 15;
+type Entries = [f32; ENTRIES + 1];
 const ACROSS: usize = 256;
 
 /// A way in px below which two places of the resting ball stand for it; below the second, one.
@@ -109,9 +111,9 @@ struct Table {
     along: f64,
     across: f64,
     /// By distance across the way and along it: the resting image.
-    rest: Box<[f32; ENTRIES]>,
+    rest: Box<Entries>,
     /// Its integral along the way, from before the ball on, px.
-    swept: Box<[f32; ENTRIES]>,
+    swept: Box<Entries>,
     /// All of it, by distance across.
     passed: [f32; ACROSS],
     /// Entries of a row, and rows.
@@ -201,7 +203,7 @@ impl Table {
         let (each, along) = (fine as f64, 0.5 * fine as f64);
         let columns = (2.0 * reach * along).ceil() as usize + 2;
         let rows = (reach * each).ceil() as usize + 1;
-        let entries = || Box::<[f32; ENTRIES]>::try_from(vec![0.0; ENTRIES]).expect("as many");
+        let entries = || Box::<Entries>::try_from(vec![0.0; ENTRIES + 1]).expect("as many");
         let (mut rest, mut swept, mut passed) = (entries(), entries(), [0.0; ACROSS]);
         let pixel = fine as i64 / 2;
         let middle = (reach * along).round() as i64;
@@ -235,18 +237,22 @@ struct Row {
 /// Linear along the way, the nearest across it; outside the table as at its border, where `values` are 0 or,
 /// behind the ball, all of its integral.
 #[inline(always)]
-fn looked_up(table: &Table, values: &[f32; ENTRIES], row: &Row, shift: f32) -> [f32; LANES] {
-    let mut found = [0.0; LANES];
+fn looked_up(table: &Table, values: &Entries, row: &Row, shift: f32) -> [f32; LANES] {
+    /// Added to a whole number it leaves that in the low bits: a cast would look at what does not fit.
+    const WHOLE: f32 = 8_388_608.0;
+    let (mut places, mut parts, mut found) = ([0; LANES], [0.0; LANES], [0.0; LANES]);
     let (most, last) = ((table.columns - 2) as f32, (table.rows - 1) as f32);
-    let columns = table.columns as u32;
     for k in 0..LANES {
         let along = (row.along[k] + shift).max(0.0).min(most);
         let across = (row.across[k].abs() + 0.5).min(last);
-        let (column, line) = (along as u32, across as u32);
-        let at = (line * columns + column) as usize;
-        let part = along - column as f32;
-        let (a, b) = (values[at & (ENTRIES - 1)], values[(at + 1) & (ENTRIES - 1)]);
-        found[k] = a + part * (b - a);
+        places[k] = (across.floor() * table.columns as f32 + along.floor() + WHOLE).to_bits();
+        parts[k] = along - along.floor();
+    }
+    // Apart from the places, which are vectors.
+    for k in 0..LANES {
+        let pair = values[places[k] as usize & (ENTRIES - 1)..].first_chunk::<2>();
+        let &[a, b] = pair.expect("an entry has a neighbour");
+        found[k] = a + parts[k] * (b - a);
     }
     found
 }
