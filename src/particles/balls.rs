@@ -357,11 +357,11 @@ pub fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
                     }
                 }
             }
-            let mut alpha = [P::zero(); LANES];
+            let mut alpha = [0.0; LANES];
             for k in 0..LANES {
-                alpha[k] = P::of(f64::from((seen[k] * amplitude).clamp(0.0, OPAQUE)));
+                alpha[k] = f64::from((seen[k] * amplitude).clamp(0.0, OPAQUE));
             }
-            multiply::<P, C, LEVEL>(canvas, map, depth, row * TILE + column, &alpha);
+            multiply::<P, C, LEVEL>(canvas, map, depth, row * TILE + column, (1.0, &alpha));
         }
     }
 }

@@ -115,26 +115,21 @@ pub fn begin(first: usize, count: usize, lanes: usize) -> (usize, usize) {
     (first.min(TILE - blocks * lanes), blocks)
 }
 
-/// Lanes of a row, hidden where the map is nearer.
+/// Lanes of a row, weight * profile, hidden where the map is nearer.
 #[inline(always)]
 pub fn multiply<P: Profile, C: Canvas, const LEVEL: u8>(
     canvas: &mut C,
     map: Option<&[P; PIXELS]>,
     depth: P,
     at: usize,
-    alpha: &[P; LANES],
+    (weight, profile): (f64, &[f64; LANES]),
 ) {
-    let mut seen = [0.0; LANES];
-    if let Some(map) = map {
-        let map: &[P; LANES] = map[at..at + LANES].try_into().expect("lanes lie in the tile");
-        for k in 0..LANES {
-            // NaN in the map hides nothing.
-            seen[k] = if map[k] < depth { 0.0 } else { alpha[k].wide() };
-        }
-    } else {
-        for k in 0..LANES {
-            seen[k] = alpha[k].wide();
-        }
+    let Some(map) = map else { return canvas.take::<LEVEL>(at, weight, profile) };
+    let map: &[P; LANES] = map[at..at + LANES].try_into().expect("lanes lie in the tile");
+    let mut seen = *profile;
+    for k in 0..LANES {
+        // NaN in the map hides nothing.
+        seen[k] = if map[k] < depth { 0.0 } else { seen[k] };
     }
-    canvas.take::<LEVEL>(at, 1.0, &seen);
+    canvas.take::<LEVEL>(at, weight, &seen);
 }

@@ -11,7 +11,7 @@
 
 use super::balls::{Balls, Outline, ball};
 use super::bins::{PIXELS, TILE};
-use super::canvas::{Canvas, LANES, begin};
+use super::canvas::{Canvas, LANES, begin, multiply};
 use super::profile::{self, Profile};
 use super::sprite::{REACH, Sprite};
 use super::streak::streak;
@@ -51,50 +51,20 @@ fn disc<P: Profile, C: Canvas, const LEVEL: u8>(
     let (first_x, first_y) = (left as f64 + 0.5 - x, top as f64 + 0.5 - y);
     let (first_x, first_y) = (P::of(first_x * inverse), P::of(first_y * inverse));
     let (step, amplitude) = (P::of(inverse), P::of(sprite.amplitude));
-    let place = Place { map, depth: P::of(sprite.depth), left, top, rows };
+    let depth = P::of(sprite.depth);
     // Returned by value they would be copied before they are written.
     let (mut across, mut down) = ([P::zero(); TILE], [P::zero(); TILE]);
     axis::<P, LEVEL>(first_x, step, P::one(), &mut across[..blocks * LANES]);
     axis::<P, LEVEL>(first_y, step, amplitude, &mut down[..row_blocks * LANES]);
-    outer::<P, C, LEVEL>(canvas, &place, blocks, &across, &down);
-}
-
-struct Place<'a, P> {
-    map: Option<&'a [P; PIXELS]>,
-    depth: P,
-    left: usize,
-    top: usize,
-    rows: std::ops::Range<usize>,
-}
-
-/// The product of the two axes, `blocks` blocks of columns.
-#[inline(always)]
-fn outer<P: Profile, C: Canvas, const LEVEL: u8>(
-    canvas: &mut C,
-    place: &Place<'_, P>,
-    blocks: usize,
-    across: &[P],
-    down: &[P],
-) {
     for block in 0..blocks {
         let mut profile = [0.0; LANES];
         for k in 0..LANES {
             profile[k] = across[block * LANES + k].wide();
         }
-        for row in place.rows.start..place.rows.end {
-            let weight = down[row - place.top].wide();
-            let at = row * TILE + place.left + block * LANES;
-            let Some(map) = place.map else {
-                canvas.take::<LEVEL>(at, weight, &profile);
-                continue;
-            };
-            let map: &[P; LANES] = map[at..at + LANES].try_into().expect("lanes lie in the tile");
-            let mut seen = profile;
-            for k in 0..LANES {
-                // NaN in the map hides nothing.
-                seen[k] = if map[k] < place.depth { 0.0 } else { seen[k] };
-            }
-            canvas.take::<LEVEL>(at, weight, &seen);
+        for row in rows.start..rows.end {
+            let at = row * TILE + left + block * LANES;
+            let weight = down[row - top].wide();
+            multiply::<P, C, LEVEL>(canvas, map, depth, at, (weight, &profile));
         }
     }
 }

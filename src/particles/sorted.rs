@@ -162,10 +162,10 @@ impl Sorted {
     ) -> Result<(), Error> {
         self.check(out.dim(), part, depth.as_ref())?;
         let tiles = tiles(out, (part[0], part[2]), self.grid.columns)?;
-        pool::for_each(tiles, |(tile, (row, column), pixels)| {
+        pool::for_each(tiles, |(tile, at, pixels)| {
             let mut through = [1.0; PIXELS];
             self.onto::<P, M>(&mut through, depth.as_ref(), tile, cancel)?;
-            store(pixels, &through, row, column).ok_or_else(layout)
+            store(pixels, &through, at)
         })
     }
 
@@ -192,19 +192,16 @@ impl Sorted {
         for (tile, own) in tiles(out, first, columns)?.into_iter().zip(own) {
             pushed(&mut parts, (tile, own.2, most.next().map(|most| most.2)))?;
         }
-        pool::for_each(parts, |((tile, (row, column), pixels), mut own, most)| {
+        pool::for_each(parts, |((tile, at, pixels), own, most)| {
             let mut canvas = Numbered::new();
             self.onto::<P, M>(&mut canvas, depth.as_ref(), tile, cancel)?;
-            store(pixels, &canvas.through, row, column).ok_or_else(layout)?;
+            store(pixels, &canvas.through, at)?;
             // A flake so faint that the pixel's opacity is rounded to 0 is not seen.
             for (number, &through) in canvas.numbers.iter_mut().zip(&canvas.through) {
                 *number = if P::of(1.0 - through) > P::zero() { *number } else { NONE };
             }
-            copy(&mut own, &canvas.numbers, (row, column), |number| number);
-            if let Some(mut most) = most {
-                copy(&mut most, &canvas.most, (row, column), P::of);
-            }
-            Ok(())
+            copy(own, &canvas.numbers, at, |number| number)?;
+            most.map_or(Ok(()), |most| copy(most, &canvas.most, at, P::of))
         })
     }
 
@@ -283,33 +280,29 @@ pub fn map_of<P: Profile, M: Real>(map: &ArrayView2<M>, row: usize, column: usiz
     values
 }
 
-/// Copies a tile's pixels from (row, column) on.
+/// Writes a tile's pixels from (row, column) on.
+#[inline(always)]
 fn copy<A, B: Copy>(
-    pixels: &mut ArrayViewMut2<'_, A>,
+    mut pixels: ArrayViewMut2<'_, A>,
     tile: &[B; PIXELS],
     (row, column): (usize, usize),
     of: impl Fn(B) -> A,
-) {
-    for (mut line, own) in pixels.rows_mut().into_iter().zip(tile.chunks_exact(TILE).skip(row)) {
-        line.iter_mut().zip(&own[column..]).for_each(|(pixel, &own)| *pixel = of(own));
+) -> Result<(), Error> {
+    for (line, own) in pixels.rows_mut().into_iter().zip(tile.chunks_exact(TILE).skip(row)) {
+        let line = line.into_slice().ok_or_else(layout)?;
+        for (pixel, &own) in line.iter_mut().zip(&own[column..]) {
+            *pixel = of(own);
+        }
     }
+    Ok(())
 }
 
-/// Writes the tile's pixels from (row, column) on.
+/// The same of what is let through, as opacity.
 #[dispatch]
 fn store<const LEVEL: u8, P: Profile>(
     pixels: ArrayViewMut2<'_, P>,
-    transmittance: &[f64; PIXELS],
-    row: usize,
-    column: usize,
-) -> Option<()> {
-    let mut pixels = pixels;
-    let lines = transmittance.chunks_exact(TILE).skip(row);
-    for (mut line, transmittance) in pixels.rows_mut().into_iter().zip(lines) {
-        let line = line.as_slice_mut()?;
-        for (pixel, transmittance) in line.iter_mut().zip(&transmittance[column..]) {
-            *pixel = P::of(1.0 - transmittance);
-        }
-    }
-    Some(())
+    through: &[f64; PIXELS],
+    at: (usize, usize),
+) -> Result<(), Error> {
+    copy(pixels, through, at, |through| P::of(1.0 - through))
 }

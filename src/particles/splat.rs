@@ -2,13 +2,11 @@
 
 use std::ops::Range;
 
-use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2};
+use ndarray::{ArrayView1, ArrayView2};
 
-use super::profile::Profile;
 use super::sorted::Sorted;
 use super::sprite::{Flake, Lens, Sprite};
 use crate::base::error::{Cancel, Error, finite};
-use crate::base::real::Real;
 use crate::base::scan;
 use crate::base::simd::dispatch;
 
@@ -96,19 +94,6 @@ pub fn sorted(
     flakes.check(lens)?;
     let images = |range, images: &mut Vec<(Sprite, i32)>| place(flakes, lens, range, images);
     Sorted::new(flakes.points.nrows(), images, None, shape, cancel)
-}
-
-/// Draws the flakes' alpha into `out`, (H, W), in [0, 1]; see [`Sorted::draw`].
-pub fn splat<P: Profile, M: Real>(
-    out: ArrayViewMut2<P>,
-    flakes: &Flakes<'_>,
-    lens: &Lens,
-    depth: Option<ArrayView2<M>>,
-    cancel: &Cancel,
-) -> Result<(), Error> {
-    let shape = out.dim();
-    let whole = [0, shape.0, 0, shape.1];
-    sorted(flakes, lens, shape, cancel)?.draw(out, whole, depth, cancel)
 }
 
 /// A rough estimate of the work in nanoseconds.

@@ -167,9 +167,11 @@ pub fn streak<P: Profile, C: Canvas, const LEVEL: u8>(
                 block::<P, LONG, false, LEVEL>(&sweep, place)
             };
             for (i, alpha) in alpha.chunks_exact(LANES).enumerate() {
-                let alpha = alpha.try_into().expect("a block has whole rows");
-                let at = (row + i) * TILE + column;
-                multiply::<P, C, LEVEL>(canvas, map, depth, at, alpha);
+                let (mut wide, at) = ([0.0; LANES], (row + i) * TILE + column);
+                for k in 0..LANES {
+                    wide[k] = alpha[k].wide();
+                }
+                multiply::<P, C, LEVEL>(canvas, map, depth, at, (1.0, &wide));
             }
         }
     }

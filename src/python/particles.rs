@@ -58,7 +58,9 @@ pub fn particle_splat(
     gate::each_precision!(out, view => {
         let nanoseconds = splat::estimate(view.dim(), &flakes);
         each_map!(&depth, map => gate::run(py, nanoseconds, |cancel| {
-            splat::splat(view, &flakes, &lens, map, cancel)
+            let (height, width) = view.dim();
+            let sorted = splat::sorted(&flakes, &lens, (height, width), cancel)?;
+            sorted.draw(view, [0, height, 0, width], map, cancel)
         }))
     })
 }
