@@ -46,15 +46,17 @@ _DRAWN, _SHEETS_ALONE, _NONE = (0.0001, 0.0015), 600, 0.75
 # Diameter in px of the largest flakes of sheets, and their longest streak.
 _LARGEST, _LONGEST = 30.0, 192.0
 
-# Large pictures and small ones have sheets of their own, whose sides have so many pixels at least
-# and at most; ratios of two rungs of streaks, and of those that are stretched as they are read.
-_SIDES, _LARGEST_SIDE, _STREAKS, _STRETCHED = (230.0, 132.0), 400.0, (1.7, 2.5), 4.0
+# Large pictures and small ones have sheets of their own, whose sides have so many pixels at most;
+# ratios of two rungs of streaks, and of those that are stretched as they are read.
+_LARGEST_SIDE, _STREAKS, _STRETCHED = 400.0, (1.7, 2.5), 4.0
 
 # Up to which size a picture is small; the ratio of two rungs of the number of flakes; how many
-# times those of a sheet there are at least, and what this is rounded up by: drops may be fainter.
+# times those of a sheet there are at least, and what this is rounded up by, since drops may be
+# fainter; and pixels of a side, at least. Large pictures come first.
 _SHARED = {
-    "snow": (160, (1.15, 3.5), (0.93, 1.0), 0.0), "rain": (160, (3.5, 4.0), (0.5, 0.55), 0.5),
-}  # fmt: skip
+    "snow": (160, (1.15, 3.5), (0.93, 1.0), 0.0, (230.0, 132.0)),
+    "rain": (160, (6.0, 6.0), (0.5, 0.55), 0.5, (200.0, 132.0)),
+}
 
 # Where hard weather has more flakes for each pixel than the first, they are fewer and denser.
 _FEWER = 0.012, 0.66
@@ -99,8 +101,9 @@ class Look(NamedTuple):
     def make(self) -> "Sheet":
         width = _WIDTHS[self.hard] ** self.width
         length = max(width, 1.0) * self.streak
-        count = _SHARED[self.kind][1][self.small] ** self.flakes
-        side = min(max(math.sqrt(_FLAKES / count), _SIDES[self.small]), _LARGEST_SIDE)
+        _, counts, _, _, sides = _SHARED[self.kind]
+        count = counts[self.small] ** self.flakes
+        side = min(max(math.sqrt(_FLAKES / count), sides[self.small]), _LARGEST_SIDE)
         number = 1 + self.width + round(8.0 * self.streak) - 3 * self.flakes
         rows, columns = (
             round(side * (1.0 + part * ((step * number) % 1.0)))
@@ -133,7 +136,7 @@ Layer: TypeAlias = tuple[Sheet, float, float, tuple[float, float], tuple[float, 
 def sheets_of(falling: Falling, longer: int, moving: bool) -> tuple[float, list[Layer]]:
     """Return the depth up to which a picture's flakes are drawn, and the layers of all others."""
     kind, tenths, deep, _, thickness, lens, (across, down), exposure = falling
-    size, counts, times, more = _SHARED[kind]
+    size, counts, times, more, _ = _SHARED[kind]
     small, hard = longer <= size and not moving, tenths == 0
     lean, way = 0.0, math.hypot(across, down) * exposure
     reach, density = _reach_of(falling, way, longer, moving), falling.density
