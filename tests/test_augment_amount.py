@@ -10,8 +10,8 @@ from skimage import data
 from skimage.metrics import structural_similarity
 
 import flurries as fl
+from flurries import _core
 from flurries.augment import Fog, Ground, Rainfall, contrast_loss
-from flurries.augment.calibration import extinction
 from flurries.augment.corrupt import corrupt
 from flurries.io import linear_to_srgb, srgb_to_linear
 from test_augment import DTYPES, EACH, KINDS, PICTURE
@@ -105,12 +105,12 @@ def test_a_veil_takes_the_place_of_flakes(kind: str):
 def test_extinction_is_the_root():
     rng = np.random.default_rng(2)
     for _ in range(50):
-        way = rng.uniform(0.0, 200.0, 100)
         density = np.maximum(1.0 + 0.3 * rng.standard_normal(7), 0.05)
+        ways = np.outer(rng.uniform(0.0, 200.0, 100), density).ravel()
         loss = rng.uniform(0.12, 0.6)
-        found = extinction(loss, way, density)
-        assert np.exp(-found * way[:, None] * density).mean() == pytest.approx(1.0 - loss, rel=1e-6)
-    assert extinction(0.05, np.zeros(9), np.ones(1)) == math.inf
+        found = _core.extinction(ways, loss)
+        assert np.exp(-found * ways).mean() == pytest.approx(1.0 - loss, rel=1e-6)
+    assert _core.extinction(np.zeros(9), 0.05) == math.inf
 
 
 @pytest.mark.parametrize("kind", ["snow", "rain"])

@@ -59,6 +59,8 @@ def warn_of_units(name: str, plane: Array) -> None:
     """Warn of depths that are hardly metres: all within 1, or all some hundreds or more."""
     # The first are inverse depths or greys, as networks that see in one picture give them; the
     # others are millimetres. Both are silent otherwise: weather is nowhere, or everywhere alike.
+    if plane.size and 1.0 < plane.item(plane.size // 2) <= _FARTHEST_NEAR:
+        return  # One says enough.
     rows, columns = (max(length // _SAMPLES, 1) for length in plane.shape)
     sample = plane[::rows, ::columns]
     few = sample[::_FEW, ::_FEW]

@@ -8,12 +8,12 @@ use crate::base::real::Real;
 use crate::base::simd::dispatch;
 
 /// Adds means over boxes (x0, y0, x1, y1) px to zeros: of the opacity, of 1 where it is less than `seen`, and of the
-/// opacity without that of the veil, which may have no rows. A box without area in the picture has none: NaN.
+/// opacity without that of the veil, or of `haze` where it has no rows. A box without area in the picture has none: NaN.
 pub fn means<T: Real>(
     out: &mut [[f64; 3]],
     boxes: &[[f64; 4]],
     (alpha, veil): (ArrayView2<'_, T>, ArrayView2<'_, T>),
-    seen: f64,
+    (seen, haze): (f64, f64),
     cancel: &Cancel,
 ) -> Result<(), Error> {
     // A box is what lies above its lower end less what lies above its upper one, so that rows are looked at once.
@@ -46,6 +46,9 @@ pub fn means<T: Real>(
         let area = (right - left) * (bottom - top);
         let mean = |sum: f64| if area > 0.0 { (sum / area).clamp(0.0, 1.0) } else { f64::NAN };
         *out = out.map(mean);
+        if veil.is_empty() {
+            out[2] = ((out[0] - haze) / (1.0 - haze).max(1e-9)).clamp(0.0, 1.0);
+        }
     }
     Ok(())
 }

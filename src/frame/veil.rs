@@ -13,15 +13,9 @@ use crate::base::simd::dispatch;
 /// Beyond this optical depth nothing is left to see.
 const OPAQUE: f64 = 80.0;
 
-/// A field of patches, coarser than the picture.
-#[derive(Debug, Clone, Copy)]
-pub struct Patches<'a, T> {
-    /// Its points, (rows, cols); point (i, j) stands at (i, j) times `cell` px.
-    pub field: ArrayView2<'a, T>,
-    /// Pixels between two points.
-    pub cell: f64,
-    pub strength: f64,
-}
+/// A field of patches, coarser than the picture: its points, (rows, cols), of which (i, j) stands at (i, j) times so
+/// many px; and their strength.
+pub type Patches<'a, T> = (ArrayView2<'a, T>, f64, f64);
 
 /// Writes the veil's opacity. `way` is what the light comes through, (H or 1, W or 1).
 pub fn veil<T: Normal>(
@@ -32,41 +26,34 @@ pub fn veil<T: Normal>(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let (height, width) = out.dim();
-    let fits = [(1, 1), (height, 1), (height, width)].contains(&way.dim());
-    if !fits {
+    if ![(1, 1), (height, 1), (height, width)].contains(&way.dim()) {
         return Err(Error::Internal(format!("no veil of {:?} for {:?}", way.dim(), out.dim())));
     }
-    let places = match patches {
-        Some(patches) => places::<T>(width, patches.cell)?,
-        None => Vec::new(),
-    };
+    let places = patches.map_or(Ok(Vec::new()), |(_, cell, _)| places::<T>(width, cell))?;
+    let open = collected((0..width).map(|_| T::one()))?;
     pool::for_each(pool::rows(out, pool::threads()), |(run, mut part)| {
-        let mut line = zeroed::<T>(patches.map_or(0, |patches| patches.field.ncols()))?;
+        let mut line = zeroed::<T>(patches.map_or(0, |patches| patches.0.ncols()))?;
         for (row, mut out) in run.zip(part.rows_mut()) {
             cancel.check()?;
             let out = out.as_slice_mut().ok_or_else(layout)?;
-            let way = pool::line(way, if way.nrows() == 1 { 0 } else { row })?;
-            match patches {
-                Some(patches) => {
-                    patches.row(row, &mut line);
-                    let strength = T::of(patches.strength);
-                    for (density, &(first, part)) in out.iter_mut().zip(&places) {
-                        let (left, right) = (line[first as usize], line[first as usize + 1]);
-                        let here = left + part * (right - left);
-                        *density = most(T::one() + strength * here, T::zero());
-                    }
-                    let one = if way.len() == 1 { way[0] } else { T::one() };
-                    dim(out, T::of(extinction) * one, (way.len() > 1).then_some(way));
+            out.fill(T::one());
+            if let Some((field, cell, strength)) = patches {
+                // Along the row, at its own columns; then between them.
+                let (place, strength) = ((row as f64 + 0.5) / cell, T::of(strength));
+                let (first, part) = (place as usize, T::of(place - place.floor()));
+                let ends = field.row(first).into_iter().zip(field.row(first + 1));
+                for (value, (&upper, &lower)) in line.iter_mut().zip(ends) {
+                    *value = upper + part * (lower - upper);
                 }
-                None if way.len() == 1 => {
-                    let depth = least(T::of(extinction) * way[0], T::of(OPAQUE));
-                    out.fill(T::one() - T::exp_negative(-depth));
-                }
-                None => {
-                    out.copy_from_slice(way);
-                    dim(out, T::of(extinction), None);
+                for (density, &(first, part)) in out.iter_mut().zip(&places) {
+                    let (left, right) = (line[first as usize], line[first as usize + 1]);
+                    let here = left + part * (right - left);
+                    *density = most(T::one() + strength * here, T::zero());
                 }
             }
+            let way = pool::line(way, if way.nrows() == 1 { 0 } else { row })?;
+            let (one, way) = if way.len() == 1 { (way[0], &open[..]) } else { (T::one(), way) };
+            dim(out, T::of(extinction) * one, way);
         }
         Ok(())
     })
@@ -80,34 +67,46 @@ fn places<T: Normal>(length: usize, cell: f64) -> Result<Vec<(u32, T)>, Error> {
     }))
 }
 
-impl<T: Normal> Patches<'_, T> {
-    /// The field along a row of pixels, at its own columns.
-    fn row(&self, row: usize, line: &mut [T]) {
-        let place = (row as f64 + 0.5) / self.cell;
-        let (first, part) = (place as usize, T::of(place - place.floor()));
-        let (upper, lower) = (self.field.row(first), self.field.row(first + 1));
-        for ((value, &upper), &lower) in line.iter_mut().zip(upper).zip(lower) {
-            *value = upper + part * (lower - upper);
-        }
+/// Densities to opacities, each times `thick` and a way.
+#[dispatch]
+fn dim<const LEVEL: u8, T: Normal>(values: &mut [T], thick: T, way: &[T]) {
+    for (value, &way) in values.iter_mut().zip(way) {
+        let depth = least(*value * thick * way, T::of(OPAQUE));
+        *value = T::one() - T::exp_at::<LEVEL>(-depth);
     }
 }
 
-/// Ways to opacities, each times `thick` and, where it is given, `way`.
-#[dispatch]
-fn dim<const LEVEL: u8, T: Normal>(values: &mut [T], thick: T, way: Option<&[T]>) {
-    let (one, end) = (T::one(), T::of(OPAQUE));
-    match way {
-        Some(way) => {
-            for (value, &way) in values.iter_mut().zip(way) {
-                let depth = least(*value * thick * way, end);
-                *value = one - T::exp_at::<LEVEL>(-depth);
-            }
-        }
-        None => {
-            for value in values {
-                let depth = least(*value * thick, end);
-                *value = one - T::exp_at::<LEVEL>(-depth);
-            }
+/// The extinction by which a mean share of the light is lost on ways, infinity where all are nothing: by Newton's
+/// steps, which never go too far, since the logarithm of what is left is convex and falls.
+pub fn extinction(ways: &[f64], lost: f64) -> f64 {
+    let (mut found, wanted) = (0.0, (1.0 - lost) * ways.len() as f64);
+    for _ in 0..60 {
+        let [rest, slope] = left(ways, found);
+        let step = libm::log(rest / wanted) * rest / slope;
+        found += step;
+        // Whose square is left; three or four are usual.
+        if step <= 3e-4 * found {
+            break;
         }
     }
+    found
+}
+
+/// Sums of what an extinction leaves on ways, and of that times the way.
+#[dispatch]
+fn left<const LEVEL: u8>(ways: &[f64], thick: f64) -> [f64; 2] {
+    let (lanes, rest) = ways.as_chunks::<8>();
+    let mut sums = [[0.0; 8]; 2];
+    let mut add = |lane: usize, way: f64| {
+        let left = f64::exp_at::<LEVEL>(-least(thick * way, OPAQUE));
+        sums[0][lane] += left;
+        sums[1][lane] += left * way;
+    };
+    for ways in lanes {
+        for lane in 0..8 {
+            add(lane, ways[lane]);
+        }
+    }
+    rest.iter().for_each(|&way| add(0, way));
+    sums.map(|own| own.iter().sum())
 }

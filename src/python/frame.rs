@@ -18,7 +18,7 @@ use crate::frame::plate;
 use crate::frame::sample::Sample;
 use crate::frame::shade::{self, Lit};
 use crate::frame::shown::{Flakes, Passes, Shown, finish, rgba};
-use crate::frame::veil::{self as fog, Patches};
+use crate::frame::veil as fog;
 
 const VALUE: f64 = 0.3;
 
@@ -118,13 +118,16 @@ pub fn veil(
     patches: Option<(PyReadonlyArray2<'_, f32>, f64, f64)>,
 ) -> PyResult<()> {
     let (out, way) = (out.as_array_mut(), way.as_array());
-    let patches = patches.as_ref().map(|(field, cell, strength)| Patches {
-        field: field.as_array(),
-        cell: *cell,
-        strength: *strength,
-    });
+    let patches = patches.as_ref().map(|(field, cell, strong)| (field.as_array(), *cell, *strong));
     let work = 2.0 * out.len() as f64;
     gate::run(py, work, move |cancel| fog::veil(out, way, extinction, patches, cancel))
+}
+
+/// The extinction by which a share of the light is lost on ways (n,), on average.
+#[pyfunction]
+pub fn extinction(ways: PyReadonlyArray1<'_, f64>, lost: f64) -> PyResult<f64> {
+    gate::environment()?;
+    Ok(fog::extinction(ways.as_slice()?, lost))
 }
 
 /// Adds means over boxes (n, 4) to `out` (n, 3); see [`boxes::means`].
@@ -135,13 +138,13 @@ pub fn box_means(
     boxes: PyReadonlyArray2<'_, f64>,
     alpha: Plane<'_>,
     veil: Plane<'_>,
-    seen: f64,
+    limits: (f64, f64),
 ) -> PyResult<()> {
     let (out, boxes) = (out.as_slice_mut()?.as_chunks_mut().0, boxes.as_slice()?.as_chunks().0);
     alike!([Single, Double] Plane alpha = &alpha, Plane veil = &veil => {
         let planes = (alpha.as_array(), veil.as_array());
         let work = 2.0 * planes.0.len() as f64;
-        gate::run(py, work, |cancel| boxes::means(out, boxes, planes, seen, cancel))
+        gate::run(py, work, |cancel| boxes::means(out, boxes, planes, limits, cancel))
     }, else mismatch())
 }
 

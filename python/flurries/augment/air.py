@@ -108,9 +108,11 @@ class Here:
         open_air = -math.log1p(-loss) / (self.far - self.near)
         if self.open:
             return open_air
-        # Equally likely densities.
-        density = np.maximum(1.0 + self.patches * _NORMAL, 0.0) if self.patches else np.ones(1)
-        found = calibration.extinction(loss, self._way(self.distances.quantiles), density)
+        ways = self._way(self.distances.quantiles)
+        if self.patches:
+            # Equally likely densities.
+            ways = np.outer(ways, np.maximum(1.0 + self.patches * _NORMAL, 0.0)).ravel()
+        found = _core.extinction(ways, loss)
         return found if self.kind == "fog" else min(found, _DENSEST * open_air)
 
     def _way(self, depth: Any) -> Any:

@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from flurries import gas
-from flurries._contract import Float64, choice, real
+from flurries._contract import choice, real
 from flurries._kept import kept
 from flurries.effects import strength as scenes
 from flurries.particles.sizes import RAIN, SNOW, Sizes
@@ -131,29 +131,3 @@ def _rate(kind: Kind, amount: float) -> float:
 
 def _between(levels: Sequence[float], amount: float) -> float:
     return float(np.interp(scenes.SEVERITIES * amount, range(scenes.SEVERITIES + 1), levels))
-
-
-# `way` (n,): metres through the air before equally many pixels each. `density` (m,): factors of the
-# extinction, each equally likely at every pixel.
-def extinction(loss: float, way: Float64, density: Float64) -> float:
-    """Return the extinction per metre with which a mean loss is what is wanted."""
-    if not way.any():
-        return math.inf
-    if way.size == density.size == 1:
-        return -math.log1p(-loss) / float(way[0] * density[0])
-    ways = way[:, None] * density
-    # Sums: a call of `mean` takes longer than all the rest of a step.
-    wanted, total = (1.0 - loss) * ways.size, np.add.reduce
-    # The logarithm of what is left is convex and falls, so Newton's steps never go too far from
-    # what would do were all ways as long as their mean: it leaves too much.
-    found = -math.log1p(-loss) * ways.size / float(total(ways, axis=None))
-    for _ in range(60):  # Four are usual.
-        left = np.exp(-found * ways)
-        slope, rest = float(total(left * ways, axis=None)), float(total(left, axis=None))
-        if slope == 0.0:
-            return math.inf
-        step = math.log(rest / wanted) * rest / slope
-        found += step
-        if step <= 1e-5 * found:  # Whose square is left.
-            break
-    return found

@@ -164,12 +164,11 @@ def occlusion(alpha: npt.ArrayLike, boxes: npt.ArrayLike) -> Float64:
 def _means(alpha: Array, corners: Float64, veil: Any = 0.0) -> Float64:
     """Return of each box the mean opacity, the share that is seen, and the first without a veil."""
     found = np.zeros((len(corners), 3))
-    even = not isinstance(veil, np.ndarray)
-    # Where all is veil, nothing is hidden by anything else.
-    _core.box_means(found, corners, alpha, alpha[:0] if even or veil is alpha else veil, SEEN)
-    if even:
-        # What falls leaves all that the veil does not take.
-        found[:, 2] = np.maximum((found[:, 0] - veil) / max(1.0 - veil, 1e-9), 0.0)
+    plane, haze = (veil, 0.0) if isinstance(veil, np.ndarray) else (alpha[:0], veil)
+    if veil is alpha:
+        # Where all is veil, nothing is hidden by anything else.
+        plane, haze = alpha[:0], 1.0
+    _core.box_means(found, corners, alpha, plane, (SEEN, haze))
     return np.ascontiguousarray(found.T)
 
 
