@@ -32,7 +32,7 @@ __all__ = ["BITS", "fingerprint"]
 
 # Frames that two versions of flurries make go together only where this number is the same: it is
 # raised with every change that alters a bit of a frame, in a kernel or in a look.
-BITS = 70
+BITS = 71
 
 # A file that changed less than this before it was hashed, in nanoseconds, may change again and
 # keep its time: clocks of file systems tick that slowly.
