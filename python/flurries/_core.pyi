@@ -16,7 +16,7 @@ __all__ = [
     "advance_phase",
     "all_within", "band_amplitude", "blend_tiles", "box_means", "cone_chart", "cone_footprints",
     "cone_layer", "cone_needed", "cone_rays", "cone_shown", "cone_stack", "cone_table",
-    "cone_tile", "encode_bytes", "fall", "field", "flake_choices", "flake_frame",
+    "cone_tile", "encode_bytes", "extinction", "fall", "field", "flake_choices", "flake_frame",
     "flake_patterns", "flake_rows", "gas_draw", "gas_glow", "gas_light",
     "gas_slices", "gas_sort", "inverse_transform", "join", "lamp_light",
     "layer_finish", "layer_rgba", "layer_seen", "opacity", "over", "particle_draw",
