@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from flurries._kept import Kept
 from flurries._threads import threads
 from flurries._trace import Span, Trace, tracing
 from flurries.frame import planes
@@ -301,7 +300,7 @@ def _probed(looks: Sequence[_Look], middle: int, keyed: set[int]) -> tuple[int, 
 def _traces(program: Program, probed: Sequence[int]) -> tuple[list[Trace], list[Trace]]:
     """Return traces of the frames: first with their memory, then with times alone."""
     # Of a program of its own, which has kept nothing yet and leaves the scene's alone.
-    own = replace(program, found=Kept(2))
+    own = replace(program, found={})
 
     def traced(number: int, *, memory: bool) -> Trace:
         if memory:

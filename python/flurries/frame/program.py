@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,8 +70,8 @@ class Program:
     linear: bool  # Whether layers are mixed in linear light.
     primaries: Array | None = None  # See `Mix`.
     light: Light | None = None  # Of the shot, where the scene says it.
-    # Light, and that by places in the background's last frame; scenes derived from one share it.
-    found: Kept = field(default_factory=partial(Kept, 2))
+    # In the background's last frame; all scenes derived from one share it.
+    found: dict[str, tuple[Any, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.parts: list[Part] = []
@@ -205,7 +204,10 @@ class Program:
         return light_of(sums, keyed=keyed)
 
     def _light(self) -> Light:
-        return self.light or self.found.once("light", self.find_light)
+        if self.light is None and "light" not in self.found:
+            self.found["light"] = (), self.find_light()
+        light: Light = self.light or self.found["light"][1]
+        return light
 
     def _plate(self, t: float, depth: Array | None) -> PlateLight:
         """Return the light by places of the background at `t`; of one that never changes, once."""
@@ -214,12 +216,13 @@ class Program:
             depth = None if self.distance is None else depth
             number = 0 if self.backdrop.count is None else math.floor(t)
             key = id(depth), number, *sky.tolist(), *ground.tolist()
-
-            def make() -> tuple[PlateLight, Array | None]:
+            there = self.found.get("plate")
+            if there is None or there[0] != key:
+                made = plate_light(*self._picture(t), sky, ground, depth)
                 # With the depth, so that its number stays its own.
-                return plate_light(*self._picture(t), sky, ground, depth), depth
-
-            return self.found.once(key, make)[0]
+                there = self.found["plate"] = key, made, depth
+        answer: PlateLight = there[1]
+        return answer
 
     def _picture(self, t: float) -> tuple[Array, str]:
         picture = self.backdrop.frame(t)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from flurries._contract import Array, real
-from flurries._kept import Kept
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
@@ -60,7 +59,7 @@ class Rendering(Sources):
     _still: bool = field(init=False)  # Whether it is one picture, exposed as a photograph is.
     _path: CameraPath = field(init=False)
     # What was found in the background, such as its light: also of scenes derived from this one.
-    _found: Kept = field(init=False, compare=False)
+    _found: dict[str, tuple[Any, ...]] = field(init=False, compare=False)
 
     @property
     def _shape(self) -> tuple[int, int]:

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Array, choice, flag, integer, rate_of, seed_of, suggesting
-from flurries._kept import Kept
 from flurries._warnings import warn
 from flurries.camera.lens import Camera
 from flurries.camera.optics import USUAL, Lens
@@ -143,7 +142,7 @@ class Scene(Rendering):
         own = vars(self)
         own.update(
             seed=seed_of(seed), _space=choice("space", space, Space), effects=effects_of(effects),
-            _extend=choice("extend", extend, EXTEND), _colorspace=colorspace, _found=Kept(2),
+            _extend=choice("extend", extend, EXTEND), _colorspace=colorspace, _found={},
             _sun=one_or_none("sun", sun, Sun), lights=lights_of(lights),
             light=one_or_none("light", light, Light),
             _start=None if start is None else integer("start", start, low=-LAST, high=LAST),
