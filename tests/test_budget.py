@@ -8,9 +8,9 @@ ROOT = Path(__file__).parents[1]
 
 # The aims are 20,000, 24,500, 17,500 and 2,200: lower a limit whenever the count falls below it.
 LIMITS = {
-    ("src/**/*.rs", "crates/**/*.rs"): 19_809,
-    ("python/**/*.py",): 30_762,
-    ("tests/**/*.py",): 21_411,
+    ("src/**/*.rs", "crates/**/*.rs"): 19_805,
+    ("python/**/*.py",): 30_624,
+    ("tests/**/*.py",): 21_410,
     ("benches/**/*.*",): 2_282,
 }
 

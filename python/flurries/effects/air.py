@@ -99,8 +99,7 @@ def air_of(weather: Any, frame: Frame, amount: float, steps: tuple[float, ...] =
     exposure, wind = motion.exposure(frame), motion.varied
     gusts = None if wind is None else wind.waves
     after = (0.0, -0.5 * exposure, 0.5 * exposure, *steps)
-    times = [frame.t + step for step in after]
-    clock = [motion.now(t) for t in times]
+    times, clock = motion.clocks(frame.t, after)
     slope, shares, opacity = weather.law.slope, weather.shares(frame), weather.opacity_at(frame.t)
     eyes = [_eye(frame.camera, frame)] * len(after)
     if path.turns or path.zooms:
@@ -172,6 +171,10 @@ def _eye(camera: Camera, frame: Frame) -> Eye:
     return Eye(turn, camera.focals, camera.principal(frame.shape), camera.offset)
 
 
-@kept(8, by_mode=True)
 def images_of(opacity: float) -> _core.BallImages:
+    return _images(opacity, _core.reproducible())
+
+
+@kept(8)
+def _images(opacity: float, mode: bool) -> _core.BallImages:
     return _core.BallImages(opacity)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import Array, Float64, uniforms
+from flurries._contract import Array, Float64
 from flurries._kept import kept
 from flurries.effects import uneven
 from flurries.effects.air import amounts_at
@@ -174,7 +174,9 @@ def _on_torus(at: Float64, seed: int, planes: list[Plane], areas: list[tuple[int
 @kept(1024)
 def _place(seed: int, *numbers: int) -> Float64:
     """Return where a plane lies on its sheet, (2,) of 0 to 1."""
-    return uniforms(seed, reduce(lambda mix, n: (mix * 1_000_003 + n) % (1 << 61), numbers), 2)
+    draw = np.empty(2)
+    _core.uniform(draw, seed, reduce(lambda mix, n: (mix * 1_000_003 + n) % (1 << 61), numbers))
+    return draw
 
 
 def _rungs(

@@ -48,6 +48,11 @@ class Motion:
         """Return the frame that the weather's own clock shows at `t`."""
         return self.clock.integral(t) if isinstance(self.clock, Keys) else self.clock * t
 
+    def clocks(self, t: float, steps: Sequence[float]) -> tuple[list[float], list[float]]:
+        """Return the times some steps from `t`, and `now` at each."""
+        times = [t + step for step in steps]
+        return times, times if self.clock == 1.0 else [self.now(t) for t in times]
+
     @property
     def mean_wind(self) -> Vector:
         """The part of the wind that is the same everywhere."""

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Array, Float64, uniforms
+from flurries._contract import Array, Float64
 from flurries._kept import ALL, Kept, kept
 from flurries.camera.lens import axes_of
 from flurries.camera.optics import Blur
@@ -103,7 +103,7 @@ def read_sheets(
     swing, cycles = swing_of(weather.sway, now, frame.fps)
     keys, start, rate, ways, places = _standing(
         weather, film, frame.path, frame.fps, focals, camera.rotation, frame.seed, shown, exposure,
-        blur, swing,
+        blur, swing, _core.reproducible(),
     )  # fmt: skip
     row, column = math.floor(top - y + v), math.floor(left - x + u)
     angle = math.tau * cycles
@@ -126,11 +126,11 @@ def read_sheets(
     return result
 
 
-@kept(32, by_mode=True)
+@kept(32)
 def _standing(
     weather: Weather, film: Film, path: CameraPath, fps: float, focals: tuple[float, float],
     rotation: tuple[float, float, float], seed: int, amount: float, exposure: float,
-    blur: Blur | None, sway: float,
+    blur: Blur | None, sway: float, mode: bool,
 ) -> tuple[list[Any], Float64, Float64, Float64, Float64]:  # fmt: skip
     """Return each layer's arguments, displacements (L, 2), sway and places in a pixel (L, 1)."""
     start, rate = np.empty((2, len(film.layers), 2))
@@ -162,7 +162,9 @@ def _standing(
 
 def hash_of(seed: int, number: int) -> int:
     """Return the seed of a layer's flakes, 64 bits."""
-    return int(uniforms(seed, _STREAM + number, 1)[0] * 2**53)
+    draw = np.empty(1)
+    _core.uniform(draw, seed, _STREAM + number)
+    return int(draw[0] * 2**53)
 
 
 @kept(256)

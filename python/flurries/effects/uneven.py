@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Float64, uniforms
+from flurries._contract import Float64
 from flurries._kept import kept
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
@@ -160,7 +160,9 @@ def _waves(motion: Motion, seed: int) -> tuple[Float64, Float64, Float64]:
     """Return waves, phases and rates beyond the flakes' own motion, cycles, metres and seconds."""
     wind = motion.mean_wind
     wind = wind.value(0.0) if isinstance(wind, Keys) else wind
-    draws = np.stack([uniforms(seed, _STREAM + row, 2 * _WAVES) for row in range(4)])
+    draws = np.empty((4, 2 * _WAVES))
+    for row, draw in enumerate(draws):
+        _core.uniform(draw, seed, _STREAM + row)
     # Lengths evenly spread over the octaves, so that every seed has its share of each.
     front, which = np.divmod(np.arange(2 * _WAVES), _WAVES)
     share = (which + draws[0]) / _WAVES

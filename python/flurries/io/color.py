@@ -138,7 +138,9 @@ def to_single(values: Array) -> Array:
 def decoding_table(itemsize: int) -> Array:
     """Return the linear light of every 8-bit or 16-bit display value."""
     levels = 256**itemsize
-    return sealed(srgb_to_linear(np.arange(levels) / (levels - 1)).astype(np.float32))
+    table = srgb_to_linear(np.arange(levels) / (levels - 1)).astype(np.float32)
+    table.flags.writeable = False
+    return table
 
 
 @kept(1)
