@@ -76,10 +76,10 @@ def matches(one: np.ndarray | None, other: np.ndarray | None) -> int:
 
 
 def followed(one: np.ndarray, other: np.ndarray) -> float:
-    """Return the share of pixels whose flow is found within half a pixel."""
+    """Return how much of the motion is found: 1 less the error over its length, no less than 0."""
     flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM).calc(one, other, None)
     error = np.hypot(flow[..., 1] + SHIFT[0], flow[..., 0] + SHIFT[1])[16:-16, 16:-16]
-    return float((error < 0.5).mean())
+    return float(np.maximum(1.0 - error / math.hypot(*SHIFT), 0.0).mean())
 
 
 def measured(case: tuple[int, int]) -> dict[tuple[str, str, int], tuple[float, ...]]:
@@ -119,8 +119,8 @@ of scikit-image and {made} made of leaves that cover one another, in {draws} dra
 - lost: the mean opacity, which is the share of contrast that is lost, at 512 px.
 - SSIM: that of the picture with itself in weather.
 - ORB: how many of {keypoints} corners find one another in the clear and the weathered picture.
-- flow: the share of pixels whose motion of {shift} px between two frames of a film in weather is
-  found within half a pixel (DIS).
+- flow: how much of a motion of {shift} px between two frames of a film in weather is found (DIS):
+  1 less the error over the motion's length, no less than 0 at any pixel.
 - veil: the 10 % quantile of the opacity's rows over their mean: what no pixel is without. Pictures
   of few pixels show no single flake far away, so natural snow and rain are mostly a veil: {small}
 
