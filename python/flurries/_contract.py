@@ -77,11 +77,8 @@ def real(
     if number <= above:
         raise ValueError(f"{name} must be greater than {above:g}, got {number!r}")
     if not low <= number <= high:
-        wanted = (
-            f"from {low:g} to {high:g}"
-            if math.isfinite(low) and math.isfinite(high)
-            else (f"at least {low:g}" if math.isfinite(low) else f"at most {high:g}")
-        )
+        wanted = f"from {low:g} to {high:g}" if math.isfinite(low) else f"at most {high:g}"
+        wanted = wanted if math.isfinite(high) else f"at least {low:g}"
         raise ValueError(f"{name} must be {wanted}, got {number!r}")
     return number
 
@@ -202,9 +199,8 @@ def rectangular(name: str, value: object) -> Array:
     try:
         return np.asarray(value)
     except ValueError:
-        raise ValueError(
-            f"{name} must be a rectangular array of numbers, got {_came(value)}"
-        ) from None
+        words = f"{name} must be a rectangular array of numbers, got {_came(value)}"
+        raise ValueError(words) from None
 
 
 def library(name: str, need: str) -> Any:

@@ -308,16 +308,14 @@ fn added<const LEVEL: u8>(
                 out[..run].iter_mut().for_each(|out| *out += sight.base);
             }
         } else if far > sight.near {
-            let depth = &depth[done..done + run];
-            weighed::<LEVEL>(&mut out[done..], &bytes[col..], depth, sight);
+            weighed::<LEVEL>(&mut out[done..], &bytes[col..], &depth[done..done + run], sight);
         }
         done += run;
         col = if col + run == cols { 0 } else { col + run };
     }
 }
 
-/// Adds layers' bytes times their factors, and nothing to the lanes that slices have more: no odd end is added one
-/// by one.
+/// Adds layers' bytes times their factors, and nothing to the lanes that slices have more.
 #[inline(always)]
 fn summed<const LEVEL: u8, const N: usize>(out: &mut [f32], bytes: [&[u8]; N], gains: [f32; N]) {
     let (whole, odd) = ((out.len() - LANES) / LANES, out.len() % LANES);

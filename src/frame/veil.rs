@@ -13,8 +13,7 @@ use crate::base::simd::dispatch;
 /// Beyond this optical depth nothing is left to see.
 const OPAQUE: f64 = 80.0;
 
-/// A field of patches, coarser than the picture: its points, (rows, cols), of which (i, j) stands at (i, j) times so
-/// many px; and their strength.
+/// A coarse field of patches, its point (i, j) at (i, j) times so many px; those pixels; and its strength.
 pub type Patches<'a, T> = (ArrayView2<'a, T>, f64, f64);
 
 /// Writes the veil's opacity. `way` is what the light comes through, (H or 1, W or 1).

@@ -5,7 +5,7 @@
 
 use ndarray::{Array3, ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 
-use crate::base::error::{Cancel, Error, layout, zeroed};
+use crate::base::error::{Cancel, Error, collected, layout, pushed, zeroed};
 use crate::base::lamps::left;
 use crate::base::normal::{least, most};
 use crate::base::pool;
@@ -55,15 +55,17 @@ impl Slices<'_> {
     }
 
     /// Where nothing ends them the sum of their optical depths on the coarse grid, and that of the squares.
-    fn whole(&self) -> Array3<f32> {
-        let mut whole = Array3::zeros((2, self.density.dim().1, self.density.dim().2));
+    fn whole(&self) -> Result<Array3<f32>, Error> {
+        let (_, rows, columns) = self.density.dim();
+        let room = zeroed(2 * rows * columns)?;
+        let mut whole = Array3::from_shape_vec((2, rows, columns), room).map_err(|_| layout())?;
         let (mut sum, mut squares) = whole.view_mut().split_at(Axis(0), 1);
         for (plane, edges) in self.density.axis_chunks_iter(Axis(0), 1).zip(self.edges.windows(2)) {
             sum.zip_mut_with(&plane, |sum, dense| *sum += dense * (edges[1] - edges[0]));
             squares
                 .zip_mut_with(&plane, |sum, dense| *sum += (dense * (edges[1] - edges[0])).powi(2));
         }
-        whole
+        Ok(whole)
     }
 
     /// Writes where each pixel of a row ends; nothing ends those beyond the picture's border.
@@ -102,7 +104,9 @@ pub fn hide(
     let (mut coarse, mut columns) = (Vec::new(), 0);
     for slices in groups {
         slices.check(out.dim())?;
-        coarse.push((slices.whole(), &slices.density * &slices.density));
+        // Only slices that something ends ask for squares of their own.
+        let squares = slices.ground.map(|_| slices.density.iter().map(|dense| dense * dense));
+        pushed(&mut coarse, (slices.whole()?, squares.map_or(Ok(Vec::new()), collected)?))?;
         columns = slices.density.dim().2;
     }
     let tasks: Vec<_> = out.axis_chunks_iter_mut(Axis(0), 32).enumerate().collect();
@@ -118,21 +122,21 @@ pub fn hide(
                 let last = slices.edges[slices.density.dim().0];
                 // Counted, since a search takes no vectors.
                 let cut = end.iter().map(|&end| u32::from(end < last)).sum::<u32>();
-                let planes = [slices.density, squares.view()];
                 if cut == 0 {
                     lines(&whole.view(), row, &mut line, |line, n| fill(&mut sums[n], line))?;
+                } else {
+                    let squares = ArrayView3::from_shape(slices.density.dim(), squares);
+                    let planes = [slices.density, squares.map_err(|_| layout())?];
+                    for (n, planes) in planes.iter().enumerate() {
+                        sums[n].fill(0.0);
+                        lines(planes, row, &mut line, |line, slice| {
+                            spread(&mut sums[n], line, &end, &slices.edges[slice..], n > 0);
+                        })?;
+                    }
                 }
-                for (n, planes) in planes.iter().enumerate().filter(|_| cut > 0) {
-                    sums[n].fill(0.0);
-                    lines(planes, row, &mut line, |line, slice| {
-                        spread(&mut sums[n], line, &end, &slices.edges[slice..], n > 0);
-                    })?;
-                }
-                let waves = match slices.detail {
-                    Some((waves, strength)) => (pool::line(waves, row)?, strength),
-                    None => (&sums[0][..], 0.0),
-                };
-                let down = slices.slopes.1[row];
+                let (none, down) = (&sums[0][..], slices.slopes.1[row]);
+                let waves = slices.detail.map_or(Ok(none), |(waves, _)| pool::line(waves, row))?;
+                let waves = (waves, slices.detail.map_or(0.0, |(_, strength)| strength));
                 finish(out, &sums, waves, (slices.slopes.0, 1.0 + down * down));
             }
             opacity(out);

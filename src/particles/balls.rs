@@ -250,8 +250,7 @@ fn looked_up(table: &Table, values: &Entries, row: &Row, shift: f32) -> [f32; LA
     }
     // Apart from the places, which are vectors.
     for k in 0..LANES {
-        let pair = values[places[k] as usize & (ENTRIES - 1)..].first_chunk::<2>();
-        let &[a, b] = pair.expect("an entry has a neighbour");
+        let &[a, b] = values[places[k] as usize & (ENTRIES - 1)..].first_chunk().expect("a pair");
         found[k] = a + parts[k] * (b - a);
     }
     found
