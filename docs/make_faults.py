@@ -25,9 +25,10 @@ def cells(kind: str, room: Path, turn: int = 0, of: int = 1) -> Iterator[tuple[s
     first.write()
     whole = first.contents()
     assert len(whole) == (1 if first.alone else 3)
-    own = itertools.chain(between.cells(kind, shots, whole), within.cells(kind, shots, whole))
-    for number, (fault, want, see) in enumerate(own):
-        if number // 2 % of == turn:  # Those with a journal and without are neighbours.
+    inside = within.cells(kind, shots, whole, (turn, of))
+    for number, (fault, want, see) in enumerate((*between.cells(kind, shots, whole), *inside)):
+        # Those with a journal and without are neighbours; of power cuts each kind has some.
+        if number // 2 % of == turn or fault.startswith("power cut"):
             yield fault, want, see()
 
 
@@ -48,7 +49,7 @@ def main() -> None:
         "",
         f"Printed by `python docs/make_faults.py`: {count} cells, {wrong} with another answer than "
         "the expected one. `make soak` asks for each; `make test` asks for each of containers "
-        "and suffixes that share a writer once.",
+        "once, of pictures twice.",
         "",
         "A run waits for the disk when a file's bytes are written (flush 1), when its line in the "
         "journal is (flush 2), and so on to the journal's joining. The power is cut at each flush, "

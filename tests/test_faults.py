@@ -12,12 +12,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
 
 import make_faults
 from faults.power import power_cut
-from faults.shot import KINDS, Shot, s3
+from faults.shot import FILMS, FORMATS, KINDS, Shot, s3
 from faults.within import CLEAN
 
-# Those that share a writer share the cells, as so many others; in a soak each has all.
-SHARED = {"mp4": (0, 4), "mov": (1, 4), "webm": (2, 4), "mkv": (3, 4)}
-SHARED |= {"jpg": (0, 2), "jpeg": (1, 2), "tif": (0, 2), "tiff": (1, 2)}
+# What is one way to the disk shares its cells: films one by one, pictures twice; a soak has all.
+SHARED = {kind: (n % 4, 4) for n, kind in enumerate([*FILMS, *(suffix[1:] for suffix in FORMATS)])}
 
 
 @pytest.mark.parametrize("kind", KINDS)

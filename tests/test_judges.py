@@ -12,7 +12,7 @@ from twin_falling import View, film
 from twin_footprints import POINT, Canvas, middle_depth, profile
 from twin_law import Law
 
-SNOW = Law(density=60.0, sizes=(0.003, 0.007, 0.022), near=2.0, far=20.0)
+SNOW = Law(density=60.0, sizes=(0.003, 0.007, 0.022), near=2.0, far=14.0)
 AIR = View(size=(192, 144), focal=400.0, wind=(1.5, 0.0, 0.0), sway=(0.02, 4.0))
 TIMES = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0)
 TILE = 63
@@ -48,7 +48,7 @@ def killed() -> np.ndarray:
 
 
 def life(pictures: np.ndarray) -> float:
-    return float(judges.alive(pictures, TIMES, flow, (4.0, 20.0))[0].mean())
+    return float(judges.alive(pictures, TIMES, flow, (4.0, SNOW.far))[0].mean())
 
 
 def test_flakes_that_die_at_the_borders_of_tiles_are_missed():

@@ -153,9 +153,10 @@ def _there(moment: Moment, shot: Shot) -> int:
 
 
 def power_cut(
-    shot: Shot, whole: dict[str, bytes], children: Any, *, anyhow: bool, lying: bool = False
-) -> str:
-    """Return what was seen of the runs after cuts at all moments of a run."""
+    shot: Shot, whole: dict[str, bytes], children: Any, part: tuple[int, int] = (0, 1), *,
+    anyhow: bool, lying: bool = False,
+) -> str:  # fmt: skip
+    """Return what was seen of the runs after cuts at all moments of a run, or after a part."""
     here, there = children.Pipe()
     child = children.Process(target=_record, args=(shot, there, lying))
     child.start()
@@ -169,6 +170,8 @@ def power_cut(
     for number, (before, after) in enumerate(itertools.pairwise(moments)):
         for attempt in range(CUTS):
             cut(before, after, shot.room, chance if attempt else None, anyhow=anyhow)
+            if (CUTS * number + attempt) % part[1] != part[0]:
+                continue
             shot.plate.write_bytes(plate)
             words = shot.write()
             found = re.fullmatch(r"made (\d+), kept (\d+)", words)

@@ -113,8 +113,9 @@ def _children() -> list[int]:
 
 
 def _work(fault: str, shot: Shot, size: int, words: Any) -> None:
-    # What a run loads is loaded before an ordinary user may not read it.
-    Shot(shot.kind, shot.room / "warm").write()
+    if fault.startswith(("disk full", "permission", "read-only")):
+        # What a run loads and starts is there before an ordinary user may not, or the disk is full.
+        Shot(shot.kind, shot.room / "warm").write()
     befall(fault, shot, size)
     words.send(shot.write())
 
@@ -172,8 +173,10 @@ def _age(folder: Path) -> None:
         os.utime(found, (then, then))
 
 
-def cells(kind: str, shots: Iterator[Shot], whole: dict[str, bytes]) -> Iterator[Cell]:
-    """Yield fault, expected answer, and what sees the answer."""
+def cells(
+    kind: str, shots: Iterator[Shot], whole: dict[str, bytes], part: tuple[int, int]
+) -> Iterator[Cell]:
+    """Yield fault, expected answer, and what sees the answer; of power cuts those of a part."""
     if kind in STORES:
         return
     for fault, want in WITHIN.items():
@@ -181,4 +184,4 @@ def cells(kind: str, shots: Iterator[Shot], whole: dict[str, bytes]) -> Iterator
         if not late and (kind in FILMS or "codec" not in fault):
             yield fault, want, partial(within, fault, next(shots), whole)
     for fault, anyhow in (("power cut", False), ("power cut, names in any order", True)):
-        yield fault, GOES_ON, partial(power_cut, next(shots), whole, CLEAN, anyhow=anyhow)
+        yield fault, GOES_ON, partial(power_cut, next(shots), whole, CLEAN, part, anyhow=anyhow)
