@@ -17,6 +17,7 @@ from faults.within import CLEAN
 
 # What is one way to the disk shares its cells: films one by one, pictures twice; a soak has all.
 SHARED = {kind: (n % 4, 4) for n, kind in enumerate([*FILMS, *(suffix[1:] for suffix in FORMATS)])}
+SHARED["s3"] = (0, 2)  # Memory is a store, too.
 
 
 @pytest.mark.parametrize("kind", KINDS)

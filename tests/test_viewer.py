@@ -325,7 +325,7 @@ def random_scene(seed: int) -> fl.Scene:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(15))
 def test_what_is_copied_makes_the_same_picture(
     seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
