@@ -19,7 +19,7 @@ __all__ = [
     "cone_tile", "encode_bytes", "extinction", "fall", "field", "flake_choices", "flake_frame",
     "flake_patterns", "flake_rows", "gas_draw", "gas_glow", "gas_light",
     "gas_slices", "gas_sort", "inverse_transform", "join", "lamp_light",
-    "layer_finish", "layer_rgba", "layer_seen", "opacity", "over", "particle_draw",
+    "layer_finish", "layer_rgba", "opacity", "over", "particle_draw",
     "particle_draw_lit", "particle_edge_fade", "particle_ids", "particle_positions",
     "particle_splat", "particle_sway_offsets", "plate_cells", "random_phase", "reproducible",
     "set_reproducible", "set_scope", "set_threads", "shade_add", "shade_over", "sheet_bent",
@@ -89,11 +89,11 @@ def volume(out: _Array, film: Film, times: _Float64) -> int: ...
 def snow(out: _Array, background: _Array, alpha: _Array, intensity: list[float]) -> None: ...
 def over(out: _Array, background: _Array, layer: _Array) -> None: ...
 def join(out: _Array, layers: list[_Array], haze: float, matte: _Array | None = None) -> None: ...
-def layer_seen(planes: tuple[_Array, _Array, _Array | None]) -> _Int32: ...
 def layer_rgba(out: _Array, alpha: _Array, color: Sequence[float]) -> None: ...
 def layer_finish(
-    forward: _Array, backward: _Array, depth: _Array, alpha: _Array, scene: _Array | None = None,
-    flakes: tuple[tuple[_Array, _Array, _Array | None], _Array, _Array] | None = None,
+    forward: _Array, backward: _Array, depth: _Array, ids: _Array, alpha: _Array,
+    scene: _Array | None = None,
+    flakes: tuple[SortedFlakes, _Array, _Array, _Array | None] | None = None,
 ) -> None: ...  # fmt: skip
 def plate_cells(out: _Array, picture: _Array, table: _Array, cell: int, step: int) -> None: ...
 def shade_over(

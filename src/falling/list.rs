@@ -79,6 +79,22 @@ impl List {
         Ok(first)
     }
 
+    /// What flakes say of themselves: motions to the two other times, their depth and identity. One that is behind
+    /// the eye at one of them goes on as from the other.
+    pub fn said(&self) -> Result<Vec<([f32; 5], i64)>, Error> {
+        collected(self.flakes.iter().zip(self.others.as_chunks::<2>().0).map(|(flake, others)| {
+            let moved = |other: [f64; 2]| [0, 1].map(|a| other[a] - flake.seen[NOW][a]);
+            let [ahead, behind] = others.map(moved);
+            let known = |way: [f64; 2], other: [f64; 2]| {
+                [0, 1].map(|a| if way[a].is_nan() { -other[a] } else { way[a] })
+            };
+            let ways = [known(ahead, behind), known(behind, ahead)];
+            let [[a, b], [c, d]] =
+                ways.map(|way| way.map(|v| if v.is_nan() { 0.0 } else { v as f32 }));
+            ([a, b, c, d, flake.depths[NOW] as f32], flake.id as i64)
+        }))
+    }
+
     /// Adds the flakes of some lines of cells, all of one class.
     fn add(
         &mut self,

@@ -1,16 +1,24 @@
-//! What the pixels of a layer show besides color, where flakes hide a texture: which flakes are seen, and
-//! what they say of themselves written over what the texture says.
+//! What the pixels of a layer show besides color, where flakes hide a texture: what those that are seen say of
+//! themselves, written over what the texture says.
 
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 
-use crate::base::error::{Cancel, Error, layout, zeroed};
+use crate::base::error::{Cancel, Error, layout};
 use crate::base::pool::{self, line};
 
 const BAND: usize = 32;
 
-/// What is asked of every pixel: the flake that shows most, -1 for none, and opacities.
+/// Pixels that are looked at together: where none of them has a flake there is nothing to write.
+const RUN: usize = 32;
+
+/// A flake's motion forward x, y and backward x, y, its depth, and its identity.
+pub type Said = ([f32; 5], i64);
+
+/// Flakes, and what is asked of every pixel: the flake that shows most, -1 for none, and opacities.
 #[derive(Debug, Clone, Copy)]
 pub struct Shown<'a> {
+    /// Of all flakes, by their numbers.
+    pub said: &'a [Said],
     /// (h, w).
     pub numbers: ArrayView2<'a, i32>,
     /// Of the flakes together.
@@ -18,56 +26,6 @@ pub struct Shown<'a> {
     /// Of the texture behind them, if there is one.
     pub behind: Option<ArrayView2<'a, f32>>,
 }
-
-impl Shown<'_> {
-    fn check(&self) -> Result<(), Error> {
-        let shape = self.numbers.dim();
-        let alike =
-            self.front.dim() == shape && self.behind.is_none_or(|plane| plane.dim() == shape);
-        if alike { Ok(()) } else { Err(Error::Internal("planes of different shapes".into())) }
-    }
-
-    /// The flakes that are seen in a row, by column: where there is more of one than of the texture behind
-    /// all flakes.
-    #[inline(always)]
-    fn row(&self, row: usize) -> Result<impl Fn(usize) -> Option<usize>, Error> {
-        let numbers = line(self.numbers, row)?;
-        let front = &line(self.front, row)?[..numbers.len()];
-        let behind = self.behind.map(|behind| line(behind, row)).transpose()?;
-        let behind = behind.map(|behind| &behind[..numbers.len()]);
-        Ok(move |column: usize| {
-            let through = behind.map_or(0.0, |behind| behind[column] * (1.0 - front[column]));
-            (numbers[column] >= 0 && front[column] > through).then_some(numbers[column] as usize)
-        })
-    }
-
-    /// The numbers of the flakes that are seen anywhere, in order.
-    pub fn seen(&self, cancel: &Cancel) -> Result<Vec<i32>, Error> {
-        self.check()?;
-        let most = self.numbers.iter().copied().max().unwrap_or(-1);
-        let mut met: Vec<u8> = zeroed((most.max(-1) + 1) as usize)?;
-        for row in 0..self.numbers.nrows() {
-            cancel.check()?;
-            let (flake, mut last) = (self.row(row)?, None);
-            for column in 0..self.numbers.ncols() {
-                let found = flake(column);
-                if found != last
-                    && let Some(number) = found
-                {
-                    met[number] = 1;
-                }
-                last = found;
-            }
-        }
-        let mut seen = zeroed(met.iter().map(|&met| usize::from(met)).sum())?;
-        let numbers = (0..).zip(&met).filter(|(_, met)| **met == 1);
-        seen.iter_mut().zip(numbers).for_each(|(seen, (number, _))| *seen = number);
-        Ok(seen)
-    }
-}
-
-/// What flakes say of themselves: forward x, y, backward x, y, depth.
-const SAID: usize = 5;
 
 /// What a layer says of its pixels, (h, w, 2) and (h, w).
 pub struct Passes<'a> {
@@ -77,59 +35,47 @@ pub struct Passes<'a> {
     pub backward: ArrayViewMut3<'a, f32>,
     /// World units.
     pub depth: ArrayViewMut2<'a, f32>,
+    /// Of the flakes that show most.
+    pub ids: ArrayViewMut2<'a, i64>,
 }
 
-/// Flakes that are seen in a layer, by rising numbers, and what each says, (n, 5).
-pub struct Flakes<'a> {
-    pub shown: Shown<'a>,
-    pub seen: &'a [i32],
-    pub said: ArrayView2<'a, f32>,
-}
-
-/// Finishes what the texture says: flakes say it where they are seen, nothing is said where the layer's
-/// `alpha` is 0, and what shows lies before the `scene`.
+/// Finishes what the texture says: flakes say it where there is more of one than of the texture behind all of
+/// them, nothing is said where the layer's `alpha` is 0, and what shows lies before the `scene`.
 pub fn finish(
     passes: Passes<'_>,
     alpha: ArrayView2<'_, f32>,
     scene: Option<ArrayView2<'_, f32>>,
-    flakes: Option<&Flakes<'_>>,
+    flakes: Option<Shown<'_>>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let (rows, columns) = alpha.dim();
-    let Passes { mut forward, mut backward, mut depth } = passes;
-    let mut fits = [forward.dim(), backward.dim()] == [(rows, columns, 2); 2]
-        && depth.dim() == (rows, columns)
-        && scene.is_none_or(|scene| scene.dim() == (rows, columns));
-    let mut places: Vec<u32> = Vec::new();
-    if let Some(Flakes { shown, seen, said }) = flakes {
-        shown.check()?;
-        fits = fits
-            && shown.numbers.dim() == (rows, columns)
-            && said.dim() == (seen.len(), SAID)
-            && seen.is_sorted()
-            && seen.first().is_none_or(|&first| first >= 0);
-        if fits {
-            places = zeroed(seen.last().map_or(0, |&last| last as usize + 1))?;
-            (0..).zip(*seen).for_each(|(place, &number)| places[number as usize] = place);
-        }
-    }
+    let Passes { mut forward, mut backward, mut depth, mut ids } = passes;
+    let planes = flakes.map(|one| [Some(one.front), one.behind]).into_iter().flatten().flatten();
+    let fits = [forward.dim(), backward.dim()] == [(rows, columns, 2); 2]
+        && [depth.dim(), ids.dim()] == [(rows, columns); 2]
+        && flakes.is_none_or(|one| one.numbers.dim() == (rows, columns))
+        && planes.chain(scene).all(|plane| plane.dim() == (rows, columns));
     if !fits {
-        return Err(Error::Internal("planes or flakes do not fit".into()));
+        return Err(Error::Internal("planes of different shapes".into()));
     }
     let ways = forward
         .axis_chunks_iter_mut(Axis(0), BAND)
         .zip(backward.axis_chunks_iter_mut(Axis(0), BAND));
-    let bands = ways.zip(depth.axis_chunks_iter_mut(Axis(0), BAND)).enumerate();
-    pool::for_each(bands, |(band, ((mut forward, mut backward), mut depth))| {
+    let planes =
+        depth.axis_chunks_iter_mut(Axis(0), BAND).zip(ids.axis_chunks_iter_mut(Axis(0), BAND));
+    pool::for_each(ways.zip(planes).enumerate(), |(band, (mut ways, (mut depth, mut ids)))| {
         cancel.check()?;
         for row in 0..depth.nrows() {
             let at = band * BAND + row;
             let (mut ahead, mut behind) =
-                (forward.index_axis_mut(Axis(0), row), backward.index_axis_mut(Axis(0), row));
-            let mut depth = depth.row_mut(row);
-            let (Some(ahead), Some(behind), Some(depth)) =
-                (ahead.as_slice_mut(), behind.as_slice_mut(), depth.as_slice_mut())
-            else {
+                (ways.0.index_axis_mut(Axis(0), row), ways.1.index_axis_mut(Axis(0), row));
+            let (mut depth, mut ids) = (depth.row_mut(row), ids.row_mut(row));
+            let (Some(ahead), Some(behind), Some(depth), Some(ids)) = (
+                ahead.as_slice_mut(),
+                behind.as_slice_mut(),
+                depth.as_slice_mut(),
+                ids.as_slice_mut(),
+            ) else {
                 return Err(layout());
             };
             let (ahead, behind) = (ahead.as_chunks_mut::<2>().0, behind.as_chunks_mut::<2>().0);
@@ -143,16 +89,25 @@ pub fn finish(
                     }
                 }
             }
-            if let Some(Flakes { shown, said, .. }) = flakes {
-                let flake = shown.row(at)?;
-                for (column, ((ahead, behind), depth)) in
-                    ahead.iter_mut().zip(&mut *behind).zip(&mut *depth).enumerate()
-                {
-                    if let Some(number) = flake(column) {
-                        let said = line(*said, places[number] as usize)?;
-                        *ahead = [said[0], said[1]];
-                        *behind = [said[2], said[3]];
-                        *depth = said[4];
+            ids.fill(-1);
+            if let Some(Shown { said, numbers, front, behind: texture }) = flakes {
+                let (numbers, front) = (line(numbers, at)?, line(front, at)?);
+                let texture = texture.map(|texture| line(texture, at)).transpose()?;
+                for start in (0..columns).step_by(RUN) {
+                    let run = start..columns.min(start + RUN);
+                    if numbers[run.clone()].iter().fold(-1, |most, &one| one.max(most)) < 0 {
+                        continue;
+                    }
+                    for column in run {
+                        let Some((said, id)) = said.get(numbers[column] as usize) else { continue };
+                        ids[column] = *id;
+                        let through =
+                            texture.map_or(0.0, |texture| texture[column] * (1.0 - front[column]));
+                        if front[column] > through {
+                            ahead[column] = [said[0], said[1]];
+                            behind[column] = [said[2], said[3]];
+                            depth[column] = said[4];
+                        }
                     }
                 }
             }
@@ -197,30 +152,30 @@ mod tests {
 
     #[test]
     fn flakes_that_are_seen_say_what_they_know() {
-        let numbers = array![[-1, 70, 3], [3, 500, 70]];
+        let numbers = array![[-1, 2, 0], [0, 1, 2]];
         let front = array![[0.0, 0.5, 0.5], [0.1, 0.4, 0.0_f32]];
         let behind = array![[0.2, 0.4, 0.9], [0.0, 0.7, 0.3_f32]];
         let alpha = array![[0.2, 0.7, 0.95], [0.1, 0.82, 0.0_f32]];
-        let shown =
-            Shown { numbers: numbers.view(), front: front.view(), behind: Some(behind.view()) };
-        let cancel = Cancel::new();
-        // At (0, 2) half of 0.9 is left: less than the flake's 0.5. At (1, 1) 0.42 of the texture.
-        let seen = shown.seen(&cancel).unwrap();
-        assert_eq!(seen, [3, 70]);
-        let said = Array2::from_shape_fn((2, SAID), |(row, part)| (10 * row + part) as f32);
+        let said: [Said; 3] = std::array::from_fn(|flake| {
+            (std::array::from_fn(|part| (10 * flake + part) as f32), 70 + flake as i64)
+        });
+        let (numbers, front, behind) = (numbers.view(), front.view(), Some(behind.view()));
+        let shown = Shown { said: &said, numbers, front, behind };
         let (mut forward, mut backward) =
             (Array3::from_elem((2, 3, 2), 7.0), Array3::zeros((2, 3, 2)));
-        let mut depth = Array2::from_elem((2, 3), 9.0);
-        let flakes = Flakes { shown, seen: &seen, said: said.view() };
+        let (mut depth, mut ids) = (Array2::from_elem((2, 3), 9.0), Array2::zeros((2, 3)));
         let passes = Passes {
             forward: forward.view_mut(),
             backward: backward.view_mut(),
             depth: depth.view_mut(),
+            ids: ids.view_mut(),
         };
         let scene = Array2::from_elem((2, 3), 8.0);
-        finish(passes, alpha.view(), Some(scene.view()), Some(&flakes), &cancel).unwrap();
+        finish(passes, alpha.view(), Some(scene.view()), Some(shown), &Cancel::new()).unwrap();
+        // At (0, 2) half of 0.9 is left: less than the flake's 0.5. At (1, 1) 0.42 of the texture.
         assert_eq!(depth, array![[8.0, 8.0, 4.0], [4.0, 8.0, f32::INFINITY]]);
-        assert_eq!(forward.index_axis(Axis(2), 0), array![[7.0, 10.0, 0.0], [0.0, 7.0, 0.0]]);
-        assert_eq!(backward.index_axis(Axis(2), 1), array![[0.0, 13.0, 3.0], [3.0, 0.0, 0.0]]);
+        assert_eq!(forward.index_axis(Axis(2), 0), array![[7.0, 20.0, 0.0], [0.0, 7.0, 0.0]]);
+        assert_eq!(backward.index_axis(Axis(2), 1), array![[0.0, 23.0, 3.0], [3.0, 0.0, 0.0]]);
+        assert_eq!(ids, array![[-1, 72, 70], [70, 71, 72]]);
     }
 }

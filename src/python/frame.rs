@@ -3,12 +3,13 @@
 
 use numpy::ndarray::{ArrayView3, ArrayViewMut3};
 use numpy::{
-    PyArray1, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1,
+    PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1,
     PyReadwriteArray2, PyReadwriteArray3,
 };
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut, alike, arrays, either};
+use super::particles::SortedFlakes;
 use crate::base::error::Error;
 use crate::frame::boxes;
 use crate::frame::coding::{self, Coding};
@@ -17,7 +18,7 @@ use crate::frame::grid::Grid;
 use crate::frame::plate;
 use crate::frame::sample::Sample;
 use crate::frame::shade::{self, Lit};
-use crate::frame::shown::{Flakes, Passes, Shown, finish, rgba};
+use crate::frame::shown::{Passes, Shown, finish, rgba};
 use crate::frame::veil as fog;
 
 const VALUE: f64 = 0.3;
@@ -261,30 +262,6 @@ pub fn whiten(py: Python<'_>, mut light: PyReadwriteArray1<'_, f32>) -> PyResult
     })
 }
 
-/// Numbers of flakes (h, w), opacities of flakes and of the texture behind them.
-type Planes<'py> =
-    (PyReadonlyArray2<'py, i32>, PyReadonlyArray2<'py, f32>, Option<PyReadonlyArray2<'py, f32>>);
-
-fn shown<'a>(planes: &'a Planes<'_>) -> Shown<'a> {
-    let (numbers, front, behind) = planes;
-    Shown {
-        numbers: numbers.as_array(),
-        front: front.as_array(),
-        behind: behind.as_ref().map(|behind| behind.as_array()),
-    }
-}
-
-/// Returns the numbers of the flakes that are seen in a layer, in order.
-#[pyfunction]
-pub fn layer_seen<'py>(
-    py: Python<'py>,
-    planes: Planes<'py>,
-) -> PyResult<Bound<'py, PyArray1<i32>>> {
-    let shown = shown(&planes);
-    let seen = gate::run(py, 2.0 * shown.numbers.len() as f64, |cancel| shown.seen(cancel))?;
-    Ok(PyArray1::from_vec(py, seen))
-}
-
 /// Writes the layer of an alpha and one color, (h, w, 4), premultiplied.
 #[pyfunction]
 pub fn layer_rgba(
@@ -297,32 +274,41 @@ pub fn layer_rgba(
     gate::run(py, 2.0 * alpha.len() as f64, |cancel| rgba(out, alpha, color, cancel))
 }
 
-/// Writes what flakes say, one row of `said` for each of `seen`, over what a texture says of the pixels of
-/// a layer, and that nothing is where its alpha is 0.
+/// Flakes, which of them shows most at a pixel (h, w), and opacities of flakes and of the texture behind them.
+type ShownValues<'py> = (
+    PyRef<'py, SortedFlakes>,
+    PyReadonlyArray2<'py, i32>,
+    PyReadonlyArray2<'py, f32>,
+    Option<PyReadonlyArray2<'py, f32>>,
+);
+
+/// Writes what flakes say over what a texture says of the pixels of a layer, and that nothing is where its alpha
+/// is 0; and which flake shows most.
 #[pyfunction]
-#[pyo3(signature = (forward, backward, depth, alpha, scene=None, flakes=None))]
+#[pyo3(signature = (forward, backward, depth, ids, alpha, scene=None, flakes=None))]
 pub fn layer_finish(
     py: Python<'_>,
     mut forward: PyReadwriteArray3<'_, f32>,
     mut backward: PyReadwriteArray3<'_, f32>,
     mut depth: PyReadwriteArray2<'_, f32>,
+    mut ids: PyReadwriteArray2<'_, i64>,
     alpha: PyReadonlyArray2<'_, f32>,
     scene: Option<PyReadonlyArray2<'_, f32>>,
-    flakes: Option<(Planes<'_>, PyReadonlyArray1<'_, i32>, PyReadonlyArray2<'_, f32>)>,
+    flakes: Option<ShownValues<'_>>,
 ) -> PyResult<()> {
     let passes = Passes {
         forward: forward.as_array_mut(),
         backward: backward.as_array_mut(),
         depth: depth.as_array_mut(),
+        ids: ids.as_array_mut(),
     };
     let (alpha, scene) = (alpha.as_array(), scene.as_ref().map(|scene| scene.as_array()));
-    let flakes = match &flakes {
-        None => None,
-        Some((planes, seen, said)) => {
-            Some(Flakes { shown: shown(planes), seen: seen.as_slice()?, said: said.as_array() })
-        }
-    };
-    gate::run(py, 4.0 * alpha.len() as f64, |cancel| {
-        finish(passes, alpha, scene, flakes.as_ref(), cancel)
-    })
+    let said = flakes.as_ref().map_or(Ok(Vec::new()), |flakes| flakes.0.list.said())?;
+    let shown = flakes.as_ref().map(|(_, numbers, front, behind)| Shown {
+        said: &said,
+        numbers: numbers.as_array(),
+        front: front.as_array(),
+        behind: behind.as_ref().map(|behind| behind.as_array()),
+    });
+    gate::run(py, 4.0 * alpha.len() as f64, |cancel| finish(passes, alpha, scene, shown, cancel))
 }

@@ -34,8 +34,8 @@ mod core {
     use super::flakes::{flake_choices, flake_frame, flake_patterns};
     #[pymodule_export]
     use super::frame::{
-        box_means, encode_bytes, extinction, join, layer_finish, layer_rgba, layer_seen, over,
-        plate_cells, shade_add, shade_over, snow, veil, whiten,
+        box_means, encode_bytes, extinction, join, layer_finish, layer_rgba, over, plate_cells,
+        shade_add, shade_over, snow, veil, whiten,
     };
     #[pymodule_export]
     use super::gas::{SortedGas, gas_draw, gas_glow, gas_light, gas_slices, gas_sort};

@@ -89,7 +89,7 @@ class Drawn(ABC):
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         if frame.whole:
-            return self.seen(frame, amount)[0]
+            return self.seen(frame, amount)[2]
         flakes, result = self._sorted(frame, amount), plane(frame.size)
         _core.particle_draw(result, flakes, frame.window, frame.depth, None)
         return result
@@ -109,32 +109,20 @@ class Drawn(ABC):
 
         return frame.once(self, "flakes", fall, eye=True)
 
-    def seen(self, frame: Frame, amount: float) -> tuple[Array, npt.NDArray[np.int32], Rows]:
-        """Return the window's opacity, and the row of the flake that shows most or -1."""
+    def seen(self, frame: Frame, amount: float) -> tuple[SortedFlakes, Array, Array]:
+        """Return the flakes, which of them shows most at a pixel or -1, and their opacity."""
 
-        def make() -> tuple[Array, npt.NDArray[np.int32], Rows]:
-            alpha, nearest = np.empty(frame.size, np.float32), np.empty(frame.size, np.int32)
+        def make() -> tuple[SortedFlakes, Array, Array]:
+            alpha, nearest = plane(frame.size), plane(frame.size, np.int32)
             flakes = self._sorted(frame, amount)
             _core.particle_draw(alpha, flakes, frame.window, frame.depth, nearest)
-            return alpha, nearest, self.rows(frame, amount)
+            return flakes, nearest, alpha
 
         return frame.once(self, "seen", make, eye=True, depth=True)
 
     def rows(self, frame: Frame, amount: float) -> Rows:
         """Return the flakes that the frame's window may show."""
         return _core.flake_rows(self._sorted(frame, amount))
-
-    def passes(self, rows: Rows, numbers: npt.NDArray[np.int32]) -> tuple[list[Array], Array]:
-        """Return motions to `STEPS` (n, 2) and depth (n,) of flakes by their rows."""
-        _, known, others = rows
-        known = known[numbers]
-        motion = others.reshape(-1, 2, 2)[numbers] - known[:, None, 3:5]
-        # One that is behind the eye in one of the frames goes on as from the other.
-        for one, other in ((0, 1), (1, 0)):
-            gone = np.isnan(motion[:, one])
-            motion[:, one] = np.where(gone, -motion[:, other], motion[:, one])
-        ways = np.nan_to_num(motion).astype(np.float32).swapaxes(0, 1)
-        return list(np.ascontiguousarray(ways)), known[:, 5].astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

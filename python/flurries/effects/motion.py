@@ -180,9 +180,11 @@ def plane_motions(
         shifted = np.subtract(other.camera.principal(frame.shape), middle)
         aside = (own @ np.array(here.offset) - way) @ axes - offset
         views.append((own.T @ axes - np.eye(3), aside, other.camera.focals, shifted))
-    # Blocks of rows stay in a cache.
-    for first in range(0, len(b), _ROWS):
-        rows = slice(first, first + _ROWS)
+    # At one depth x goes by columns and y by rows. Blocks of rows stay in a cache.
+    even = depth.size == 1 and not turns
+    step = len(b) if even else _ROWS
+    for first in range(0, len(b), step):
+        rows, pair = slice(first, first + step), []
         far = np.maximum(depth[rows if len(depth) > 1 else slice(1)].astype(np.float64), NEAREST)
         seen, down, nearest = np.isfinite(far), b[rows], far.min()
         if not (whole := bool(seen.all())):
@@ -205,7 +207,11 @@ def plane_motions(
                 grown = ends[axis] - focals[axis]
                 if grown or shifted[axis]:
                     change += (grown * at + shifted[axis]) * seen
-                motion[rows, :, axis] = change
+                both = np.zeros((*change.shape, 2), np.float32) if even else motion[rows]
+                both[..., axis] = change
+                pair.append(both.view(np.uint64)[..., 0])
+            if even:
+                np.bitwise_or(pair[-2], pair[-1], out=motion.view(np.uint64)[..., 0])
     return motions
 
 

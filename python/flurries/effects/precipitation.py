@@ -167,7 +167,7 @@ class Precipitation:
         else:
             shade = None if glow is None else even_shade(frame, color)
         layer = Layer(self.name, alpha, color or (1.0, 1.0, 1.0), shade=shade, glow=glow)
-        known = hasattr(front if back is None else back, "passes")
+        known = hasattr(front, "seen") if back is None else hasattr(back, "passes")
         if frame.whole and known:
             layer = replace(layer, **self._passes(frame, amount, behind, near, alpha))
         return (*far, layer)
@@ -181,22 +181,16 @@ class Precipitation:
             if behind is not None:
                 (motion, backward), depth = self.texture.passes(frame, others)
             else:
-                motion, backward = (np.zeros((*alpha.shape, 2), np.float32) for _ in others)
+                motion, backward = (blank((*alpha.shape, 2)) for _ in others)
                 depth = np.full(alpha.shape, np.inf, np.float32)
             # What shows lies before the scene, wherever its layer's mean is.
             scene = None if frame.depth is None else frame.crop(frame.depth)
-            seen = None
-            if near is None:
-                coverage, ids = np.zeros_like(alpha), np.full(alpha.shape, -1, np.int64)
-            else:
-                coverage = np.ascontiguousarray(near)
-                _, nearest, rows = self.flakes.seen(frame, amount)
-                shown = nearest, coverage, behind
-                numbers = _core.layer_seen(shown)
-                ways, far = self.flakes.passes(rows, numbers)
-                seen = shown, numbers, np.column_stack([*ways, far])
-                ids = np.append(rows[0].astype(np.int64), -1)[nearest]
-            _core.layer_finish(motion, backward, depth, alpha, scene, seen)
+            coverage = blank(alpha.shape) if near is None else np.ascontiguousarray(near)
+            seen, ids = None, plane(alpha.shape, np.int64)
+            if near is not None:
+                flakes, nearest, _ = self.flakes.seen(frame, amount)
+                seen = flakes, nearest, coverage, behind
+            _core.layer_finish(motion, backward, depth, ids, alpha, scene, seen)
         return {
             "motion": motion, "backward": backward, "depth": depth, "coverage": coverage, "ids": ids
         }  # fmt: skip
