@@ -5,10 +5,13 @@ import doctest
 import importlib
 import importlib.util
 import json
+import os
 import pkgutil
 import re
 import runpy
+import shlex
 import shutil
+import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import fields
@@ -16,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from PIL import Image
 
 import flurries as fl
@@ -24,6 +28,8 @@ from flurries.cli import main
 from flurries.cli.main import COMMANDS
 from flurries.effects.kinds import OURS
 from flurries.io import read_picture
+from flurries.output.journal import check
+from test_nothing_wrong import SMALL, contents
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "docs" / "site"))
@@ -82,6 +88,22 @@ def test_docstring_examples(name: str):
 def test_the_readme_and_pages_for_users_run(page: Path):
     text = page.read_text(encoding="utf-8")
     assert run_blocks(text) == text.count("```python")
+
+
+def test_33_the_arrays_of_the_page_run():
+    page = (README.parent / "docs" / "clusters.md").read_text()
+    script, template = [b for b in page.split("```") if b[:4] in ("bash", "yaml") and "x4" in b]
+    SMALL.save("scene.toml")
+    run = yaml.safe_load(template[4:])["steps"][0]["script"]["actions"]["onRun"]
+    words = " ".join([run["command"], *run["args"]])
+    words = words.replace("{{Task.Param.First}}", "$SLURM_ARRAY_TASK_ID")
+    assert shlex.split(words) == shlex.split(script.splitlines()[-1])
+    words = f"{sys.executable} -m {words}"
+    for number in range(1, 5):
+        own = {**os.environ, "SLURM_ARRAY_TASK_ID": str(number)}
+        subprocess.run(words, shell=True, env=own, check=True, capture_output=True)
+    assert sorted(contents(Path("frames"))) == [f"{n:04}.png" for n in range(1, 13)]
+    assert check("frames") == (12, [])
 
 
 NOTEBOOKS = sorted((README.parent / "notebooks").glob("*.ipynb"))

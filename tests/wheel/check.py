@@ -28,8 +28,8 @@ NEEDS = ["pytest", "pytest-xdist", "hypothesis", "mpmath", "scipy", "matplotlib"
 SMOKE = ["spectral_twin", "spectral_steps", "particles", "gas", "cone", "composite", "augment",
          "scene", "io_pictures", "gate", "cli", "public"]  # fmt: skip
 # They read pages, notebooks, benches or examples, or build.
-OF_THE_REPOSITORY = ["benches", "budget", "cluster_trouble", "docs", "falling", "faults",
-                     "own_effect", "rendered", "structure", "types"]  # fmt: skip
+OF_THE_REPOSITORY = ["benches", "budget", "docs", "falling", "faults", "own_effect", "structure",
+                     "types"]  # fmt: skip
 
 WHEEL = re.compile(r"flurries-[\w.]+-cp310-abi3-(manylinux[\w.]+|macosx\w+|win\w+)\.whl")
 IN_WHEEL = re.compile(
