@@ -241,7 +241,7 @@ def test_draws_fill_their_ranges(kind: str):
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 
 LARGE = np.random.default_rng(0).integers(0, 256, (120, 160, 3), dtype=np.uint8)
-JOBS = [(kind(severity=(2, 4), seed=7), index) for kind in KINDS.values() for index in range(12)]
+JOBS = [(kind(severity=(2, 4), seed=7), index) for kind in KINDS.values() for index in range(6)]
 
 
 def made(job: tuple[Any, int]) -> bytes:

@@ -64,7 +64,8 @@ EDGES = [("taper", "fade"), ("taper", "cull"), ("square", "fade"), ("square", "e
 @pytest.mark.parametrize("footprint", MODELS)
 def test_every_model_is_its_twin(footprint, inside):
     camera = fl.Camera(FOCAL, center=(50.3, 47.9), offset=(0.03, -0.02, 0.1), center_shift=(2, 1))
-    for edge, near_mode in EDGES:
+    # Before the near plane there is one way.
+    for edge, near_mode in EDGES if inside else EDGES[::3]:
         options = {"footprint": footprint, "edge": edge, "near_mode": near_mode}
         through = check(cloud(inside=inside), options, camera)
         assert through.min() < 0.5 < through.max()
