@@ -112,7 +112,7 @@ def crash_codecs():
         os.waitid(os.P_PID, child, os.WEXITED | os.WNOWAIT)
 
 
-@pytest.mark.parametrize("extension", EXTENSIONS)
+@pytest.mark.parametrize("extension", ["mp4", "webm"])
 def test_a_crash_of_the_codec_is_a_sentence(tmp_path, extension):
     path = tmp_path / f"a.{extension}"
     with (
