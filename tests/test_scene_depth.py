@@ -223,6 +223,13 @@ def test_weather_is_that_before_both_sides_by_their_shares(kind, far, tmp_path):
         np.testing.assert_allclose(seen[0], wanted, atol=1e-5)
         part = np.s_[5:33, 20:50]
         np.testing.assert_array_equal(got.render(3, region=part), got.render(3)[part])
+        if front is not None:
+            layers = got.layers(3)
+            rebuilt = layers.background
+            for layer in layers.layers.values():
+                rebuilt = layer.rgba + (1.0 - layer.rgba[..., 3:]) * rebuilt
+            whole = SHARE % 1.0 == 0.0
+            np.testing.assert_allclose(rebuilt[whole], layers.image[whole], atol=1e-5)
 
 
 def test_slopes_are_no_edges_and_the_limb_of_a_ball_is_one():

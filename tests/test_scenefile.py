@@ -215,6 +215,9 @@ MISTAKES: list[tuple[str | bytes, int | None, str]] = [
     (GREY, 1, "depth needs far"), (GREY + "far = 0.5\n", 4, "far"),
     ("[depth]\nsource = 3\nnear = 1\nfar = 2\n", 2, "source"), ("sun = 3\n", 1, "sun must be a t"),
     ("[sun]\ncolr = 1.0\n", 2, "colr.*sun.*'color'"), ("[sun]\ncolor = 2\n", 2, "color"),
+    ("[output]\nbits = 'ten'\n", 2, "bits must be one of 8, 10, 16, half, float, got 'ten'"),
+    ("[output]\ncodek = 'h264'\n", 2, "'codek' in output; did you mean 'codec'"),
+    ("[output]\nlayers = true\nalone = true\n", 3, "alone and layers must not both be given"),
 ]  # fmt: skip
 
 

@@ -218,21 +218,3 @@ def test_a_matte_with_a_depth_hides_only_what_is_behind_it():
     np.testing.assert_array_equal(stood[:, 32:], wall[:, 32:])
     assert np.abs(stood[:, :32].astype(int) - base.render(5)[:, :32]).mean() < 2.0
     assert (before[:, 32:] == 0).all() and stood[:, 32:].any()
-
-
-def test_a_picture_with_a_depth_lies_in_the_weather():
-    height, width = 32, 40
-    picture = np.zeros((height, width, 4), np.float32)
-    picture[:, 20:] = (0.0, 0.8, 0.0, 1.0)
-    base = {"size": (width, height), "background": (0.0, 0.0, 0.0)}
-    fog = fl.Mist("fog", seed=3, color=0.7)
-    stood = fl.Scene(**base, effects=[fog], foreground=fl.scene.Foreground(picture, depth=2.0))
-    plate = fl.Scene(
-        np.ascontiguousarray(picture[..., :3]), size=(width, height), effects=[fog], depth=2.0
-    )
-    np.testing.assert_allclose(stood.render(0)[:, 20:], plate.render(0)[:, 20:], atol=2e-6)
-    layers = stood.layers(0)
-    rebuilt = layers.background
-    for layer in layers.layers.values():
-        rebuilt = layer.rgba[..., :3] + (1.0 - layer.rgba[..., 3:]) * rebuilt
-    np.testing.assert_allclose(rebuilt, layers.image, atol=1e-6)
