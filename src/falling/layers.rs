@@ -231,56 +231,61 @@ fn depths<const LEVEL: u8>(
     sights: &[Sight<'_>],
     depth: Option<ArrayView2<'_, f32>>,
 ) -> Option<()> {
-    let Some(depth) = depth else {
-        // Without walls all layers' bases are one number.
-        sums.fill(sights.iter().map(|sight| sight.base).sum());
-        for sights in sights.chunks(4) {
-            match sights {
-                [a, b, c, d] => together::<LEVEL, 4>(sums, (wide, at), [a, b, c, d]),
-                [a, b, c] => together::<LEVEL, 3>(sums, (wide, at), [a, b, c]),
-                [a, b] => together::<LEVEL, 2>(sums, (wide, at), [a, b]),
-                _ => together::<LEVEL, 1>(sums, (wide, at), [&sights[0]]),
-            }
-        }
-        return Some(());
-    };
-    sums.fill(0.0);
+    // Without walls all layers' bases are one number.
+    let even = if depth.is_none() { sights.iter().map(|sight| sight.base).sum() } else { 0.0 };
+    sums.fill(even);
     let each = wide.div_ceil(RUN);
     let mut bounds = [(f32::INFINITY, f32::INFINITY); 2 * BLOCK / RUN];
-    for (row, bounds) in (0..depth.nrows()).zip(bounds.chunks_mut(each)) {
-        let depth = line(depth, row).ok()?;
-        for (bound, depth) in bounds.iter_mut().zip(depth.chunks(RUN)) {
-            *bound = nearest_and_farthest(depth);
+    if let Some(depth) = depth {
+        for (row, bounds) in (0..depth.nrows()).zip(bounds.chunks_mut(each)) {
+            let depth = line(depth, row).ok()?;
+            for (bound, depth) in bounds.iter_mut().zip(depth.chunks(RUN)) {
+                *bound = nearest_and_farthest(depth);
+            }
         }
     }
-    for sight in sights {
-        for (row, bounds) in (0..depth.nrows()).zip(bounds.chunks(each)) {
-            let (from, depth) = (sight.row((at.0 + row, at.1)), line(depth, row).ok()?);
-            added::<LEVEL>(&mut sums[row * wide..][..wide + LANES], from, sight, depth, bounds);
+    for sights in sights.chunks(4) {
+        let bare = depth.is_none() || sights.iter().all(|sight| sight.base == 0.0);
+        let far = sights.iter().fold(0.0, |far, sight| most(far, sight.far));
+        let rows = (sums.len() - LANES) / wide;
+        for (row, bounds) in (0..rows).zip(bounds.chunks(each)) {
+            let (sums, at) = (&mut sums[row * wide..][..wide + LANES], (at.0 + row, at.1));
+            if !bare || bounds.iter().any(|bound| bound.0 < far) {
+                let depth = line(depth?, row).ok()?;
+                for sight in sights {
+                    added::<LEVEL>(sums, sight.row(at), sight, depth, bounds);
+                }
+                continue;
+            }
+            match sights {
+                [a, b, c, d] => together::<LEVEL, 4>(sums, at, [a, b, c, d]),
+                [a, b, c] => together::<LEVEL, 3>(sums, at, [a, b, c]),
+                [a, b] => together::<LEVEL, 2>(sums, at, [a, b]),
+                _ => together::<LEVEL, 1>(sums, at, [&sights[0]]),
+            }
         }
     }
     Some(())
 }
 
-/// Adds the optical depths of some layers to the sums of a block: a sum is read and written once for all of them.
+/// Adds the optical depths of some layers, all of which are before the walls, along a row of sums, which are read and
+/// written once for all of them.
 #[inline(always)]
 fn together<const LEVEL: u8, const N: usize>(
     sums: &mut [f32],
-    (wide, at): (usize, (usize, usize)),
+    at: (usize, usize),
     sights: [&Sight<'_>; N],
 ) {
-    let gains = sights.map(|sight| sight.gain);
-    for row in 0..(sums.len() - LANES) / wide {
-        let (mut from, mut done) = (sights.map(|sight| sight.row((at.0 + row, at.1))), 0);
-        while done < wide {
-            let ends = from.iter().map(|(bytes, col)| bytes.len() - LANES - col);
-            let run = ends.fold(wide - done, usize::min);
-            let out = &mut sums[row * wide + done..][..run + LANES];
-            summed::<LEVEL, N>(out, from.map(|(bytes, col)| &bytes[col..][..run + LANES]), gains);
-            done += run;
-            for (bytes, col) in &mut from {
-                *col = if *col + run + LANES == bytes.len() { 0 } else { *col + run };
-            }
+    let (wide, gains) = (sums.len() - LANES, sights.map(|sight| sight.gain));
+    let (mut from, mut done) = (sights.map(|sight| sight.row(at)), 0);
+    while done < wide {
+        let ends = from.iter().map(|(bytes, col)| bytes.len() - LANES - col);
+        let run = ends.fold(wide - done, usize::min);
+        let out = &mut sums[done..][..run + LANES];
+        summed::<LEVEL, N>(out, from.map(|(bytes, col)| &bytes[col..][..run + LANES]), gains);
+        done += run;
+        for (bytes, col) in &mut from {
+            *col = if *col + run + LANES == bytes.len() { 0 } else { *col + run };
         }
     }
 }

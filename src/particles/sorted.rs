@@ -10,7 +10,7 @@ use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
 use super::balls::{Balls, Outline};
 use super::bins::{Bins, Grid, PIXELS, Scratch, TILE, touches};
-use super::canvas::{Canvas, NONE, Numbered};
+use super::canvas::{Canvas, LANES, NONE, Numbered};
 use super::draw::one;
 use super::profile::Profile;
 use super::sprite::Sprite;
@@ -67,12 +67,12 @@ fn draw<const LEVEL: u8, P: Profile, C: Canvas>(
 ) -> Result<(), Error> {
     let (row, column) = (tile / sorted.grid.columns, tile % sorted.grid.columns);
     let origin = [(column * TILE) as f64, (row * TILE) as f64];
-    let farthest = depth.map(|map| map.iter().fold(P::of(0.0), |a, &b| if b > a { b } else { a }));
+    let ends = depth.map(|map| ends(map));
     for bins in &sorted.runs {
         let mut drawn = 0_usize;
         for (list, whole) in [(bins.small(tile), true), (&bins.large[..], false)] {
             for (sprite, number) in list {
-                let hidden = farthest.is_some_and(|far| far < P::of(sprite.depth));
+                let hidden = ends.is_some_and(|(_, far)| far < P::of(sprite.depth));
                 if hidden || !whole && !touches(sprite, row, column) {
                     continue;
                 }
@@ -81,12 +81,29 @@ fn draw<const LEVEL: u8, P: Profile, C: Canvas>(
                     cancel.check()?;
                 }
                 canvas.next(*number);
+                // Most flakes are nearer than all that stands there.
+                let behind = ends.is_some_and(|(near, _)| near < P::of(sprite.depth));
+                let depth = depth.filter(|_| behind);
                 one::<P, _, LEVEL>(canvas, depth, sprite, origin, sorted.ball(*number));
             }
         }
         cancel.check()?;
     }
     Ok(())
+}
+
+/// The nearest and the farthest of a tile's depths, found lane by lane.
+#[inline(always)]
+fn ends<P: Profile>(map: &[P; PIXELS]) -> (P, P) {
+    let (mut near, mut far) = ([P::infinity(); LANES], [P::zero(); LANES]);
+    for values in map.as_chunks::<LANES>().0 {
+        for k in 0..LANES {
+            near[k] = if values[k] < near[k] { values[k] } else { near[k] };
+            far[k] = if values[k] > far[k] { values[k] } else { far[k] };
+        }
+    }
+    let least = near.into_iter().fold(P::infinity(), P::min);
+    (least, far.into_iter().fold(P::zero(), P::max))
 }
 
 impl Drop for Sorted {
@@ -213,8 +230,11 @@ impl Sorted {
         cancel: &Cancel,
     ) -> Result<(), Error> {
         let (row, column) = (tile / self.grid.columns, tile % self.grid.columns);
-        let map: Option<[P; PIXELS]> = depth.map(|map| map_of(map, row, column));
-        draw(canvas, map.as_ref(), self, tile, cancel)
+        let mut room = [P::infinity(); PIXELS];
+        if let Some(map) = depth {
+            map_of(map, (row, column), &mut room);
+        }
+        draw(canvas, depth.map(|_| &room), self, tile, cancel)
     }
 
     pub fn check<M>(
@@ -267,17 +287,25 @@ fn tiles<A>(
     Ok(tiles)
 }
 
-/// A tile of the depth map; beyond the picture nothing stands.
-pub fn map_of<P: Profile, M: Real>(map: &ArrayView2<M>, row: usize, column: usize) -> [P; PIXELS] {
-    let (top, left) = (row * TILE, column * TILE);
-    let mut values = [P::infinity(); PIXELS];
-    for (row, values) in values.chunks_exact_mut(TILE).enumerate().take(map.nrows() - top) {
-        for (column, value) in values.iter_mut().enumerate().take(map.ncols() - left) {
-            let depth = map[[top + row, left + column]].wide();
-            *value = P::of(if depth.is_nan() { f64::INFINITY } else { depth });
+/// A tile of the depth map, written to `room`; beyond the picture nothing stands.
+#[dispatch]
+pub fn map_of<const LEVEL: u8, P: Profile, M: Real>(
+    map: &ArrayView2<'_, M>,
+    tile: (usize, usize),
+    room: &mut [P; PIXELS],
+) {
+    room.fill(P::infinity());
+    let (lines, from) = (map.rows().into_iter().skip(tile.0 * TILE), tile.1 * TILE);
+    let of = |value: &mut P, depth: &M| {
+        let depth = depth.wide();
+        *value = P::of(if depth.is_nan() { f64::INFINITY } else { depth });
+    };
+    for (values, line) in room.chunks_exact_mut(TILE).zip(lines) {
+        match line.as_slice() {
+            Some(line) => values.iter_mut().zip(&line[from..]).for_each(|(a, b)| of(a, b)),
+            None => values.iter_mut().zip(line.iter().skip(from)).for_each(|(a, b)| of(a, b)),
         }
     }
-    values
 }
 
 /// Writes a tile's pixels from (row, column) on.

@@ -53,12 +53,14 @@ impl Scene<'_> {
         }
         let colors = self.colors(self.patches.iter().map(|patch| (patch.point, patch.index)));
         pool::for_each(tiles, |(row, upper, mut plane, mut light)| {
-            let mut canvas = Lit::new();
+            let (mut canvas, mut room) = (Lit::new(), [f32::INFINITY; PIXELS]);
             for column in left / TILE..right.div_ceil(TILE) {
                 cancel.check()?;
                 canvas.clear();
-                let map = depth.as_ref().map(|map| map_of(map, row, column));
-                let tile = Tile { row, column, map: map.as_ref() };
+                if let Some(map) = &depth {
+                    map_of(map, (row, column), &mut room);
+                }
+                let tile = Tile { row, column, map: depth.map(|_| &room) };
                 sprites(self, &tile, &mut canvas, cancel)?;
                 pictures(self, &colors, &tile, &mut canvas);
                 let (first, end) = ((column * TILE).max(left), ((column + 1) * TILE).min(right));
