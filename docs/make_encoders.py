@@ -30,13 +30,19 @@ FILMS = {
     "mist": [fl.Mist("fog"), fl.Snow("light")],
 }  # fmt: skip
 
-# What else was tried with x264, over snow.
+# What else was tried, over snow.
 OTHERS = [
-    ("fast", "16"),
-    ("veryfast", "15"),
-    ("superfast", "18"),
-    ("fast", "21"),
-    ("ultrafast", "17"),
+    ("h264", {"preset": "fast", "crf": "16"}),
+    ("h264", {"preset": "veryfast", "crf": "15"}),
+    ("h264", {"preset": "superfast", "crf": "18"}),
+    ("h264", {"preset": "fast", "crf": "21"}),
+    ("h264", {"preset": "ultrafast", "crf": "17"}),
+    ("h265", {"preset": "medium", "crf": "18"}),
+    ("h265", {"preset": "medium", "crf": "24"}),
+    ("vp9", {"deadline": "good", "cpu-used": "2", "crf": "18"}),
+    ("vp9", {"deadline": "realtime", "cpu-used": "6", "crf": "17"}),
+    ("vp9", {"deadline": "good", "cpu-used": "4", "crf": "28"}),
+    ("vp9", {"deadline": "good", "cpu-used": "6", "crf": "38"}),
 ]
 
 HEAD = """# Encoders of films: size, time and quality
@@ -93,7 +99,7 @@ def settings() -> Iterator[tuple[str, str, dict[str, str], str]]:
 
 def row(name: str, options: dict[str, str], found: tuple[Any, ...]) -> str:
     kilobytes, spent, ratio, alike, _ = found
-    shown = options.get("preset") or f"cpu-used {options['cpu-used']}"
+    shown = options.get("preset") or f"{options['deadline']}, cpu-used {options['cpu-used']}"
     return (
         f"| {name} | {shown}, crf {options['crf']} | {kilobytes:.0f} | {spent:.0f} | "
         f"{ratio:.1f} | {alike:.3f} |"
@@ -114,9 +120,10 @@ def main() -> None:
             found = encoded(frames, library, options, file)
             lines.append(row(name, options, found))
             crops.append(found[-1][CROP])
-        for preset, factor in OTHERS if kind == "snow" else ():
-            options = {"preset": preset, "crf": factor, "mbtree": "0"}
-            lines.append(row("tried", options, encoded(frames, "libx264", options, "mp4")))
+        for codec, given in OTHERS if kind == "snow" else ():
+            options, library = CODECS[codec].options | given, CODECS[codec].library
+            found = encoded(frames, library, options, SUFFIXES[codec][1:])
+            lines.append(row(f"{codec}, tried", options, found))
         lines.append("")
         strips.append(np.hstack([np.kron(crop, np.ones((3, 3, 1), np.uint8)) for crop in crops]))
         print(kind, flush=True)

@@ -33,19 +33,23 @@ def _qualities(speed: str, *settings: tuple[str, str]) -> dict[str, dict[str, st
 
 
 _MP4, _420 = (".mp4", ".mov", ".mkv"), {8: "yuv420p", 10: "yuv420p10le"}
-_X265 = {"x265-params": "log-level=error:frame-threads=1:pools=none:info=0"}
+_X265 = {"x265-params": "log-level=error:frame-threads=1:pools=4:info=0"}
 _PRORES = {"vendor": "apl0", "alpha_bits": "0"}
 CODECS = {
-    # With its macroblock tree x264 made other bytes in every run, even in one thread. Over snow its
-    # searches find little: at the same bytes "superfast" has what "fast" has in a quarter of the
-    # time, and "ultrafast" makes blocks (docs/internals/encoders.md).
+    # With its macroblock tree x264 made other bytes in every run, even in one thread; x265's pool
+    # may have any size. Over snow long searches find nothing that short ones of the same bytes miss
+    # (docs/internals/encoders.md); x264's "ultrafast" makes blocks.
     "h264": Codec("libx264", _MP4, _420, {"mbtree": "0"}, _qualities(
         "preset", ("superfast", "17"), ("superfast", "22"), ("superfast", "28")), threads="FRAME"),
     "h265": Codec("libx265", _MP4, _420, _X265, _qualities(
-        "preset", ("medium", "18"), ("medium", "24"), ("ultrafast", "26"))),
+        "preset", ("superfast", "16"), ("superfast", "22"), ("ultrafast", "26"))),
     "vp9": Codec("libvpx-vp9", (".webm", ".mkv"), {8: "yuv420p"}, {
-        "b:v": "0", "deadline": "good", "row-mt": "1",
-    }, _qualities("cpu-used", ("2", "18"), ("4", "28"), ("6", "38"))),
+        "b:v": "0", "row-mt": "1",
+    }, {
+        "high": {"deadline": "good", "cpu-used": "4", "crf": "18"},
+        "medium": {"deadline": "realtime", "cpu-used": "6", "crf": "27"},
+        "draft": {"deadline": "realtime", "cpu-used": "8", "crf": "38"},
+    }),
     "ffv1": Codec("ffv1", (".mkv",), {8: "bgr0", 10: "gbrp10le", 16: "gbrp16le"}, {
         "level": "3", "slicecrc": "1",
     }),
