@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from skimage import data
+from skimage.measure import label
 from skimage.metrics import structural_similarity
 
 import flurries as fl
@@ -134,6 +135,16 @@ def test_structure_grows_with_every_severity(kind: str, profile: str, size: int)
 
 
 PHOTOGRAPHS = ("astronaut", "coffee", "camera", "rocket")
+
+
+@pytest.mark.parametrize("size", [128, 224, 512, 1024])
+def test_hard_flakes_are_as_large_in_pixels_as_those_of_photographs(size: int):
+    """Areas above 18 of 255, where flakes are few: no blobs at any size."""
+    snow = fl.augment.Snowfall(amount=0.02, profile="hard", seed=4)
+    seen = [snow(np.zeros((size, size), np.float32), index=k) > 18 / 255 for k in range(8)]
+    areas = np.concatenate([np.bincount(label(one, connectivity=1).ravel())[1:] for one in seen])
+    middle, most, nearly_all = np.percentile(areas, [50, 90, 99])
+    assert 1 <= middle <= 4 and 7 <= most <= 22 and nearly_all <= 41 and areas.max() <= 80
 
 
 @EACH

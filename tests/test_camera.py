@@ -241,8 +241,12 @@ def test_a_lens_far_off_the_middle_is_no_endless_work():
         return Scene(size=(W, H), camera=Camera(100.0, center=center), effects=[Snow(flakes=1000)])
 
     shown((1e6, 35.0)).render(0)
-    with pytest.raises(ValueError, match="cells of flakes"):
+    with pytest.raises(ValueError, match="holds more than 6e7 flakes"):
         shown((1e9, 1e9)).render(0)
+    # All drops of a shower before a wide lens would fill the memory.
+    drops = fl.Rain("downpour", method="simulated")
+    with pytest.raises(ValueError, match="holds more than 6e7 flakes"):
+        Scene(size=(64, 120), camera=Camera(38.0), effects=[drops]).render(0)
 
 
 RAMP = Keys([(-3, 2.0), (4, -1.0), (4.5, 5.0), (90, 5.0), (100, 0.25)])

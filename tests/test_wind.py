@@ -220,9 +220,24 @@ def test_equal_winds_are_equal():
     assert np.array_equal(*rates)
 
 
-def test_a_texture_in_a_profile_wants_a_camera_that_does_not_turn():
+SHEARED = Wind(profile=[(2.0, (1.0, 0.0, 0.0)), (48.0, (-1.5, 0.4, 0.0))])
+
+
+@pytest.mark.parametrize("effect", [Snow(wind=SHEARED, flakes=0), fl.Snow(wind=SHEARED)])
+def test_a_wind_with_a_profile_wants_a_camera_that_does_not_turn(effect: Any):
     path = fl.CameraPath(LENS, orientation=[(0, 0, 0), (0, 0.01, 0)])
-    wind = Wind(profile=[(12.0, (1.0, 0.0, 0.0)), (48.0, (-1.5, 0.4, 0.0))])
-    shown = fl.Scene(size=(64, 48), camera=path, effects=[Snow(wind=wind, flakes=0)])
     with pytest.raises(ValueError, match="wind: a profile"):
-        shown.render(3)
+        fl.Scene(size=(64, 48), camera=path, effects=[effect]).render(3)
+
+
+@pytest.mark.parametrize("yaw", [-0.5, 0.5])
+def test_far_flakes_in_a_profile_stay_as_far_from_a_camera_that_looks_aside(yaw: float):
+    aside = fl.Camera(200.0, rotation=(0.0, yaw, 0.0))
+    snow = fl.Snow("heavy", wind=SHEARED, handover=2.0, color=1.0, haze=0.0)
+    shown = fl.Scene("#000000", size=(192, 128), camera=aside, effects=[snow], fps=30.0)
+
+    def fine(t: float) -> float:
+        seen = shown.render(t)[..., 0].astype(float)
+        return float(np.abs(np.diff(seen)).mean() / seen.std())
+
+    assert [fine(t) for t in (900.0, 20_000.0)] == pytest.approx([fine(0.0)] * 2, rel=0.1)

@@ -62,6 +62,12 @@ pub fn levels(density: f64) -> std::ops::RangeInclusive<i32> {
     COARSEST..=last
 }
 
+/// The mean number of flakes in a cell of a level that arrive below a density.
+pub fn mean(level: i32, below: f64) -> f64 {
+    let first = if level == COARSEST { 0.0 } else { power(3 * level) };
+    (below.min(power(3 * level + 3)) - first).max(0.0) * power(-3 * level)
+}
+
 impl Cells {
     /// The cells of a class, by the seed of its population and its number.
     pub fn new(seed: i64, class: i64) -> Self {

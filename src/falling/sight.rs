@@ -6,7 +6,7 @@
 //! they carry the middle of its cell apart from it: long waves, which carry far, carry a cell as a whole.
 
 use super::air::{Air, CLOSE, Class, Eye, NOW, OPEN, Vector};
-use super::cells::{levels, side};
+use super::cells::{levels, mean, side};
 use super::law::last_rank;
 use super::list::sums;
 use super::notes::Notes;
@@ -15,7 +15,7 @@ use crate::base::error::{Cancel, Error, pushed, reserve};
 /// Pixels that the smallest image reaches beyond its middle, and a little more.
 const LEAST_REACH: f64 = 4.0;
 
-/// Flakes in the cells of one frame at most.
+/// Flakes around the view of one frame at most: of those that it sees, a third or fewer, some 7 GB.
 const MOST: f64 = 6e7;
 
 #[derive(Debug, Clone, Copy)]
@@ -186,12 +186,12 @@ impl Sight {
             };
             let all = [deep, down, across].map(|a| cells(a, low[a] - room, high[a] + room));
             let lengths = all.each_ref().map(|cells| (cells.end - cells.start).max(0) as f64);
-            // A cell has at most 8 flakes; too many are refused before any is looked at.
-            flakes += f64::from(parts) * lengths.iter().product::<f64>();
+            // Too many are refused before any is looked at.
+            flakes += lengths.iter().product::<f64>() * mean(level, self.below);
             if flakes > MOST {
                 let wanted = "take fewer, a shorter way during the exposure, or a smaller far";
                 let message =
-                    format!("the view holds more than {MOST:.0e} cells of flakes; {wanted}");
+                    format!("the air around the view holds more than {MOST:.0e} flakes; {wanted}");
                 return Err(Error::invalid("density", message));
             }
             let [layers, ..] = all;

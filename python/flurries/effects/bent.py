@@ -315,13 +315,14 @@ def _blown(
     wind = weather.motion.varied
     if wind is None:
         return None
-    found = np.zeros((len(film.layers), *eyes.rays.shape))
+    found, axis = np.zeros((len(film.layers), *eyes.rays.shape)), frame.camera.matrix()[:, 2]
     for number, (share, slab) in enumerate(film.layers):
         if wind.profile is not None:
-            deep = np.array([slab.depth * frame.camera.matrix()[2, 2]])
+            deep = np.array([slab.depth * axis[2]])
             for which, t in enumerate(times):
                 moved = uneven.carried_by_profile(share.motion, frame.path, frame.fps, t, deep)
-                found[number, which, ..., :2] += moved[0]
+                # A plane stays where it is along the view.
+                found[number, which] += np.append(moved, 0.0) - moved[0] @ axis[:2] * axis
         if wind.waves is not None:
             start = eyes.eye[:, number].mean(axis=0)
             ahead = slab.depth * eyes.rays.mean(axis=0)

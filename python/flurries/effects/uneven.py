@@ -27,12 +27,10 @@ _way_of = kept(32)(integral_of)
 def wind_at(motion: Motion, frame: Frame, ahead: Float64) -> tuple[Float64, Float64]:
     """Return the air's way and velocity beyond the mean wind at places (..., 3), eye's axes."""
     wind = _varied(motion)
-    if wind.profile is not None and frame.path.turns:
-        # What is behind what would change.
-        raise ValueError("wind: a profile over depth needs a camera that does not turn")
     points = np.ascontiguousarray(ahead.reshape(-1, 3))
     moved, rate = np.zeros((2, *points.shape))
     if wind.profile is not None:
+        _require_straight(frame.path)
         factor, own = wind.extra(points[:, 2])
         mean = integral_to(wind.steady, frame.t) / frame.fps
         blows = np.array(value_at(wind.steady, frame.t)) / frame.fps
@@ -75,6 +73,7 @@ def carried_by_profile(
     motion: Motion, path: CameraPath, fps: float, t: float, ahead: Float64
 ) -> Float64:
     """Return how far a wind of depth has carried flakes since frame 0, (n, 2) metres, x and y."""
+    _require_straight(path)
     wind, steady = _varied(motion), motion.mean_wind
     depth = ahead + (path.place(t, fps=fps)[2] - path.place(0.0, fps=fps)[2])
     course, t = air_course(fps, motion.fall, steady), motion.now(t)
@@ -94,6 +93,12 @@ def carried_by_profile(
         felt += np.einsum("t,tn,ta->na", lengths, factor.reshape(was.shape), mean)
         felt += np.einsum("t,tna->na", lengths, own.reshape(*was.shape, 3))
     return np.asarray(felt[:, :2] / fps)
+
+
+def _require_straight(path: CameraPath) -> None:
+    if path.turns:
+        # What is behind what would change.
+        raise ValueError("wind: a profile over depth needs a camera that does not turn")
 
 
 def _varied(motion: Motion) -> Wind:
