@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[1]
 # The aims are 20,000, 24,500, 17,500 and 2,200: lower a limit whenever the count falls below it.
 LIMITS = {
     ("src/**/*.rs", "crates/**/*.rs"): 19_803,
-    ("python/**/*.py",): 30_617,
+    ("python/**/*.py",): 30_605,
     ("tests/**/*.py",): 21_380,
     ("benches/**/*.*",): 2_282,
 }

@@ -33,11 +33,6 @@ FLAKE = np.dtype([
     ("diameter", np.float64), ("opacity", np.float64),
 ])  # fmt: skip
 
-# What the kernel lists: identities (n,); place in the camera's axes, metres, place in the picture,
-# depth from the eye, diameter and the share that is there, (n, 8); and where they are seen at
-# `STEPS` frames from this one, (n, 4), NaN behind the eye.
-Rows = tuple[npt.NDArray[np.uint64], Float64, Float64]
-
 _MOST_OPAQUE = 0.99  # The most opaque ball there is: its middle lets through a ten-millionth.
 
 # Sizes of `Flakes` are six deviations of a Gaussian wide; a ball that covers as much is smaller.
@@ -90,7 +85,7 @@ class Drawn(ABC):
     def alpha(self, frame: Frame, amount: float) -> Array:
         if frame.whole:
             return self.seen(frame, amount)[2]
-        flakes, result = self._sorted(frame, amount), plane(frame.size)
+        flakes, result = self.listed(frame, amount), plane(frame.size)
         _core.particle_draw(result, flakes, frame.window, frame.depth, None)
         return result
 
@@ -98,12 +93,12 @@ class Drawn(ABC):
         self, frame: Frame, amount: float, optics: Optics, behind: tuple[Array, Any] | None
     ) -> tuple[Array, Array]:
         """Return opacity and light under the frame's lamps of the flakes and what is behind."""
-        drawn, lamps = self._sorted(frame, amount), frame.lamps()
+        drawn, lamps = self.listed(frame, amount), frame.lamps()
         near, glow = plane(frame.size), plane((*frame.size, 3))
         _core.particle_draw_lit(near, glow, drawn, frame.window, lamps, optics, frame.depth, behind)
         return near, glow
 
-    def _sorted(self, frame: Frame, amount: float) -> SortedFlakes:
+    def listed(self, frame: Frame, amount: float) -> SortedFlakes:
         def fall() -> SortedFlakes:
             return _core.fall(air_of(self, frame, amount, STEPS if frame.whole else ()))
 
@@ -114,15 +109,11 @@ class Drawn(ABC):
 
         def make() -> tuple[SortedFlakes, Array, Array]:
             alpha, nearest = plane(frame.size), plane(frame.size, np.int32)
-            flakes = self._sorted(frame, amount)
+            flakes = self.listed(frame, amount)
             _core.particle_draw(alpha, flakes, frame.window, frame.depth, nearest)
             return flakes, nearest, alpha
 
         return frame.once(self, "seen", make, eye=True, depth=True)
-
-    def rows(self, frame: Frame, amount: float) -> Rows:
-        """Return the flakes that the frame's window may show."""
-        return _core.flake_rows(self._sorted(frame, amount))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -201,7 +192,7 @@ def drawn_of(effect: Any, frame: Frame) -> npt.NDArray[Any] | None:
         flakes = getattr(part, "flakes", None)
         if not isinstance(flakes, Drawn):
             continue
-        ids, rows, _ = flakes.rows(frame, float(value_at(part.amount, frame.t)))
+        ids, rows, _ = _core.flake_rows(flakes.listed(frame, value_at(part.amount, frame.t)))
         made = np.empty(len(ids), FLAKE)
         # The camera may be beside its eyes.
         origin = frame.path.place(frame.t, fps=frame.fps)

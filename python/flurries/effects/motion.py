@@ -180,7 +180,8 @@ def plane_motions(
         shifted = np.subtract(other.camera.principal(frame.shape), middle)
         aside = (own @ np.array(here.offset) - way) @ axes - offset
         views.append((own.T @ axes - np.eye(3), aside, other.camera.focals, shifted))
-    # At one depth x goes by columns and y by rows. Blocks of rows stay in a cache.
+    # At one depth x goes by columns and y by rows: each is a line of pairs whose other half
+    # is 0, and the bits of both lines make all pairs. Else blocks of rows stay in a cache.
     even = depth.size == 1 and not turns
     step = len(b) if even else _ROWS
     for first in range(0, len(b), step):

@@ -20,7 +20,7 @@ class Codec:
     options: dict[str, str] = field(default_factory=dict)
     qualities: dict[str, dict[str, str]] = field(default_factory=dict)
     alpha: str | None = None  # How a picture with alpha is stored.
-    threads: str = "SLICE"  # What each encodes: a part of a frame, or a frame beside others.
+    threading: str = "SLICE"  # Threads encode parts of a frame, or each a frame: "FRAME".
 
 
 QUALITIES = ("high", "medium", "draft")
@@ -34,18 +34,16 @@ def _qualities(speed: str, *settings: tuple[str, str]) -> dict[str, dict[str, st
 
 _MP4, _420 = (".mp4", ".mov", ".mkv"), {8: "yuv420p", 10: "yuv420p10le"}
 _X265 = {"x265-params": "log-level=error:frame-threads=1:pools=4:info=0"}
-_PRORES = {"vendor": "apl0", "alpha_bits": "0"}
+_HQ, _4444 = ({"profile": p, "vendor": "apl0", "alpha_bits": "0"} for p in ("hq", "4444"))
 CODECS = {
     # With its macroblock tree x264 made other bytes in every run, even in one thread; x265's pool
     # may have any size. Over snow long searches find nothing that short ones of the same bytes miss
     # (docs/internals/encoders.md); x264's "ultrafast" makes blocks.
-    "h264": Codec("libx264", _MP4, _420, {"mbtree": "0"}, _qualities(
-        "preset", ("superfast", "17"), ("superfast", "22"), ("superfast", "28")), threads="FRAME"),
+    "h264": Codec("libx264", _MP4, _420, {"mbtree": "0"}, threading="FRAME", qualities=_qualities(
+        "preset", ("superfast", "17"), ("superfast", "22"), ("superfast", "28"))),
     "h265": Codec("libx265", _MP4, _420, _X265, _qualities(
         "preset", ("superfast", "16"), ("superfast", "22"), ("ultrafast", "26"))),
-    "vp9": Codec("libvpx-vp9", (".webm", ".mkv"), {8: "yuv420p"}, {
-        "b:v": "0", "row-mt": "1",
-    }, {
+    "vp9": Codec("libvpx-vp9", (".webm", ".mkv"), {8: "yuv420p"}, {"b:v": "0", "row-mt": "1"}, {
         "high": {"deadline": "good", "cpu-used": "4", "crf": "18"},
         "medium": {"deadline": "realtime", "cpu-used": "6", "crf": "27"},
         "draft": {"deadline": "realtime", "cpu-used": "8", "crf": "38"},
@@ -53,11 +51,9 @@ CODECS = {
     "ffv1": Codec("ffv1", (".mkv",), {8: "bgr0", 10: "gbrp10le", 16: "gbrp16le"}, {
         "level": "3", "slicecrc": "1",
     }),
-    "prores-hq": Codec("prores_ks", (".mov",), {10: "yuv422p10le"}, {"profile": "hq", **_PRORES},
-                       threads="FRAME"),
-    "prores-4444": Codec("prores_ks", (".mov",), {10: "yuv444p10le"}, {
-        "profile": "4444", **_PRORES,
-    }, alpha="yuva444p10le", threads="FRAME"),
+    "prores-hq": Codec("prores_ks", (".mov",), {10: "yuv422p10le"}, _HQ, threading="FRAME"),
+    "prores-4444": Codec("prores_ks", (".mov",), {10: "yuv444p10le"}, _4444,
+                         alpha="yuva444p10le", threading="FRAME"),
     "dnxhr": Codec("dnxhd", (".mov",), {8: "yuv422p", 10: "yuv422p10le"}),
 }  # fmt: skip
 _USUAL = {".mp4": "h264", ".mov": "h264", ".webm": "vp9", ".mkv": "ffv1"}
@@ -73,7 +69,7 @@ class Encoder:
     container: dict[str, str]  # Settings of the codec and of the file.
     bits: int = 8  # Of a color.
     tag: str | None = None  # What the file calls it, where programs know it under one name only.
-    threads: str = "SLICE"
+    threading: str = "SLICE"
 
     @property
     def rgb(self) -> bool:
@@ -119,7 +115,7 @@ def encoder_for(
         options["alpha_bits"] = "16"
     pixels = kind.alpha if alpha and kind.alpha is not None else kind.pixels[stored]
     tag = "hvc1" if name == "h265" and suffix != ".mkv" else None
-    return Encoder(kind.library, pixels, options, container, stored, tag, kind.threads)
+    return Encoder(kind.library, pixels, options, container, stored, tag, kind.threading)
 
 
 def bits_for(suffix: str, codec: str | None, least: int) -> int:

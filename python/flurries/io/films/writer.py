@@ -248,7 +248,7 @@ class Film:
         context.height = plan.size[1] + plan.size[1] % down
         context.pix_fmt = plan.codec.pixels
         context.time_base = 1 / plan.fps
-        context.thread_count, context.thread_type = plan.threads, plan.codec.threads
+        context.thread_count, context.thread_type = plan.threads, plan.codec.threading
         context.color_primaries, context.color_trc = tags.primaries, tags.transfer
         context.colorspace, context.color_range = tags.matrix, 2 if tags.full else 1
         if tags.aspect != 1:
